@@ -8,18 +8,26 @@ from opir_core.estimation.ellipses import (
     CONTAINMENT as CONTAINMENT,
     containment_ellipse as containment_ellipse,
 )
+from opir_core.estimation.formulas import (
+    Arithmetic as Arithmetic,
+    Functions as Functions,
+    Vector as Vector,
+    arithmetic as arithmetic,
+    inner as inner,
+    plus as plus,
+    scaled as scaled,
+)
 from opir_core.estimation.motion import (
     BOOST as BOOST,
     COAST as COAST,
     FEW_STATES as FEW_STATES,
-    GravityFunction as GravityFunction,
     Motion as Motion,
-    gradient_of_one as gradient_of_one,
-    integrator_noise as integrator_noise,
+    chain_roots as chain_roots,
+    gravity_gradient as gravity_gradient,
     noise_roots as noise_roots,
-    stepped_one as stepped_one,
+    stepped_state as stepped_state,
     substeps as substeps,
-    taylor_of_one as taylor_of_one,
     taylor_positions as taylor_positions,
+    taylor_series as taylor_series,
     taylor_weights as taylor_weights,
 )

@@ -9,7 +9,9 @@ import datetime
 from typing import Any
 
 import numpy as np
-from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.filter.burn_modes import carried
+from opir_trackers.filter.iterated_update import Mode, updated
+from opir_trackers.filter.measurement_updates import Gaussian
 from opir_trackers.lines_of_sight import AngleMeasurements
 
 from opir_core.estimation import square_root, tangent_axes
@@ -123,11 +125,9 @@ def test_forty_looks() -> None:
     origins, axes, seen, prior = looks(40)
     mean, covariance = stone_soup_estimates(origins, axes, seen, prior)
     motion = Motion(BOOST, NOISE, WEIGHTLESS)
-    switching = ImmFilter(motion, motion, np.inf, np.inf, rounds=1)
-    state = prior[:1].copy()
-    root = np.diag(1.0 / prior[1])[None]
+    state = Gaussian(prior[:1].copy(), np.diag(1.0 / prior[1])[None])
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
-        state, root = switching._carried(motion, state, root, np.array([STEP_S]))
+        state = carried(motion, state, np.array([STEP_S]))
         time_s = number * STEP_S
         sight = AngleMeasurements(
             np.zeros(1, dtype=np.int64),
@@ -137,8 +137,11 @@ def test_forty_looks() -> None:
             seen[number - 1][None],
             np.eye(2)[None] / SIGMA_RAD,
         )
-        state, root, _ = switching.mode_updated(motion, state, root, time_s, sight)
-    mine = square_root.covariance(root)[0]
+        (update,) = updated([Mode(motion, *state)], time_s, sight, rounds=1)
+        state = Gaussian(update.mean, update.root)
+    mine = square_root.covariance(state.root)[0]
     sigma = np.sqrt(np.diag(mine))
-    assert np.all(np.abs(state[0] - mean) < 1e-6 * sigma), "a millionth of a standard deviation"
+    assert np.all(np.abs(state.mean[0] - mean) < 1e-6 * sigma), (
+        "a millionth of a standard deviation"
+    )
     assert np.all(np.abs(mine - covariance) < 1e-7 * np.outer(sigma, sigma))

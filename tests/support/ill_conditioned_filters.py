@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
+from opir_trackers.filter.iterated_update import Mode, updated
 from opir_trackers.filter.measurement_updates import measurement_update
-from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.lines_of_sight import AngleMeasurements
 
 from opir_core.estimation import square_root, tangent_axes
@@ -144,7 +144,6 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
     """Return how the filter compares with 50 digits after every n-th slice."""
     rng = np.random.default_rng(case.seed)
     motion = Motion(case.size, case.noise, KEPLER)
-    filter_ = ImmFilter(motion, motion, np.inf, np.inf, rounds=4)
     truth = np.concatenate([case.start, np.zeros(case.size - 6)])[None]
     sigma = case.prior[: case.size]
     mean = truth + rng.normal(size=truth.shape) * np.minimum(
@@ -165,7 +164,9 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
         sights = looks(case, motion, truth, rng)
         before = mean
         start_root = root
-        mean, root, _ = filter_.mode_updated(motion, mean, root, 0.0, sights)
+        (update,) = updated([Mode(motion, mean, root)], 0.0, sights, rounds=4)
+        mean = update.mean
+        root = update.root
         # The last point of linearisation is where the filter would have stopped: one more step from
         # it changes nothing.
         mean, root, rows = one_more(motion, before, start_root, mean, sights)

@@ -14,9 +14,6 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 
-#: Numbers are ranked by a table up to this many entries per number, and sorted beyond.
-_DENSE = 8
-
 #: Components are solved together up to about this number of pairs: calls for fewer, and empty
 #: elements for more, take longer.
 _TOGETHER = 200
@@ -35,13 +32,13 @@ def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
     while True:
         lowest.fill(len(label))
         np.minimum.at(lowest, columns, label[rows])
-        fresh = label.copy()
-        np.minimum.at(fresh, rows, lowest[columns])
+        lower = label.copy()
+        np.minimum.at(lower, rows, lowest[columns])
         # The label of a label is of the same component, and halves the way to its lowest row.
-        fresh = fresh[fresh]
-        if np.array_equal(fresh, label):
+        lower = lower[lower]
+        if np.array_equal(lower, label):
             break
-        label = fresh
+        label = lower
     component = ranks(label)[rows]
     return component, int(component.max(initial=-1)) + 1
 
@@ -49,21 +46,14 @@ def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
 def ranks(value: IntArray) -> IntArray:
     """Return the rank (n,), from 0, of each whole number among the distinct ones."""
     top = int(value.max(initial=-1)) + 1
-    if top > _DENSE * len(value):
+    # A table is faster than sorting up to 8 entries per number.
+    if top > 8 * len(value):
         rank: IntArray = np.unique(value, return_inverse=True)[1].astype(np.int64)
         return rank
-    there = np.zeros(top, dtype=np.int64)
-    there[value] = 1
-    place: IntArray = (np.cumsum(there) - 1)[value]
+    present = np.zeros(top, dtype=np.int64)
+    present[value] = 1
+    place: IntArray = (np.cumsum(present) - 1)[value]
     return place
-
-
-def distinct(value: IntArray) -> IntArray:
-    """Return the sorted distinct values of whole numbers from 0, none of which is many times their
-    count.
-    """
-    kept: IntArray = np.flatnonzero(np.bincount(value))
-    return kept
 
 
 def group_sums(group: IntArray, columns: FloatArray, count: int = 0) -> FloatArray:
@@ -88,26 +78,32 @@ def cheapest_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> Bo
     `row`, `column` (n,) are the nodes of the gated pairs, each pair once. `cost` is that of the
     pair relative to leaving both nodes unassigned: pairs with a cost of 0 or more are never used.
     """
-    chosen = np.zeros(len(row), dtype=bool)
+    used = np.zeros(len(row), dtype=bool)
     useful = np.flatnonzero(cost < 0.0)
-    alone = unambiguous(row[useful], column[useful])
-    chosen[useful[alone]] = True
-    rest = useful[~alone]
-    if not len(rest):
-        return chosen
-    group, count = components(row[rest], column[rest])
+    is_lone = unambiguous(row[useful], column[useful])
+    used[useful[is_lone]] = True
+    contested = useful[~is_lone]
+    if len(contested):
+        selected = _cheapest_by_blocks(row[contested], column[contested], cost[contested])
+        used[contested[selected]] = True
+    return used
+
+
+def _cheapest_by_blocks(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
+    """Return the pairs used of nodes with several pairs."""
+    group, count = components(row, column)
     # Numbered component by component, each and a few together are blocks of one matrix.
-    rows = ranks(group * (int(row.max()) + 1) + row[rest])
-    columns = ranks(group * (int(column.max()) + 1) + column[rest])
+    rows = ranks(group * (int(row.max()) + 1) + row)
+    columns = ranks(group * (int(column.max()) + 1) + column)
     order = np.argsort(group, kind="stable")
-    first = np.cumsum(np.bincount(group, minlength=count)) // _TOGETHER
-    cuts = np.flatnonzero(np.diff(first[group[order]])) + 1
-    for part in np.split(order, cuts):
-        used = _cheapest(
-            rows[part] - rows[part].min(), columns[part] - columns[part].min(), cost[rest[part]]
-        )
-        chosen[rest[part[used]]] = True
-    return chosen
+    block = np.cumsum(np.bincount(group, minlength=count)) // _TOGETHER
+    cuts = np.flatnonzero(np.diff(block[group[order]])) + 1
+    selected = []
+    for pairs in np.split(order, cuts):
+        block_rows = rows[pairs] - rows[pairs].min()
+        block_columns = columns[pairs] - columns[pairs].min()
+        selected.append(pairs[_cheapest(block_rows, block_columns, cost[pairs])])
+    return np.concatenate(selected)
 
 
 def _cheapest(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
@@ -118,17 +114,8 @@ def _cheapest(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
     pair[row, column] = np.arange(len(row))
     costs = np.zeros(pair.shape)
     costs[row, column] = cost
-    used: IntArray = pair[linear_sum_assignment(costs)]
-    return used[used >= 0]
-
-
-#: Belief propagation stops once no message changes by more than this, or after the given number of
-#: sweeps.
-_CONVERGED = 1e-4
-_SWEEPS = 50
-
-#: Likelihoods are scaled until none changes by more than this share.
-_SETTLED = 0.01
+    pairs_: IntArray = pair[linear_sum_assignment(costs)]
+    return pairs_[pairs_ >= 0]
 
 
 def swap_probabilities(
@@ -143,26 +130,26 @@ def swap_probabilities(
     """
     log = 2.0 * log
     for _ in range(sweeps):
-        before = log
+        previous = log
         log = log - _log_sums(row, log)
         log = log - np.maximum(_log_sums(column, log), 0.0)
         # What is improbable now may take over: logarithms settle last.
-        if np.max(np.abs(log - before), initial=0.0) < _SETTLED:
+        if np.max(np.abs(log - previous), initial=0.0) < 0.01:
             break
     return np.exp(log)
 
 
 def _log_sums(node: IntArray, log: FloatArray) -> FloatArray:
     """Return for each pair (n,) the logarithm of the sum over the pairs of its node."""
-    most = np.full(int(node.max(initial=-1)) + 1, -np.inf)
-    np.maximum.at(most, node, log)
-    total = np.bincount(node, np.exp(log - most[node]))
-    sums: FloatArray = np.log(total[node]) + most[node]
+    greatest = np.full(int(node.max(initial=-1)) + 1, -np.inf)
+    np.maximum.at(greatest, node, log)
+    total = np.bincount(node, np.exp(log - greatest[node]))
+    sums: FloatArray = np.log(total[node]) + greatest[node]
     return sums
 
 
 def belief_propagation(
-    row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = _SWEEPS
+    row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = 50
 ) -> FloatArray:
     """Return approximate association probabilities (n,) by loopy belief propagation, linear in the
     pairs.
@@ -174,13 +161,13 @@ def belief_propagation(
     place = ranks(column)
     to_row = np.ones(len(ratio))
     for _ in range(sweeps):
-        fresh = 1.0 / (1.0 + _others(place, ratio / (1.0 + _others(line, ratio * to_row))))
-        settled = np.max(np.abs(fresh - to_row), initial=0.0) < _CONVERGED
-        to_row = fresh
+        message = 1.0 / (1.0 + _others(place, ratio / (1.0 + _others(line, ratio * to_row))))
+        settled = np.max(np.abs(message - to_row), initial=0.0) < 1e-4
+        to_row = message
         if settled:
             break
-    seen = ratio * to_row
-    beta: FloatArray = seen / (1.0 + np.bincount(line, seen)[line])
+    scaled = ratio * to_row
+    beta: FloatArray = scaled / (1.0 + np.bincount(line, scaled)[line])
     return beta
 
 
@@ -190,8 +177,8 @@ def _others(node: IntArray, value: FloatArray) -> FloatArray:
     A pair with more than half of its node's sum is excluded before summing, not subtracted after.
     """
     total = np.bincount(node, value)[node]
-    most = value > 0.5 * total
-    rest: FloatArray = np.where(
-        most, np.bincount(node, np.where(most, 0.0, value))[node], total - value
+    is_dominant = value > 0.5 * total
+    sums: FloatArray = np.where(
+        is_dominant, np.bincount(node, np.where(is_dominant, 0.0, value))[node], total - value
     )
-    return rest
+    return sums

@@ -12,7 +12,6 @@ from opir_core.estimation import dot, tangent_axes
 from opir_trackers.assignment import (
     cheapest_assignment,
     components,
-    distinct,
     group_sums,
     ranks,
     unambiguous,
@@ -75,16 +74,16 @@ def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
     scan.
     """
     rivals = ~unambiguous(scan_groups(pairs, lines), pairs.line)
-    return distinct(pairs.track[rivals])
+    return np.flatnonzero(np.bincount(pairs.track[rivals]))
 
 
-def connected_tracks(track: IntArray, line: IntArray, some: IntArray) -> BoolArray:
+def connected_tracks(track: IntArray, line: IntArray, tracks: IntArray) -> BoolArray:
     """Return which tracks, up to the last with a pair (m,), are among `some` or connected to them
     by shared lines.
     """
-    connected = np.zeros(int(max(track.max(initial=-1), some.max(initial=-1))) + 1, dtype=bool)
-    connected[some] = True
-    if len(some):
+    connected = np.zeros(int(max(track.max(initial=-1), tracks.max(initial=-1))) + 1, dtype=bool)
+    connected[tracks] = True
+    if len(tracks):
         group, count = components(track, line)
         touched = np.bincount(group, connected[track], count) > 0.0
         connected[track[touched[group]]] = True
@@ -136,29 +135,28 @@ def associate_nearest(
     )
 
 
-def hard_association(pairs: GatedPairs, lines: LinesOfSight, chosen: BoolArray) -> Association:
+def hard_association(pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArray) -> Association:
     """Return an association of the chosen pairs, with probability 1."""
-    used = pairs if np.count_nonzero(chosen) == len(chosen) else pairs.take(np.flatnonzero(chosen))
+    assigned = (
+        pairs
+        if np.count_nonzero(is_chosen) == len(is_chosen)
+        else pairs.take(np.flatnonzero(is_chosen))
+    )
     owner = unassigned(len(lines.scan))
-    owner[used.line] = used.track
-    return Association(owner, used)
-
-
-#: Pairs of a track and sensor within this time, s, are updated with as one: a target's path bends
-#: by 1 m in half of it.
-_MERGED_S = 0.5
+    owner[assigned.line] = assigned.track
+    return Association(owner, assigned)
 
 
 def merged(pairs: GatedPairs, sensor: IndexArray, path: PredictedMeasurements) -> GatedPairs:
-    """Return one pair (k,) of each track and sensor in each part of a slice: the mean of theirs,
-    `sensor` (n,).
+    """Return one pair (k,) of each track and sensor in each half second of a slice: the mean of
+    theirs, `sensor` (n,).
+
+    A target's path bends by 1 m in half of that.
     """
-    part = np.ceil((path.time_s - pairs.time_s) / _MERGED_S).astype(np.int64)
-    part -= part.min(initial=0)
-    key = (pairs.track * (int(sensor.max(initial=0)) + 1) + sensor) * (
-        int(part.max(initial=0)) + 1
-    ) + part
-    group = ranks(key)
+    interval = np.ceil((path.time_s - pairs.time_s) / 0.5).astype(np.int64)
+    interval -= interval.min(initial=0)
+    key = pairs.track * (int(sensor.max(initial=0)) + 1) + sensor
+    group = ranks(key * (int(interval.max(initial=0)) + 1) + interval)
     count = int(group.max(initial=-1)) + 1
     if count == len(pairs):
         return pairs
@@ -167,18 +165,15 @@ def merged(pairs: GatedPairs, sensor: IndexArray, path: PredictedMeasurements) -
     share = weight / total[group]
     columns = np.column_stack([pairs.time_s, pairs.origin_m, pairs.measured])
     mean = group_sums(group, share[:, None] * columns)
-    last = np.empty(count, dtype=np.int64)
-    last[group] = np.arange(len(group))
-    track = pairs.track[last]
-    time_s = mean[:, 0]
+    newest = np.empty(count, dtype=np.int64)
+    newest[group] = np.arange(len(group))
     origin = mean[:, 1:4]
-    along = path.positions(track, time_s) - origin
-    axes = tangent_axes(along / np.sqrt(dot(along, along))[:, None])
+    along = path.positions(pairs.track[newest], mean[:, 0]) - origin
     return evolve(
-        pairs.take(last),
-        time_s=time_s,
+        pairs.take(newest),
+        time_s=mean[:, 0],
         origin_m=origin,
-        axes=axes,
+        axes=tangent_axes(along / np.sqrt(dot(along, along))[:, None]),
         measured=mean[:, 4:],
         sigma_rad=1.0 / np.sqrt(total),
     )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
@@ -31,17 +31,8 @@ from opir_trackers.triangulation import FAR_M
 _BITS = 18
 _FINEST = 2.0 ** -(_BITS - 2)
 
-#: Upper bound on the light time from a target to a sensor, s.
-_LIGHT_TIME_S = 0.3
-
 #: Candidates are searched at the middle of parts of the span no longer than this, s.
 _PART_S = 0.5
-
-#: Margin for the variation of the emission time about that middle, s.
-_EMISSION_MARGIN_S = 0.01
-
-#: Upper bound on the velocity of Earth-fixed points at the heights of targets, m/s.
-_GROUND_M_S = 600.0
 
 #: Up to this many pairs are searched one by one for ambiguities.
 FEW_PAIRS = 128
@@ -72,11 +63,11 @@ class GatedPairs(Columns):
     @classmethod
     def empty(cls) -> "GatedPairs":
         """Return no pairs."""
-        whole = np.empty(0, dtype=np.int64)
+        numbers = np.empty(0, dtype=np.int64)
         none = np.empty(0)
         vectors = np.empty((0, 3))
         return cls(
-            whole, whole, none, vectors, np.empty((0, 3, 3)), vectors[:, :2], none, none, none
+            numbers, numbers, none, vectors, np.empty((0, 3, 3)), vectors[:, :2], none, none, none
         )
 
     def measurements(self, measured: FloatArray, whitener: FloatArray) -> AngleMeasurements:
@@ -98,40 +89,53 @@ def candidates(
     number = len(lines.time_s)
     if count * number <= _ALL_PAIRS:
         return divmod(np.arange(count * number), number or 1)
-    sensor, which = np.unique(lines.sensor, return_inverse=True)
+    sensor, sensor_row = np.unique(lines.sensor, return_inverse=True)
     parts = max(1, int(np.ceil(span_s / _PART_S)))
     part_s = float(span_s) / parts
-    part = np.clip(
-        ((lines.time_s - predicted.time_s + span_s) / part_s).astype(np.int64), 0, parts - 1
-    )
+    since_start_s = lines.time_s - predicted.time_s + span_s
+    part = np.clip((since_start_s / part_s).astype(np.int64), 0, parts - 1)
     places = len(sensor) * parts
     track = np.repeat(np.arange(count), places)
     place = np.tile(np.arange(places), count)
-    middle: FloatArray = (
+    middle_s: FloatArray = (
         predicted.time_s - span_s + (place % parts + 0.5).astype(np.float64) * part_s
     )
-    origin, sigma = _middles(lines, which, len(sensor))
+    origin, sigma = _middles(lines, sensor_row, len(sensor))
     at = place // parts
-    apart, range_m = _directions(predicted, track, origin[at], middle, light_time)
+    unit, range_m = _directions(predicted, track, origin[at], middle_s, light_time)
     reach = _reach(predicted, track, range_m, span_s, part_s, gate) + gate * sigma[at]
-    reach += _parallax(lines, which, origin)[at] / range_m
-    return _touching(track, place, apart, reach, which * parts + part, lines.direction_ecef)
+    reach += _parallax(lines, sensor_row, origin)[at] / range_m
+    entries = _Entries(track, place, unit, reach)
+    return _touching(entries, sensor_row * parts + part, lines.direction_ecef)
 
 
-def _middles(lines: LinesOfSight, which: IntArray, sensors: int) -> tuple[FloatArray, FloatArray]:
+class _Entries(NamedTuple):
+    """Tracks in parts of the span (n,): the number of sensor and part, direction (n, 3), and the
+    largest angle within reach, rad.
+    """
+
+    track: IntArray
+    place: IntArray
+    unit: FloatArray
+    reach: FloatArray
+
+
+def _middles(
+    lines: LinesOfSight, sensor_row: IntArray, sensors: int
+) -> tuple[FloatArray, FloatArray]:
     """Return the mean position of each sensor and its largest error."""
-    total = np.bincount(which, minlength=sensors)
-    origin = group_sums(which, lines.origin_ecef_m, sensors) / total[:, None]
+    total = np.bincount(sensor_row, minlength=sensors)
+    origin = group_sums(sensor_row, lines.origin_ecef_m, sensors) / total[:, None]
     sigma = np.zeros(sensors)
-    np.maximum.at(sigma, which, lines.sigma_rad)
+    np.maximum.at(sigma, sensor_row, lines.sigma_rad)
     return origin, sigma
 
 
-def _parallax(lines: LinesOfSight, which: IntArray, origin: FloatArray) -> FloatArray:
+def _parallax(lines: LinesOfSight, sensor_row: IntArray, origin: FloatArray) -> FloatArray:
     """Return the largest distance of each sensor from its mean position, m."""
     distance_m = np.zeros(len(origin))
-    apart = lines.origin_ecef_m - origin.take(which, axis=0)
-    np.maximum.at(distance_m, which, np.sqrt(dot(apart, apart)))
+    offset = lines.origin_ecef_m - origin.take(sensor_row, axis=0)
+    np.maximum.at(distance_m, sensor_row, np.sqrt(dot(offset, offset)))
     return distance_m
 
 
@@ -145,10 +149,10 @@ def _directions(
     """Return ECEF unit vectors (n, 3) to tracks at looks (n,), and ranges (n,)."""
     range_m = np.full(len(time_s), FAR_M)
     for _ in range(2):
-        left = emission_s(time_s, range_m, light_time)
-        apart = earth_rotated(predicted.positions(track, left), -left) - origin
-        range_m = np.sqrt(dot(apart, apart))
-    return apart / range_m[:, None], range_m
+        emitted_s = emission_s(time_s, range_m, light_time)
+        offset = earth_rotated(predicted.positions(track, emitted_s), -emitted_s) - origin
+        range_m = np.sqrt(dot(offset, offset))
+    return offset / range_m[:, None], range_m
 
 
 def _reach(
@@ -162,49 +166,41 @@ def _reach(
     """Return the largest angle, rad, between a track's middle direction and its gate within a part
     of the span.
     """
-    # Over the ground, which itself turns by this at most.
-    speed = np.sqrt(np.sum(predicted.derivative[:, 1] ** 2, axis=1)) + _GROUND_M_S
-    wide: FloatArray = (
-        gate * predicted.position_bound_m(span_s + _LIGHT_TIME_S)
-        + speed * (0.5 * part_s + _EMISSION_MARGIN_S)
-    )[track] / range_m
+    # Light takes at most 0.3 s, and its time varies by less than 0.01 s about the middle. Over the
+    # ground, which itself turns by 600 m/s at most at the heights of targets.
+    speed = np.sqrt(np.sum(predicted.derivative[:, 1] ** 2, axis=1)) + 600.0
+    bound_m = gate * predicted.position_bound_m(span_s + 0.3)
+    wide: FloatArray = (bound_m + speed * (0.5 * part_s + 0.01))[track] / range_m
     return wide
 
 
 def _touching(
-    track: IntArray,
-    place: IntArray,
-    middle: FloatArray,
-    reach: FloatArray,
-    which: IntArray,
-    direction: FloatArray,
+    entries: _Entries, line_place: IntArray, direction: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Return tracks and lines whose distance is within `reach`, found by bins, sorted."""
-    octave = np.ceil(np.log2(np.clip(reach, _FINEST, 1.0))).astype(np.int64)
-    square = reach * reach
-    tracks = []
-    line_rows = []
+    """Return tracks and lines whose distance is within reach, found by bins, sorted."""
+    octave = np.ceil(np.log2(np.clip(entries.reach, _FINEST, 1.0))).astype(np.int64)
+    square = entries.reach * entries.reach
+    tracks = [np.empty(0, dtype=np.int64)]
+    line_rows = [np.empty(0, dtype=np.int64)]
     for level in np.unique(octave):
-        mine = np.flatnonzero(octave == level)
-        keys = _keys(which, _bins(direction, level))
+        rows = np.flatnonzero(octave == level)
+        keys = _keys(line_place, _bins(direction, level))
         order = np.argsort(keys, kind="stable")
-        entry, cluster = _touching_rows(keys[order], place[mine], _bins(middle[mine], level))
-        entry = mine[entry]
+        bins = _bins(entries.unit[rows], level)
+        entry, cluster = _touching_rows(keys[order], entries.place[rows], bins)
+        entry = rows[entry]
         line = order[cluster]
         # Bins are up to twice as wide as the reach, and nine of them touch: most that meet there
         # are too far apart.
-        apart = direction.take(line, axis=0)
-        apart -= middle.take(entry, axis=0)
-        near = (dot(apart, apart) <= square.take(entry)).nonzero()[0]
-        tracks.append(track.take(entry.take(near)))
-        line_rows.append(line.take(near))
-    pair_track = np.concatenate([*tracks, _NONE])
-    pair_line = np.concatenate([*line_rows, _NONE])
+        offset = direction.take(line, axis=0)
+        offset -= entries.unit.take(entry, axis=0)
+        inside = (dot(offset, offset) <= square.take(entry)).nonzero()[0]
+        tracks.append(entries.track.take(entry.take(inside)))
+        line_rows.append(line.take(inside))
+    pair_track = np.concatenate(tracks)
+    pair_line = np.concatenate(line_rows)
     order = np.lexsort((pair_line, pair_track))
     return pair_track[order], pair_line[order]
-
-
-_NONE = np.empty(0, dtype=np.int64)
 
 
 def _bins(direction: FloatArray, level: int) -> IntArray:
@@ -247,46 +243,85 @@ def gated(
     light_time: bool,
 ) -> GatedPairs:
     """Return those of candidate pairs (n,) within `gate` standard deviations."""
-    whole = _pair_geometry(predicted, lines, track, line, light_time)
-    local = matvec(whole.axes, whole.direction)
-    range_m = whole.range_m
+    geometry = _pair_geometry(predicted, lines, track, line, light_time)
+    local = matvec(geometry.axes, geometry.direction)
     measured = local[:, :2] / local[:, 2:]
     sigma = lines.sigma_rad.take(line)
-    ahead = local[:, 2] > 0.0
+    is_likely = local[:, 2] > 0.0
     if len(track) > FEW_PAIRS:
-        # Most candidates are farther off than any covariance could excuse, and need none.
-        span = predicted.time_s - float(whole.time_s.min(initial=predicted.time_s))
-        widest = np.square(predicted.position_bound_m(span)[track] / range_m) + np.square(sigma)
-        ahead &= dot(measured, measured) <= gate * gate * widest
-    if np.count_nonzero(ahead) < len(ahead):
-        likely = np.flatnonzero(ahead)
-        whole = _PairGeometry(*(part.take(likely, axis=0) for part in whole))
-        track = track[likely]
-        line = line[likely]
-        range_m = whole.range_m
-        measured = measured[likely]
-        sigma = sigma[likely]
-    rows = whole.axes[:, :2] / range_m[:, None, None]
-    covariance = predicted.projected_covariances(track, whole.time_s, whole.weight, rows)
+        is_likely &= _are_near(predicted, geometry, track, measured, sigma, gate)
+    if np.count_nonzero(is_likely) < len(is_likely):
+        rows = np.flatnonzero(is_likely)
+        geometry = _PairGeometry(*(column.take(rows, axis=0) for column in geometry))
+        track = track[rows]
+        line = line[rows]
+        measured = measured[rows]
+        sigma = sigma[rows]
+    sensor = lines.sensor.take(line)
+    covariance = _innovation_covariances(predicted, geometry, track, sensor, sigma)
+    distance, determinant = _squared_distances(measured, covariance)
+    pairs = GatedPairs(
+        track,
+        line,
+        geometry.time_s,
+        geometry.origin_m,
+        geometry.axes,
+        measured,
+        distance,
+        np.log(determinant),
+        sigma,
+    )
+    inside = distance <= gate * gate
+    return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(np.flatnonzero(inside))
+
+
+def _are_near(
+    predicted: PredictedMeasurements,
+    geometry: "_PairGeometry",
+    track: IntArray,
+    measured: FloatArray,
+    sigma: FloatArray,
+    gate: float,
+) -> BoolArray:
+    """Return which pairs (n,) are within the gate of a bound on the covariance: most candidates are
+    farther off, and need none.
+    """
+    span_s = predicted.time_s - float(geometry.time_s.min(initial=predicted.time_s))
+    bound = predicted.position_bound_m(span_s)[track] / geometry.range_m
+    near: BoolArray = dot(measured, measured) <= gate * gate * (np.square(bound) + np.square(sigma))
+    return near
+
+
+def _innovation_covariances(
+    predicted: PredictedMeasurements,
+    geometry: "_PairGeometry",
+    track: IntArray,
+    sensor: IndexArray,
+    sigma: FloatArray,
+) -> FloatArray:
+    """Return the covariances (n, 2, 2) of innovations: of predictions, of biases, and noise."""
+    rows = geometry.axes[:, :2] / geometry.range_m[:, None, None]
+    covariance = predicted.projected_covariances(track, geometry.time_s, geometry.weight, rows)
     if predicted.bias_covariance is not None:
-        covariance += (
-            rows @ predicted.bias_covariance[track, lines.sensor[line]]
-        ) @ rows.transpose(0, 2, 1)
+        bias = predicted.bias_covariance[track, sensor]
+        covariance += (rows @ bias) @ rows.transpose(0, 2, 1)
     noise = sigma * sigma
     covariance[:, 0, 0] += noise
     covariance[:, 1, 1] += noise
-    first = covariance[:, 0, 0]
-    both = covariance[:, 0, 1]
-    second = covariance[:, 1, 1]
-    determinant = first * second - both * both
-    log_volume = np.log(determinant)
+    return covariance
+
+
+def _squared_distances(
+    measured: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return squared Mahalanobis distances (n,) and the determinants (n,) of covariances."""
+    xx = covariance[:, 0, 0]
+    xy = covariance[:, 0, 1]
+    yy = covariance[:, 1, 1]
+    determinant = xx * yy - xy * xy
     x = measured[:, 0]
     y = measured[:, 1]
-    distance = (second * x * x - 2.0 * both * x * y + first * y * y) / determinant
-    geometry = whole.time_s, whole.origin_m, whole.axes
-    pairs = GatedPairs(track, line, *geometry, measured, distance, log_volume, sigma)
-    inside = distance <= gate * gate
-    return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(np.flatnonzero(inside))
+    return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant, determinant
 
 
 class _PairGeometry(NamedTuple):
@@ -313,17 +348,19 @@ def _pair_geometry(
 ) -> _PairGeometry:
     """Return the geometry of pairs (n,), with light time."""
     guess = emission_s(lines.time_s, FAR_M, light_time)
-    both = both_earth_rotated(lines.origin_ecef_m, lines.direction_ecef, guess).take(line, axis=1)
+    vectors = both_earth_rotated(lines.origin_ecef_m, lines.direction_ecef, guess).take(
+        line, axis=1
+    )
     time_s = guess.take(line)
     if light_time:
-        there = predicted.positions(track, time_s) - both[0]
-        later = (FAR_M - np.sqrt(dot(there, there))) / SPEED_OF_LIGHT_M_S
-        rotate_slightly(both, later)
+        offset_ = predicted.positions(track, time_s) - vectors[0]
+        later = (FAR_M - np.sqrt(dot(offset_, offset_))) / SPEED_OF_LIGHT_M_S
+        rotate_slightly(vectors, later)
         time_s += later
-    origin, direction = both
+    origin, direction = vectors
     weight = predicted.weights(time_s)
-    apart = predicted.positions_with(track, weight) - origin
-    range_m = np.sqrt(dot(apart, apart))
+    offset = predicted.positions_with(track, weight) - origin
+    range_m = np.sqrt(dot(offset, offset))
     return _PairGeometry(
-        time_s, weight, origin, direction, range_m, tangent_axes(apart / range_m[:, None])
+        time_s, weight, origin, direction, range_m, tangent_axes(offset / range_m[:, None])
     )

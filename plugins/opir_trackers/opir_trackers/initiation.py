@@ -14,6 +14,8 @@ one. Parts of several sensors intersect in many combinations: these are ranked b
 in which accurate lines count more and launches begin near the ground.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from attrs import Factory, evolve, field, frozen
 
@@ -56,14 +58,28 @@ def split_clusters(
     `direction` (n, 3), unit vectors, and `sigma_rad` (n,) are those that the clusters were formed
     by.
     """
-    wide = _wide_clusters(cluster, lines.scan, direction, sigma_rad)
-    parts = cluster.copy()
-    for one in wide.tolist():
-        rows = np.flatnonzero(cluster == one)
-        part = _parts_of(lines.time_s[rows], lines.scan[rows], direction[rows], sigma_rad[rows])
-        parts[rows] = parts.max() + 1 + part
-    number, which = np.unique(parts, return_inverse=True)
-    return which.astype(np.int64), np.asarray(number > cluster.max(initial=-1))
+    split = cluster.copy()
+    for wide in _wide_clusters(cluster, lines.scan, direction, sigma_rad).tolist():
+        rows = np.flatnonzero(cluster == wide)
+        looks = _Looks(lines.time_s[rows], lines.scan[rows], direction[rows], sigma_rad[rows])
+        split[rows] = split.max() + 1 + _parts_of(looks)
+    number, renumbered = np.unique(split, return_inverse=True)
+    return renumbered.astype(np.int64), np.asarray(number > cluster.max(initial=-1))
+
+
+class _Looks(NamedTuple):
+    """Looks (n,) of a wide cluster: time, scan, direction and its error."""
+
+    time_s: FloatArray
+    scan: IntArray
+    direction: FloatArray
+    sigma_rad: FloatArray
+
+    def at(self, rows: IntArray) -> "_Looks":
+        """Return some of the looks."""
+        return _Looks(
+            self.time_s[rows], self.scan[rows], self.direction[rows], self.sigma_rad[rows]
+        )
 
 
 def _wide_clusters(
@@ -72,54 +88,49 @@ def _wide_clusters(
     """Return the clusters in which some scan has lines of several resolved targets."""
     order = np.lexsort((scan, cluster))
     key = np.stack([cluster, scan])[:, order]
-    first = np.append(0, 1 + np.flatnonzero(np.any(key[:, 1:] != key[:, :-1], axis=0)))
-    across = np.maximum.reduceat(direction[order], first) - np.minimum.reduceat(
-        direction[order], first
+    starts = np.append(0, 1 + np.flatnonzero(np.any(key[:, 1:] != key[:, :-1], axis=0)))
+    across = np.maximum.reduceat(direction[order], starts) - np.minimum.reduceat(
+        direction[order], starts
     )
-    far = dot(across, across) > np.square(_WIDE_SIGMAS * sigma_rad[order[first]])
-    wide: IntArray = np.unique(key[0, first[far]])
+    is_wide = dot(across, across) > np.square(_WIDE_SIGMAS * sigma_rad[order[starts]])
+    wide: IntArray = np.unique(key[0, starts[is_wide]])
     return wide
 
 
-def _parts_of(
-    time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray
-) -> IntArray:
+def _parts_of(looks: _Looks) -> IntArray:
     """Return the part (n,), from 0, of each line of a wide cluster."""
-    part = np.empty(len(scan), dtype=np.int64)
+    count = len(looks.scan)
+    parts = np.empty(count, dtype=np.int64)
     total = 0
-    mean = np.zeros((len(scan), 3))
-    looks = np.zeros(len(scan))
-    seen_s = np.zeros(len(scan))
-    for one in np.unique(scan).tolist():
-        rows = np.flatnonzero(scan == one)
-        moved = SPEED_SIGMA_M_S * (time_s[rows[0]] - seen_s[:total]) / FAR_M
-        blur = np.sqrt(1.0 / looks[:total] + np.square(moved / sigma_rad[rows].min()))
-        row, old = _assigned(
-            direction[rows],
-            sigma_rad[rows],
-            mean[:total],
-            blur,
-            np.zeros(len(rows), dtype=np.int64),
-        )
-        mine = np.full(len(rows), -1)
-        mine[row] = old
-        new = np.flatnonzero(mine < 0)
-        mine[new] = total + np.arange(len(new))
+    mean = np.zeros((count, 3))
+    hits = np.zeros(count)
+    seen_s = np.zeros(count)
+    for scan in np.unique(looks.scan).tolist():
+        rows = np.flatnonzero(looks.scan == scan)
+        scan_looks = looks.at(rows)
+        moved = SPEED_SIGMA_M_S * (scan_looks.time_s[0] - seen_s[:total]) / FAR_M
+        drift = np.square(moved / scan_looks.sigma_rad.min())
+        blur = np.sqrt(1.0 / hits[:total] + drift)
+        same_scan = np.zeros(len(rows), dtype=np.int64)
+        row, old = _assigned(scan_looks, mean[:total], blur, same_scan)
+        owner = np.full(len(rows), -1)
+        owner[row] = old
+        new = np.flatnonzero(owner < 0)
+        owner[new] = total + np.arange(len(new))
         total += len(new)
-        looks[mine] += 1.0
-        mean[mine] += (direction[rows] - mean[mine]) / looks[mine][:, None]
-        part[rows] = mine
-        seen_s[mine] = time_s[rows]
+        hits[owner] += 1.0
+        mean[owner] += (scan_looks.direction - mean[owner]) / hits[owner][:, None]
+        seen_s[owner] = scan_looks.time_s
+        parts[rows] = owner
     # A line before the first of its own part may have been assigned to a neighbour's.
-    row, new = _assigned(
-        direction, sigma_rad, mean[:total], np.sqrt(1.0 / looks[:total]), ranks(scan - scan.min())
-    )
-    part[row] = new
-    return part
+    blur = np.sqrt(1.0 / hits[:total])
+    row, number = _assigned(looks, mean[:total], blur, ranks(looks.scan - looks.scan.min()))
+    parts[row] = number
+    return parts
 
 
 def _assigned(
-    direction: FloatArray, sigma_rad: FloatArray, mean: FloatArray, blur: FloatArray, scan: IntArray
+    looks: _Looks, mean: FloatArray, blur: FloatArray, scan: IntArray
 ) -> tuple[IntArray, IntArray]:
     """Return lines and the parts assigned to them, at most one line per scan (n,), from 0, and
     part.
@@ -130,39 +141,22 @@ def _assigned(
 
     if not len(mean):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-    reach = GATE_SIGMAS * sigma_rad.max() * np.hypot(1.0, blur.max())
-    near = cKDTree(direction).sparse_distance_matrix(cKDTree(mean), reach, output_type="ndarray")
-    line = near["i"].astype(np.int64)
-    part = near["j"].astype(np.int64)
-    distance = np.square(near["v"] / sigma_rad[line]) / (1.0 + np.square(blur[part]))
-    used = np.flatnonzero(
-        cheapest_assignment(line, scan[line] * len(mean) + part, distance - GATE_SIGMAS**2)
-    )
-    return line[used], part[used]
+    reach = GATE_SIGMAS * looks.sigma_rad.max() * np.hypot(1.0, blur.max())
+    tree = cKDTree(looks.direction)
+    distances = tree.sparse_distance_matrix(cKDTree(mean), reach, output_type="ndarray")
+    line = distances["i"].astype(np.int64)
+    number = distances["j"].astype(np.int64)
+    square = np.square(distances["v"] / looks.sigma_rad[line]) / (1.0 + np.square(blur[number]))
+    cost = square - GATE_SIGMAS**2
+    selected = np.flatnonzero(cheapest_assignment(line, scan[line] * len(mean) + number, cost))
+    return line[selected], number[selected]
 
-
-#: Half the speed across the line of sight that a cluster allows for over its scans, m/s.
-_CLUSTER_SPEED_M_S = 1000.0
-
-#: Least bin width of clusters, for which three bin numbers fit in 64 bits.
-_NARROWEST_RAD = 2.0**-17 + 2.0**-30
 
 #: Height that shifts where a line meets the ground, m: more where it grazes it.
 HIGHER_M = 5e3
 
-#: The speed of a candidate across the line of sight is its estimate less this many standard
-#: deviations: a speed that noise alone exceeds in 1 % of candidates.
-_SPEED_SIGMAS = 3.0
-
-#: Mean upward acceleration, m/s², by which the speed of a burning target gives its height, and the
-#: greatest height, m. Notional.
+#: Mean upward acceleration, m/s², by which the speed of a burning target gives its height. Notional.
 STEADY_M_S2 = 20.0
-_HIGHEST_BURN_M = 200e3
-
-#: Squared semi-axes of the Earth, m².
-_AXES_M2 = (
-    np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
-)
 
 
 @frozen(eq=False, repr=False)
@@ -209,9 +203,8 @@ class TrackCandidates(Columns):
         """The heights (n,), m, at which a boost of `STEADY_M_S2` from the ground reaches
         `speed_m_s`.
         """
-        return np.asarray(
-            np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), _HIGHEST_BURN_M)
-        )
+        # No boost burns above 200 km.
+        return np.asarray(np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), 200e3))
 
 
 @frozen(eq=False)
@@ -233,10 +226,10 @@ class Initiation:
         clusters in the gate, only the candidate's own lines count.
         """
         clusters = np.unique(np.stack([place, sensor, self.cluster[line]]), axis=1)[:2]
-        looks, several = np.unique(clusters, axis=1, return_counts=True)
-        crowded = np.isin(place, looks[0, several > 1])
-        own: BoolArray = ~crowded | (self.place[line] == place)
-        return own
+        looks, counts = np.unique(clusters, axis=1, return_counts=True)
+        crowded = np.isin(place, looks[0, counts > 1])
+        is_owned: BoolArray = ~crowded | (self.place[line] == place)
+        return is_owned
 
 
 def track_candidates(
@@ -249,27 +242,35 @@ def track_candidates(
     over scans does not reduce.
     """
     clusters, cluster = clusters_of(lines)
-    used = np.flatnonzero(clusters.scans >= 2)
-    likely = clusters.take(used)
+    seen_twice = np.flatnonzero(clusters.scans >= 2)
+    likely = clusters.take(seen_twice)
     likely = evolve(likely, sigma_rad=np.hypot(likely.sigma_rad, bias_sigma_rad[likely.sensor]))
     group, count = _candidate_groups(likely)
+    candidates = _candidates(likely, group, count)
     scans = np.bincount(group, likely.scans, count)
-    sensors = np.bincount(group, minlength=count)
-    time_s = np.bincount(group, likely.time_s * likely.scans, count) / np.maximum(scans, 1)
-    position = _positions(likely, group, count, sensors)
-    is_part = np.bincount(group, likely.is_part, count) > 0.0
     # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
-    needed = np.where(is_part & (sensors == 1), 2 * scans_needed, scans_needed)
-    ready = np.flatnonzero((scans >= needed) & np.isfinite(position).all(axis=1))
-    sine = np.ones(count)
-    if np.count_nonzero(sensors[ready] == 1):
-        sine[group] = _sines(likely.direction_ecef, position[group])
-    place = np.full(len(clusters), -1)
+    is_doubtful = candidates.is_of_parts & (candidates.sensors == 1)
+    needed = np.where(is_doubtful, 2 * scans_needed, scans_needed)
+    is_placed = np.isfinite(candidates.position_ecef_m).all(axis=1)
+    ready = np.flatnonzero((scans >= needed) & is_placed)
     number = np.full(count, -1)
     number[ready] = np.arange(len(ready))
-    place[used] = number[group]
-    begun = TrackCandidates(position, time_s, sensors, sine, is_part).take(ready)
-    return Initiation(cluster, place[cluster], _raised_by_speed(begun, lines, place[cluster]))
+    place = np.full(len(clusters), -1)
+    place[seen_twice] = number[group]
+    owner = place[cluster]
+    return Initiation(cluster, owner, _raised_by_speed(candidates.take(ready), lines, owner))
+
+
+def _candidates(clusters: Clusters, group: IntArray, count: int) -> TrackCandidates:
+    """Return the candidates of groups of clusters (n,)."""
+    scans = np.bincount(group, clusters.scans, count)
+    sensors = np.bincount(group, minlength=count)
+    time_s = np.bincount(group, clusters.time_s * clusters.scans, count) / np.maximum(scans, 1)
+    position = _positions(clusters, group, count, sensors)
+    is_part = np.bincount(group, clusters.is_part, count) > 0.0
+    sine = np.ones(count)
+    sine[group] = _sines(clusters.direction_ecef, position[group])
+    return TrackCandidates(position, time_s, sensors, sine, is_part)
 
 
 def _raised_by_speed(
@@ -286,29 +287,37 @@ def _raised_by_speed(
     rows = rows[~are_low_orbits(lines.origin_ecef_m[rows])]
     if not len(rows):
         return begun
-    mine = lines.take(rows)
-    of = owner[rows]
-    count = len(begun)
-    total = np.maximum(np.bincount(of, minlength=count), 1)
-    since_s = mine.time_s - (np.bincount(of, mine.time_s, count) / total)[of]
-    foot = points_near_ground(mine.origin_ecef_m, mine.direction_ecef)
-    across = foot - begun.position_ecef_m[of]
-    across -= dot(across, mine.direction_ecef)[:, None] * mine.direction_ecef
-    blur_m = mine.sigma_rad * np.sqrt(np.sum((foot - mine.origin_ecef_m) ** 2, axis=1))
-    spread = np.maximum(np.bincount(of, since_s * since_s, count), 1e-9)
-    rate = group_sums(of, since_s[:, None] * across, count)
-    noise = np.sqrt(np.bincount(of, np.square(since_s * blur_m), count))
-    speed = np.fmax(np.sqrt(dot(rate, rate)) - _SPEED_SIGMAS * noise, 0.0) / spread
+    track = owner[rows]
+    speed = _speeds(begun, lines.take(rows), track)
     if not np.count_nonzero(speed):
         return begun
     faster = evolve(begun, speed_m_s=speed)
     # Along the line of sight, towards the sensor.
-    last = np.zeros(count, dtype=np.int64)
-    last[of] = rows
-    away = faster.height_by_speed_m / np.maximum(begun.sine, GRAZING_SINE)
-    return evolve(
-        faster, position_ecef_m=begun.position_ecef_m - away[:, None] * lines.direction_ecef[last]
-    )
+    newest = np.zeros(len(begun), dtype=np.int64)
+    newest[track] = rows
+    rise_m = faster.height_by_speed_m / np.maximum(begun.sine, GRAZING_SINE)
+    position_m = begun.position_ecef_m - rise_m[:, None] * lines.direction_ecef[newest]
+    return evolve(faster, position_ecef_m=position_m)
+
+
+def _speeds(begun: TrackCandidates, lines: LinesOfSight, track: IntArray) -> FloatArray:
+    """Return lower bounds (n,) of the speeds of candidates across lines (m,) of theirs, `track`.
+
+    These are estimates less three standard deviations: noise alone exceeds them in 1 % of
+    candidates.
+    """
+    count = len(begun)
+    total = np.maximum(np.bincount(track, minlength=count), 1)
+    since_s = lines.time_s - (np.bincount(track, lines.time_s, count) / total)[track]
+    foot = points_near_ground(lines.origin_ecef_m, lines.direction_ecef)
+    across = foot - begun.position_ecef_m[track]
+    across -= dot(across, lines.direction_ecef)[:, None] * lines.direction_ecef
+    blur_m = lines.sigma_rad * np.sqrt(np.sum((foot - lines.origin_ecef_m) ** 2, axis=1))
+    spread = np.maximum(np.bincount(track, since_s * since_s, count), 1e-9)
+    rate = group_sums(track, since_s[:, None] * across, count)
+    noise = np.sqrt(np.bincount(track, np.square(since_s * blur_m), count))
+    speed: FloatArray = np.fmax(np.sqrt(dot(rate, rate)) - 3.0 * noise, 0.0) / spread
+    return speed
 
 
 def _lines_of(candidate: BoolArray, owner: IntArray) -> IntArray:
@@ -326,22 +335,25 @@ def placed_at_crossings(
 
     `owner` (m,) are the candidates of lines, by association.
     """
-    mine = np.flatnonzero(owner >= 0)
-    seen = np.unique(np.stack([owner[mine], lines.sensor[mine].astype(np.int64)]), axis=1)[0]
-    sensors = np.bincount(seen, minlength=len(begun))
-    several = (begun.sensors == 1) & (sensors > 1)
-    if not np.count_nonzero(several):
+    owned = np.flatnonzero(owner >= 0)
+    pairs = np.unique(np.stack([owner[owned], lines.sensor[owned].astype(np.int64)]), axis=1)
+    sensors = np.bincount(pairs[0], minlength=len(begun))
+    is_crossed = (begun.sensors == 1) & (sensors > 1)
+    if not np.count_nonzero(is_crossed):
         return begun
-    rows = _lines_of(several, owner)
-    used = lines.take(rows)
-    number = np.cumsum(several) - 1
-    of = number[owner[rows]]
+    rows = _lines_of(is_crossed, owner)
+    crossing = lines.take(rows)
+    group = (np.cumsum(is_crossed) - 1)[owner[rows]]
     point = triangulated(
-        of, int(several.sum()), used.origin_ecef_m, used.direction_ecef, used.sigma_rad
+        group,
+        int(is_crossed.sum()),
+        crossing.origin_ecef_m,
+        crossing.direction_ecef,
+        crossing.sigma_rad,
     ).position_m
     height_m = ecef_to_geodetic(point).height_m
     possible = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
-    moved = np.flatnonzero(several)[possible]
+    moved = np.flatnonzero(is_crossed)[possible]
     position = begun.position_ecef_m.copy()
     count = begun.sensors.copy()
     position[moved] = point[possible]
@@ -354,47 +366,44 @@ def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
 
     Clusters are connected groups of occupied direction bins per sensor, or parts of these.
     """
-    sensor, which = np.unique(lines.sensor, return_inverse=True)
+    sensor, sensor_row = np.unique(lines.sensor, return_inverse=True)
     span = np.zeros(len(sensor))
     newest = np.full(len(sensor), -np.inf)
-    np.maximum.at(newest, which, lines.time_s)
-    np.maximum.at(span, which, newest[which] - lines.time_s)
-    direction, sigma_rad = geostationary_directions(lines, which)
+    np.maximum.at(newest, sensor_row, lines.time_s)
+    np.maximum.at(span, sensor_row, newest[sensor_row] - lines.time_s)
+    direction, sigma_rad = geostationary_directions(lines, sensor_row)
     widest = np.zeros(len(sensor))
-    np.maximum.at(widest, which, sigma_rad)
-    width = _WIDE_SIGMAS * widest + _CLUSTER_SPEED_M_S * span / FAR_M
-    cluster = _connected(which, direction, width)
+    np.maximum.at(widest, sensor_row, sigma_rad)
+    # Targets move across the line of sight by up to 1 km/s, half of which may be within a cluster.
+    width = _WIDE_SIGMAS * widest + 1000.0 * span / FAR_M
+    cluster = _connected(sensor_row, direction, width)
     clusters = _means(lines, cluster)
     if clusters.scans.sum() == len(cluster):
         return clusters, cluster
-    cluster, parts = split_clusters(cluster, lines, direction, sigma_rad)
-    return (
-        evolve(_means(lines, cluster), is_part=parts) if np.count_nonzero(parts) else clusters
-    ), cluster
+    cluster, is_part = split_clusters(cluster, lines, direction, sigma_rad)
+    if np.count_nonzero(is_part):
+        clusters = evolve(_means(lines, cluster), is_part=is_part)
+    return clusters, cluster
 
 
-def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:
+def _connected(sensor_row: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:
     """Return the number of each row's group of touching bins."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    bins = (
-        np.floor((direction + 1.0) / np.maximum(width, _NARROWEST_RAD)[which][:, None]).astype(
-            np.int64
-        )
-        + 1
-    )
+    # With wider bins three bin numbers fit in 64 bits.
+    bin_width = np.maximum(width, 2.0**-17 + 2.0**-30)[sensor_row][:, None]
+    bins = np.floor((direction + 1.0) / bin_width).astype(np.int64) + 1
     size = int(bins.max(initial=0)) + 2
-    key, of_row = np.unique(
-        ((which * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2], return_inverse=True
-    )
-    sought = key + (_FORWARD @ np.array([size * size, size, 1]))[:, None]
-    place = np.minimum(np.searchsorted(key, sought), len(key) - 1)
-    here = key[place] == sought
-    edges = here.nonzero()[1], place[here]
+    bin_key = ((sensor_row * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2]
+    key, row_key = np.unique(bin_key, return_inverse=True)
+    neighbour_key = key + (_FORWARD @ np.array([size * size, size, 1]))[:, None]
+    place = np.minimum(np.searchsorted(key, neighbour_key), len(key) - 1)
+    is_present = key[place] == neighbour_key
+    edges = is_present.nonzero()[1], place[is_present]
     graph = coo_array((np.ones(len(edges[0]), dtype=np.int8), edges), shape=(len(key), len(key)))
     label: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
-    return label[of_row]
+    return label[row_key]
 
 
 #: Half of the 26 neighbours of a bin.
@@ -405,31 +414,32 @@ _FORWARD = np.array(
 
 def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
     count = int(cluster.max(initial=-1)) + 1
-    total = np.maximum(np.bincount(cluster, minlength=count), 1)[:, None]
+    total = np.maximum(np.bincount(cluster, minlength=count), 1)
     scan_of = np.unique(np.stack([cluster, lines.scan], axis=1), axis=0)[:, 0]
     sensor = np.zeros(count, dtype=np.int64)
     sensor[cluster] = lines.sensor
-    origin = group_sums(cluster, lines.origin_ecef_m, count) / total
-    direction = group_sums(cluster, lines.direction_ecef, count) / total
-    if np.count_nonzero(are_low_orbits(origin)):
-        aim = (
-            group_sums(
-                cluster, points_near_ground(lines.origin_ecef_m, lines.direction_ecef), count
-            )
-            / total
-        )
-        direction = mean_directions(origin, direction, aim)
-    else:
-        direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
+    variance = np.bincount(cluster, lines.sigma_rad**2, count)
     return Clusters(
         sensor=sensor,
-        time_s=np.bincount(cluster, lines.time_s, count) / total[:, 0],
-        origin_ecef_m=origin,
-        direction_ecef=direction,
-        sigma_rad=np.sqrt(np.bincount(cluster, lines.sigma_rad**2, count)) / total[:, 0],
+        time_s=np.bincount(cluster, lines.time_s, count) / total,
+        origin_ecef_m=group_sums(cluster, lines.origin_ecef_m, count) / total[:, None],
+        direction_ecef=_mean_lines(lines, cluster, count, total),
+        sigma_rad=np.sqrt(variance) / total,
         scans=np.bincount(scan_of, minlength=count),
         is_part=np.zeros(count, dtype=bool),
     )
+
+
+def _mean_lines(lines: LinesOfSight, cluster: IntArray, count: int, total: IntArray) -> FloatArray:
+    """Return the directions (count, 3) of the mean lines of clusters of `total` (count,) lines."""
+    origin = group_sums(cluster, lines.origin_ecef_m, count) / total[:, None]
+    direction = group_sums(cluster, lines.direction_ecef, count) / total[:, None]
+    if np.count_nonzero(are_low_orbits(origin)):
+        foot = points_near_ground(lines.origin_ecef_m, lines.direction_ecef)
+        aim = group_sums(cluster, foot, count) / total[:, None]
+        return mean_directions(origin, direction, aim)
+    direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
+    return direction
 
 
 def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
@@ -438,26 +448,27 @@ def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
 
     The groups are the cheapest assignment across the sensors of mean lines.
     """
-    every = np.arange(len(clusters))
-    if not len(every) or np.ptp(clusters.sensor) == 0:
-        return every, len(every)
+    numbers = np.arange(len(clusters))
+    if not len(numbers) or np.ptp(clusters.sensor) == 0:
+        return numbers, len(numbers)
     range_m = ranges_m(clusters.origin_ecef_m, clusters.direction_ecef)
     lines = Directions(
-        every,
+        numbers,
         clusters.sensor,
-        np.zeros(len(every)),
+        np.zeros(len(numbers)),
         clusters.origin_ecef_m,
         clusters.direction_ecef,
         _sigma_with_motion(clusters),
     )
-    table, centre = normal_equations(lines, every, len(every), range_m)
+    table, centre = normal_equations(lines, numbers, len(numbers), range_m)
     group = cheapest_pairing(table, clusters.sensor, SetModel(centre, begin=True))
     return group, int(group.max()) + 1
 
 
 def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
     """Return the sines (n,) of the angles at which lines meet the ground below positions (n, 3)."""
-    up = position_m / _AXES_M2
+    a = WGS84.equatorial_radius_m
+    up = position_m / np.array([a, a, WGS84.polar_radius_m]) ** 2
     sine: FloatArray = -np.sum(up * direction, axis=1) / np.sqrt(np.sum(up * up, axis=1))
     return sine
 
@@ -466,7 +477,7 @@ def _sigma_with_motion(clusters: Clusters) -> FloatArray:
     """Return the errors of mean lines, including motion during a cluster."""
     return np.hypot(
         clusters.sigma_rad,
-        0.1 * _CLUSTER_SPEED_M_S / ranges_m(clusters.origin_ecef_m, clusters.direction_ecef),
+        100.0 / ranges_m(clusters.origin_ecef_m, clusters.direction_ecef),
     )
 
 
@@ -477,12 +488,16 @@ def _positions(clusters: Clusters, group: IntArray, count: int, sensors: IntArra
     position[group[single]] = points_near_ground(
         clusters.origin_ecef_m[single], clusters.direction_ecef[single]
     )
-    several = np.flatnonzero(~single)
-    if len(several):
-        used, place = np.unique(group[several], return_inverse=True)
-        part = clusters.take(several)
+    rows = np.flatnonzero(~single)
+    if len(rows):
+        groups, place = np.unique(group[rows], return_inverse=True)
+        crossing = clusters.take(rows)
         fix = triangulated(
-            place, len(used), part.origin_ecef_m, part.direction_ecef, _sigma_with_motion(part)
+            place,
+            len(groups),
+            crossing.origin_ecef_m,
+            crossing.direction_ecef,
+            _sigma_with_motion(crossing),
         )
-        position[used] = fix.position_m
+        position[groups] = fix.position_m
     return position

@@ -26,15 +26,16 @@ class LaunchPoints(NamedTuple):
         return cls(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
 
 
-def updated_points(known: LaunchPoints, fresh: LaunchPoints) -> LaunchPoints:
-    """Return points with the finite ones of `fresh` in place of the known.
+def updated_points(earlier: LaunchPoints, points: LaunchPoints) -> LaunchPoints:
+    """Return points with the finite ones in place of earlier ones.
 
     The more certain of two is not preferred: an estimate from less data may be more certain and
     wrong.
     """
-    new = np.isfinite(fresh.place[:, 0])
-    place = np.where(new[:, None], fresh.place, known.place)
-    return LaunchPoints(place, np.where(new[:, None, None], fresh.covariance, known.covariance))
+    new = np.isfinite(points.place[:, 0])
+    place = np.where(new[:, None], points.place, earlier.place)
+    covariance = np.where(new[:, None, None], points.covariance, earlier.covariance)
+    return LaunchPoints(place, covariance)
 
 
 #: Launch times are searched over this interval before the first detection, s, on a grid denser
@@ -51,22 +52,15 @@ AT_ONCE = 0.5
 #: the ellipsoid, m, and the shares of the inland ones, together as high as land is: 0.9 km in the
 #: mean, 0.85 km about it (ETOPO1: 0.8 km).
 SITES = np.array([[0.0, 100.0], [500.0, 300.0], [1800.0, 1000.0]])
-_INLAND = np.array([0.7, 0.3])
 
 #: Standard deviation of the velocity at ignition, m/s.
 _REST_M_S = 1.0
-
-#: Gate, squared distance with 4 degrees of freedom, for a start from rest at the best time.
-_LAUNCHED = 25.0
 
 #: Edges of the time intervals before the first detection, s: times of launch are worked out in
 #: each.
 EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
 _MIDDLES_S = 0.5 * (EDGES_S[1:] + EDGES_S[:-1])
 _WIDTHS_S = np.diff(EDGES_S)
-
-#: Prior probability of a late detection in each interval.
-_LATER = (1.0 - AT_ONCE) * _WIDTHS_S / BEFORE_S
 
 #: Starts from rest are worked out at each kind of site and each time: means and variances of
 #: heights, times before the first detection, and the widths of their intervals (cases,).
@@ -76,7 +70,7 @@ _CASES_S, _CASE_WIDTHS_S = np.tile([_MIDDLES_S, _WIDTHS_S], len(SITES))
 
 def site_shares(inland: float) -> FloatArray:
     """Return the prior probabilities of the kinds of launch sites, with a share of sites inland."""
-    return np.array([1.0 - inland, *(inland * _INLAND)])
+    return np.array([1.0 - inland, inland * 0.7, inland * 0.3])
 
 
 class Ground(NamedTuple):
@@ -105,10 +99,6 @@ def site_height_m(inland: float) -> float:
     return float(np.sqrt(site_shares(inland) @ np.sum(SITES**2, axis=1)))
 
 
-#: Indices below the diagonal.
-_BELOW = np.tril_indices(3, -1)
-
-
 class FirstMotion(NamedTuple):
     """What the filter assumed of motions (n,) at the first detection: (n,) each, or numbers.
 
@@ -127,35 +117,43 @@ class FirstMotion(NamedTuple):
         first detection.
         """
         span = _CASES_S
+        climb = self.climb[:, None]
+        acceleration = self.acceleration[:, None]
+        square = span * span
+        gained = span * (acceleration - 0.5 * self.jerk * span) - climb
+        height = self.height[:, None] - _SITE_HEIGHT_M - climb * span
+        height += square * (0.5 * acceleration - self.jerk / 6.0 * span)
+        height_variance, covariance, speed_variance = self._variances(noise * noise)
+        determinant = height_variance * speed_variance - covariance * covariance
+        misfit = (
+            speed_variance * height * height
+            + 2.0 * covariance * height * gained
+            + height_variance * gained * gained
+        ) / determinant
+        # Upwards height and velocity together; velocity along each axis of the ground alone.
+        return np.asarray(-0.5 * (np.log(determinant) + misfit) - np.log(speed_variance))
+
+    def _variances(self, noise: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the variances (n, cases) of height and velocity before the first detection, and
+        their covariance.
+        """
+        span = _CASES_S
         place, speed, force, growth = (
             np.square(sigma)[..., None] for sigma in map(np.asarray, self.sigmas)
         )
-        noisy = noise * noise
         square = span * span
-        fast = (
+        speed_variance = (
             _REST_M_S**2
             + speed
             + square * (force + 0.25 * square * growth)
-            + noisy / 3.0 * square * span
+            + noise / 3.0 * square * span
         )
-        high = (
-            _SITE_M2 + place + square * (speed + square * (0.25 * force + square / 36.0 * growth))
-        )
-        high = high + noisy / 20.0 * square * square * span
-        both = (
-            -span * (speed + square * (0.5 * force + square / 12.0 * growth))
-            - noisy / 8.0 * square * square
-        )
-        climb = self.climb[:, None]
-        gained = span * (self.acceleration[:, None] - 0.5 * self.jerk * span) - climb
-        height = self.height[:, None] - _SITE_HEIGHT_M - climb * span
-        height += square * (0.5 * self.acceleration[:, None] - self.jerk / 6.0 * span)
-        apart = high * fast - both * both
-        misfit = (
-            fast * height * height + 2.0 * both * height * gained + high * gained * gained
-        ) / apart
-        # Upwards height and velocity together; velocity along each axis of the ground alone.
-        return np.asarray(-0.5 * (np.log(apart) + misfit) - np.log(fast))
+        by_force = square * (speed + square * (0.25 * force + square / 36.0 * growth))
+        height_variance = _SITE_M2 + place + by_force
+        height_variance = height_variance + noise / 20.0 * square * square * span
+        covariance = -span * (speed + square * (0.5 * force + square / 12.0 * growth))
+        covariance = covariance - noise / 8.0 * square * square
+        return height_variance, covariance, speed_variance
 
 
 class LaunchDelayPrior(NamedTuple):
@@ -176,7 +174,7 @@ class LaunchDelayPrior(NamedTuple):
 
 
 def delays_at_once(
-    period_s: FloatArray, detection_probability: FloatArray, seen: BoolArray
+    period_s: FloatArray, detection_probability: FloatArray, visible: BoolArray
 ) -> FloatArray:
     """Return the prior (n, times) of the time from launch to first detection of launches seen from
     the ground.
@@ -186,10 +184,10 @@ def delays_at_once(
     Probabilities are those of the intervals.
     """
     looks = EDGES_S / period_s[:, None]
-    whole = np.floor(looks)
+    full_scans = np.floor(looks)
     chance = detection_probability[:, None]
-    log_unseen = whole * np.log1p(-chance) + np.log1p(-chance * (looks - whole))
-    return -np.diff(np.exp(seen @ log_unseen), axis=1)
+    log_unseen = full_scans * np.log1p(-chance) + np.log1p(-chance * (looks - full_scans))
+    return -np.diff(np.exp(visible @ log_unseen), axis=1)
 
 
 def launches(
@@ -214,25 +212,27 @@ def launches(
     when = (first_s[:, None] - _CASES_S).ravel()
     log_density = (starts.log - 0.5 * starts.misfit).reshape(count, -1)
     chance = _launch_chances(log_density - prior.motion.log_rest_densities(noise), prior)
-    place, covariance = moment_matched(*_places(starts, when), when, chance)
-    covariance[:, 2, 2] += chance @ (_CASE_WIDTHS_S**2 / 12.0)
-    row, column = _BELOW
-    covariance[:, row, column] = covariance[:, column, row]
+    points = LaunchPoints(*moment_matched(*_places(starts, when), when, chance))
+    points.covariance[:, 2, 2] += chance @ (_CASE_WIDTHS_S**2 / 12.0)
+    row, column = np.tril_indices(3, -1)
+    points.covariance[:, row, column] = points.covariance[:, column, row]
     possible = np.repeat(site_shares(prior.inland) > 0.0, _TIMES)
-    nowhere = starts.misfit.reshape(count, -1)[:, possible].min(axis=1) >= _LAUNCHED
-    if np.count_nonzero(nowhere):
-        place[nowhere] = np.nan
-        covariance[nowhere] = np.nan
-    return LaunchPoints(place, covariance)
+    # Gate for a start from rest at the best time, with 4 degrees of freedom.
+    nowhere = starts.misfit.reshape(count, -1)[:, possible].min(axis=1) >= 25.0
+    points.place[nowhere] = np.nan
+    points.covariance[nowhere] = np.nan
+    return points
 
 
 def _launch_chances(log_likelihood: FloatArray, prior: LaunchDelayPrior) -> FloatArray:
     """Return the probabilities (n, cases) of a launch at each kind of site in each of `EDGES_S`,
     given likelihoods.
     """
-    before = (AT_ONCE * prior.at_once + _LATER)[:, None] * site_shares(prior.inland)[:, None]
+    weight = (AT_ONCE * prior.at_once + (1.0 - AT_ONCE) * _WIDTHS_S / BEFORE_S)[
+        :, None
+    ] * site_shares(prior.inland)[:, None]
     with np.errstate(divide="ignore"):
-        log = log_likelihood + np.log(before).reshape(len(before), -1)
+        log = log_likelihood + np.log(weight).reshape(len(weight), -1)
     chance: FloatArray = np.exp(log - log.max(axis=1, keepdims=True))
     return chance / chance.sum(axis=1, keepdims=True)
 
@@ -264,20 +264,19 @@ def _rest_likelihood(
     height, up = height_and_up(place, 1.0 / np.sqrt(np.add.reduce(place * place)))
     state = np.concatenate([place, velocity])[:, None]
     crossed = _height_and_velocity(covariance, up)
-    points = np.concatenate(
-        [
-            _height_and_velocity(crossed.transpose(1, 0, 2), up),
-            crossed[:, :3],
-            _height_and_velocity(state, up),
-        ],
-        axis=1,
+    columns = (
+        _height_and_velocity(crossed.transpose(1, 0, 2), up),
+        crossed[:, :3],
+        _height_and_velocity(state, up),
     )
+    points = np.concatenate(columns, axis=1)
     points[0, -1] = height
-    points, place, spread = (_at_sites(each, count) for each in (points, place, covariance[:3, :3]))
+    points, place, spread = (_at_sites(rows, count) for rows in (points, place, covariance[:3, :3]))
     points[0, -1] -= np.tile(_SITE_HEIGHT_M, count)
     log = _whitened(points, np.tile(_SITE_M2, count))
     white = points[:, 4:]
-    return _Starts(place, spread, white, np.add.reduce(white[:, 3] * white[:, 3]), log)
+    misfit = np.add.reduce(white[:, 3] * white[:, 3])
+    return _Starts(place, spread, white, misfit, log)
 
 
 def path_moments(
@@ -298,8 +297,8 @@ def path_moments(
 
 def _at_sites(rows: FloatArray, count: int) -> FloatArray:
     """Return rows (..., count · times) for each kind of site, (..., count · cases)."""
-    each = rows.reshape(*rows.shape[:-1], count, 1, _TIMES)
-    return np.repeat(each, len(SITES), axis=-2).reshape(*rows.shape[:-1], -1)
+    blocks = rows.reshape(*rows.shape[:-1], count, 1, _TIMES)
+    return np.repeat(blocks, len(SITES), axis=-2).reshape(*rows.shape[:-1], -1)
 
 
 def _whitened(rows: FloatArray, site_m2: FloatArray) -> FloatArray:
@@ -311,14 +310,11 @@ def _whitened(rows: FloatArray, site_m2: FloatArray) -> FloatArray:
     """
     log = np.zeros(rows.shape[2])
     for k, at_rest in enumerate((site_m2, *[_REST_M_S**2] * 3)):
-        pivot = np.sqrt(np.maximum(rows[k, k] + at_rest, _LEAST_PIVOT))
+        pivot = np.sqrt(np.maximum(rows[k, k] + at_rest, _REST_M_S**2))
         log -= np.log(pivot)
         rows[k, k + 1 :] /= pivot
         rows[k + 1 :, k + 1 :] -= rows[k, k + 1 : 4, None] * rows[k, None, k + 1 :]
     return log
-
-
-_LEAST_PIVOT = _REST_M_S**2
 
 
 def _places(starts: _Starts, when: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -326,13 +322,12 @@ def _places(starts: _Starts, when: FloatArray) -> tuple[FloatArray, FloatArray]:
     white = starts.white[:, :3]
     off = starts.white[:, 3]
     place = starts.place - np.add.reduce(white * off[:, None])
-    left = starts.covariance - np.add.reduce(white[:, :, None] * white[:, None])
+    covariance = starts.covariance - np.add.reduce(white[:, :, None] * white[:, None])
     angle = EARTH_ROTATION_RAD_S * when
     sine = np.sin(angle)
     cosine = np.cos(angle)
-    return _to_ecef(place, sine, cosine), _to_ecef(
-        _to_ecef(left, sine, cosine).swapaxes(0, 1), sine, cosine
-    )
+    covariance = _to_ecef(covariance, sine, cosine).swapaxes(0, 1)
+    return _to_ecef(place, sine, cosine), _to_ecef(covariance, sine, cosine)
 
 
 def _to_ecef(rows: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArray:
@@ -355,9 +350,9 @@ def _height_and_velocity(rows: FloatArray, up: FloatArray) -> FloatArray:
     return gained
 
 
-def _rows(each: FloatArray) -> FloatArray:
+def _rows(blocks: FloatArray) -> FloatArray:
     """Return rows (c, m) from blocks of each track (n, c, t)."""
-    return np.ascontiguousarray(each.transpose(1, 0, 2)).reshape(each.shape[1], -1)
+    return np.ascontiguousarray(blocks.transpose(1, 0, 2)).reshape(blocks.shape[1], -1)
 
 
 def _covariances(predicted: PredictedMeasurements, weight: FloatArray) -> FloatArray:
@@ -370,29 +365,26 @@ def _covariances(predicted: PredictedMeasurements, weight: FloatArray) -> FloatA
     share = np.zeros((count, 4, 2, times))
     share[:, :, 0] = weight[:, :4]
     share[:, 1:, 1] = weight[:, :3]
-    both = share[:, :, None, :, None] * share[:, None, :, None]
-    known = (
-        (predicted.root @ predicted.root.transpose(0, 2, 1))
-        .reshape(count, 4, 3, 4, 3)
-        .transpose(0, 2, 4, 1, 3)
-    )
-    sums = known.reshape(count, 9, 16) @ both.reshape(count, 16, 4 * times)
+    products = share[:, :, None, :, None] * share[:, None, :, None]
+    gram = predicted.root @ predicted.root.transpose(0, 2, 1)
+    gram = gram.reshape(count, 4, 3, 4, 3).transpose(0, 2, 4, 1, 3)
+    sums = gram.reshape(count, 9, 16) @ products.reshape(count, 16, 4 * times)
     # Tracks, two axes of space, position or velocity twice, times.
-    parts = sums.reshape(count, 3, 3, 2, 2, times).transpose(3, 1, 4, 2, 0, 5)
-    return np.ascontiguousarray(parts).reshape(6, 6, count * times)
+    blocks = sums.reshape(count, 3, 3, 2, 2, times).transpose(3, 1, 4, 2, 0, 5)
+    return np.ascontiguousarray(blocks).reshape(6, 6, count * times)
 
 
 def _add_noise(covariance: FloatArray, intensity: float, span_s: FloatArray) -> None:
     """Add to covariances (6, 6, m) the process noise of the force over spans (m,)."""
     square = span_s * span_s
-    fast = (intensity / 3.0) * square * span_s
-    both = (-intensity / 8.0) * square * square
-    far = square * fast * (3.0 / 20.0)
+    speed = (intensity / 3.0) * square * span_s
+    cross = (-intensity / 8.0) * square * square
+    place = square * speed * (3.0 / 20.0)
     for axis in range(3):
-        covariance[axis, axis] += far
-        covariance[axis, axis + 3] += both
-        covariance[axis + 3, axis] += both
-        covariance[axis + 3, axis + 3] += fast
+        covariance[axis, axis] += place
+        covariance[axis, axis + 3] += cross
+        covariance[axis + 3, axis] += cross
+        covariance[axis + 3, axis + 3] += speed
 
 
 def moment_matched(
@@ -402,13 +394,13 @@ def moment_matched(
     launch times.
     """
     count, times = chance.shape
-    each = np.concatenate([place, when[None]]).reshape(4, count, times).transpose(1, 0, 2)
-    weighed = chance[:, :, None]
-    mean = each @ weighed
-    apart = each - mean
-    total = (chance[:, None] * apart) @ apart.transpose(0, 2, 1)
+    points = np.concatenate([place, when[None]]).reshape(4, count, times).transpose(1, 0, 2)
+    weight = chance[:, :, None]
+    mean = points @ weight
+    offset = points - mean
+    total = (chance[:, None] * offset) @ offset.transpose(0, 2, 1)
     spreads = covariance.reshape(9, count, times).transpose(1, 0, 2)
-    total[:, :3, :3] += (spreads @ weighed).reshape(count, 3, 3)
+    total[:, :3, :3] += (spreads @ weight).reshape(count, 3, 3)
     return on_ground(mean[:, :, 0], total)
 
 
@@ -432,28 +424,33 @@ def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:
     ellipsoid.
     """
     x, y, z = place.T
-    a = WGS84.equatorial_radius_m
-    b = WGS84.polar_radius_m
-    e2 = WGS84.eccentricity_squared
     out = np.maximum(np.hypot(x, y), 1e-3)
-    length = np.hypot(a * z, b * out)
-    sine = a * z / length
-    cosine = b * out / length
-    rise = z + e2 / (1.0 - e2) * b * sine**3
-    run = out - e2 * a * cosine**3
+    rise, run = _normal(out, z)
     length = np.hypot(rise, run)
     sine = rise / length
     cosine = run / length
-    ahead = x / out
-    aside = y / out
     points = np.empty((len(place), 3))
-    level = np.empty((len(place), 2, 3))
     points[:, 0] = np.arctan2(rise, run)
     points[:, 1] = np.arctan2(y, x)
-    level[:, 0, 0] = -aside
-    level[:, 0, 1] = ahead
-    level[:, 0, 2] = 0.0
-    level[:, 1, 0] = -sine * ahead
-    level[:, 1, 1] = -sine * aside
+    level = np.zeros((len(place), 2, 3))
+    level[:, 0, 0] = -(y / out)
+    level[:, 0, 1] = x / out
+    level[:, 1, 0] = -sine * (x / out)
+    level[:, 1, 1] = -sine * (y / out)
     level[:, 1, 2] = cosine
     return points, level
+
+
+def _normal(out: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the polar and the equatorial part (n,) of normals of the ellipsoid through points, of
+    which both parts are given.
+    """
+    a = WGS84.equatorial_radius_m
+    b = WGS84.polar_radius_m
+    e2 = WGS84.eccentricity_squared
+    length = np.hypot(a * z, b * out)
+    sine = a * z / length
+    cosine = b * out / length
+    rise: FloatArray = z + e2 / (1.0 - e2) * b * sine**3
+    run: FloatArray = out - e2 * a * cosine**3
+    return rise, run

@@ -103,8 +103,8 @@ class AngleMeasurements(Columns):
         """Return the tangent planes scaled to unit measurement noise."""
         axes = self.axes.copy()
         sharp = self.whitener[:, 0, 0]
-        many = len(sharp) >= FEW_ROWS and np.count_nonzero(self.whitener) == 2 * len(sharp)
-        if many and np.array_equal(self.whitener[:, 1, 1], sharp):
+        is_uniform = len(sharp) >= FEW_ROWS and np.count_nonzero(self.whitener) == 2 * len(sharp)
+        if is_uniform and np.array_equal(self.whitener[:, 1, 1], sharp):
             axes[:, :2] *= sharp[:, None, None]
             return TangentPlanes(self.origin_m, axes, self.measured * sharp[:, None])
         axes[:, :2] = self.whitener @ self.axes[:, :2]
@@ -134,9 +134,9 @@ class TangentPlanes(NamedTuple):
 
 def no_lines_of_sight() -> LinesOfSight:
     """Return an empty record of lines of sight."""
-    whole = np.empty(0, dtype=np.int64)
+    numbers = np.empty(0, dtype=np.int64)
     none = np.empty((0, 3))
-    return LinesOfSight(np.empty(0), np.empty(0, dtype=np.int32), whole, none, none, np.empty(0))
+    return LinesOfSight(np.empty(0), np.empty(0, dtype=np.int32), numbers, none, none, np.empty(0))
 
 
 def no_measurements() -> AngleMeasurements:
@@ -169,13 +169,13 @@ def earth_rotated(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
     return out
 
 
-def both_earth_rotated(first: FloatArray, second: FloatArray, time_s: FloatArray) -> FloatArray:
+def both_earth_rotated(origin: FloatArray, direction: FloatArray, time_s: FloatArray) -> FloatArray:
     """Return two sets of ECEF vectors (n, 3) in the inertial frame at scene times (n,), as (2, n,
     3).
     """
-    out = np.empty((2, *first.shape))
-    out[0] = first
-    out[1] = second
+    out = np.empty((2, *origin.shape))
+    out[0] = origin
+    out[1] = direction
     plane = np.ascontiguousarray(out[:, :, :2])
     plane.view(np.complex128)[:, :, 0] *= _rotation_factor(time_s)
     out[:, :, :2] = plane

@@ -1,6 +1,6 @@
 """Pairing of focal-plane tracks across sensors: the second level of association, by geometry alone.
 
-Each focal-plane track keeps its directions of the last `KEPT_S`, one a slice. Directions of one
+Each focal-plane track keeps its directions of the last `LAW.kept_s`, one a slice. Directions of one
 target meet, at every instant; those of two targets pass one another. The cost of a set of
 focal-plane tracks, one a sensor, is the sum over the stretch of the least squares of the
 triangulation: for two sensors the misfit of their epipolar planes. The cheapest one-to-one
@@ -10,6 +10,7 @@ dimensions: Poore, Computational Optimization and Applications 3, 1994), from th
 and from none.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,71 +23,88 @@ from opir_core.interfaces import Columns
 from opir_trackers.assignment import cheapest_assignment, ranks, swap_probabilities
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 
-#: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a
-#: kilometre are paired right in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
-KEPT_S = 40.0
 
-#: Time from one pairing to the next, s.
-RENEWED_S = 4.0
+@frozen
+class PairingLaw:
+    """Gains and thresholds of pairings, log likelihoods where no unit is given."""
 
-#: Least gain (log likelihood) of a set over its parts alone: a stage that ignites moves focal-plane
-#: tracks by more than their errors for a second or two, and wrong partners lose more within a few
-#: slices.
-_LEAST_GAIN = -20.0
+    #: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a
+    #: kilometre are paired right in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
+    kept_s: float = 40.0
 
-#: That of sets that begin tracks: a squared misfit of one degree of freedom above 15.1 has a
-#: probability of 10⁻⁴.
-_LEAST_FIRST_GAIN = -7.5
+    #: Time from one pairing to the next, s.
+    renewed_s: float = 4.0
 
-#: Tolerance below the ground of a first crossing, m, in addition to its own error.
-_DEEP_M = 500.0
+    #: Least gain of a set over its parts alone: a stage that ignites moves focal-plane tracks by
+    #: more than their errors for a second or two, and wrong partners lose more within a few slices.
+    least_gain: float = -20.0
 
-#: Log likelihood that a degree of freedom has for one target over different ones, at each of the
-#: stretch's instants: those of different targets are larger by chance three times in four or so,
-#: and long correlated.
-REWARD = 1.0
+    #: That of sets that begin tracks: a squared misfit of one degree of freedom above 15.1 has a
+    #: probability of 10⁻⁴.
+    least_first_gain: float = -7.5
 
-#: That of one of a first crossing: mean lines are known to some 350 m, in a crowd of 10 km.
-_FIRST_REWARD = 3.0
+    #: Tolerance below the ground of a first crossing, m, in addition to its own error.
+    deep_m: float = 500.0
 
-#: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks
-#: change targets every 20 s or so; and how many last instants count whatever was before.
-_SWAPPED = 3.0
-_RECENT = 3
+    #: What a degree of freedom has for one target over different ones, at each of the stretch's
+    #: instants: those of different targets are larger by chance three times in four or so, and long
+    #: correlated.
+    reward: float = 1.0
 
-#: Log likelihood that a present pairing has over another, by what came before the stretch.
-_KEPT = 3.0
+    #: That of one of a first crossing: mean lines are known to some 350 m, in a crowd of 10 km.
+    first_reward: float = 3.0
 
-#: Assignments are repeated while they gain more than this (log likelihood).
-_SETTLED = 1e-3
+    #: What a set loses that is of one target only since some instant: in a salvo focal-plane tracks
+    #: change targets every 20 s or so.
+    swapped: float = 3.0
 
-#: Sets and focal-plane tracks are compared at these instants first, from the last. If they add more
-#: to the least squares there, in the mean, they are no pair: two degrees of freedom exceed it with
-#: a probability of 10⁻⁴ at one.
-_COARSE = (-1, -3, -6)
-_HOPELESS = 18.0
+    #: How many last instants count whatever was before.
+    recent: int = 3
 
-#: Lowest and highest distance of a target from the Earth's centre, m.
-_LOWEST_M = 6.33e6
-_HIGHEST_M = 7.2e6
+    #: What a present pairing has over another, by what came before the stretch.
+    present: float = 3.0
 
-#: LineCrossings beyond these distances by fewer standard deviations than this may be targets.
-_SURE_SIGMAS = 5.0
+    #: Assignments are repeated while they gain more than this.
+    tolerance: float = 1e-3
 
-#: Lines that cross to within no better than this, m, are parallel: nothing says that they are of
-#: one target.
-_VAGUE_M = 300e3
+    #: Sets and focal-plane tracks are compared at these instants first, from the last.
+    coarse: tuple[int, ...] = (-1, -3, -6)
 
-#: With this number of sensors, crossings of wrong sets are rare: sets that fit are right. With
-#: more, the assignment starts from the present pairing.
-_CERTAIN = 3
+    #: If they add more to the least squares there, in the mean, they are no pair: two degrees of
+    #: freedom exceed it with a probability of 10⁻⁴ at one.
+    hopeless: float = 18.0
 
-#: Rounds of assignment of each sensor to the sets of the others.
-_ROUNDS = 6
+    #: Lowest and highest distance of a target from the Earth's centre, m.
+    lowest_m: float = 6.33e6
+    highest_m: float = 7.2e6
 
-#: Log likelihoods of pairings are divided by this: errors of directions are correlated over some
-#: slices.
-_CORRELATED = 4.0
+    #: Crossings beyond these distances by fewer standard deviations than this may be targets.
+    sure_sigmas: float = 5.0
+
+    #: Lines that cross to within no better than this, m, are parallel: nothing says that they are
+    #: of one target.
+    vague_m: float = 300e3
+
+    #: With this number of sensors, crossings of wrong sets are rare: sets that fit are right. With
+    #: more, the assignment starts from the present pairing.
+    certain: int = 3
+
+    #: Rounds of assignment of each sensor to the sets of the others.
+    rounds: int = 6
+
+    #: Log likelihoods of pairings are divided by this: errors of directions are correlated over
+    #: some slices.
+    correlated: float = 4.0
+
+    #: Weight of the point of reference, 1/m²: parallel lines meet as far off as 10 000 km.
+    least_weight: float = 1e-14
+
+    #: A set of three sensors is sure where it has lost less than this share of its reward: where
+    #: the mean least squares of a degree of freedom are below 1.5.
+    fitting: float = 0.25
+
+
+LAW = PairingLaw()
 
 
 @frozen(eq=False, repr=False)
@@ -105,10 +123,10 @@ class Directions(Columns):
     @classmethod
     def empty(cls) -> "Directions":
         """Return no directions."""
-        whole = np.empty(0, dtype=np.int64)
+        numbers = np.empty(0, dtype=np.int64)
         none = np.empty(0)
         vectors = np.empty((0, 3))
-        return cls(whole, whole, none, vectors, vectors, none)
+        return cls(numbers, numbers, none, vectors, vectors, none)
 
 
 def normal_equations(
@@ -122,30 +140,21 @@ def normal_equations(
     Those of a set are sums.
     """
     instants, instant = np.unique(directions.time_s, return_inverse=True)
-    table = np.zeros((count, len(instants), 12))
     unit = directions.direction_ecef
-    sigma_m = directions.sigma_rad * range_m
-    centre = (
-        (directions.origin_ecef_m + range_m[:, None] * unit).mean(axis=0)
-        if len(row)
-        else np.zeros(3)
-    )
+    centre = np.zeros(3)
+    if len(row):
+        centre = (directions.origin_ecef_m + range_m[:, None] * unit).mean(axis=0)
     from_centre = directions.origin_ecef_m - centre
     across = from_centre - unit * np.sum(unit * from_centre, axis=1)[:, None]
-    weight = 1.0 / np.square(sigma_m)
+    weight = 1.0 / np.square(directions.sigma_rad * range_m)
     outer = -unit[:, _FIRST] * unit[:, _SECOND] + (_FIRST == _SECOND)
-    columns = [
-        weight[:, None] * outer,
-        weight[:, None] * across,
-        weight * np.sum(across * across, axis=1),
-    ]
+    square = np.sum(across * across, axis=1)
+    columns = [weight[:, None] * outer, weight[:, None] * across, weight * square]
+    table = np.zeros((count, len(instants), 12))
     table[row, instant] = np.column_stack([*columns, np.zeros(len(row)), np.ones(len(row))])
     table[..., 10] = 1.0
     return table, centre
 
-
-#: Weight of the point of reference, 1/m²: parallel lines meet as far off as 10 000 km.
-_LEAST_WEIGHT = 1e-14
 
 #: Rows and columns of the elements of a symmetric matrix (6).
 _FIRST = np.array([0, 0, 0, 1, 1, 2])
@@ -153,41 +162,49 @@ _SECOND = np.array([0, 1, 2, 1, 2, 2])
 
 
 class LineCrossings(NamedTuple):
-    """LineCrossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least
+    """Crossings of lines: points (3 of ...), their covariances (6 of ...), m², and the least
     squares (...).
 
     The least squares of a single line are 0: as a difference they would be rounding errors, of some
     100 where lines have errors of metres.
     """
 
-    point: tuple[FloatArray, FloatArray, FloatArray]
+    point: tuple[FloatArray, ...]
     covariance: tuple[FloatArray, ...]
     misfit: FloatArray
 
     def last(self) -> "LineCrossings":
         """Return those of the last instant."""
-        point = [one[..., -1] for one in self.point]
-        covariance = [one[..., -1] for one in self.covariance]
-        return LineCrossings(
-            (point[0], point[1], point[2]), tuple(covariance), self.misfit[..., -1]
-        )
+        point = tuple(values[..., -1] for values in self.point)
+        covariance = tuple(values[..., -1] for values in self.covariance)
+        return LineCrossings(point, covariance, self.misfit[..., -1])
 
 
 def fixes(table: FloatArray) -> LineCrossings:
     """Return the crossings of sums of normal equations (..., 12)."""
-    xx, xy, xz, yy, yz, zz, x, y, z, rest = (table[..., column] for column in range(10))
-    xx = xx + _LEAST_WEIGHT
-    yy = yy + _LEAST_WEIGHT
-    zz = zz + _LEAST_WEIGHT
-    first = yy * zz - yz * yz
-    second = xz * yz - xy * zz
-    third = xy * yz - xz * yy
-    share = 1.0 / (xx * first + xy * second + xz * third)
-    minors = first, second, third, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    a, b, c, d, e, f = (minor * share for minor in minors)
+    x, y, z, square = (table[..., column] for column in range(6, 10))
+    a, b, c, d, e, f = _inverse(*(table[..., column] for column in range(6)))
     point = a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
-    misfit = np.where(table[..., 11] > 1.5, rest - point[0] * x - point[1] * y - point[2] * z, 0.0)
+    misfit = square - point[0] * x - point[1] * y - point[2] * z
+    misfit = np.where(table[..., 11] > 1.5, misfit, 0.0)
     return LineCrossings(point, (a, b, c, d, e, f), misfit)
+
+
+def _inverse(
+    xx: FloatArray, xy: FloatArray, xz: FloatArray, yy: FloatArray, yz: FloatArray, zz: FloatArray
+) -> list[FloatArray]:
+    """Return the six elements of the inverses of symmetric matrices, of which parallel lines leave
+    a direction open.
+    """
+    xx = xx + LAW.least_weight
+    yy = yy + LAW.least_weight
+    zz = zz + LAW.least_weight
+    minor_xx = yy * zz - yz * yz
+    minor_xy = xz * yz - xy * zz
+    minor_xz = xy * yz - xz * yy
+    share = 1.0 / (xx * minor_xx + xy * minor_xy + xz * minor_xz)
+    minors = minor_xx, minor_xy, minor_xz, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    return [minor * share for minor in minors]
 
 
 def intersections(table: FloatArray) -> FloatArray:
@@ -195,7 +212,7 @@ def intersections(table: FloatArray) -> FloatArray:
     return np.stack(fixes(table).point, axis=-1)
 
 
-def gains(table: FloatArray, reward: float = REWARD) -> FloatArray:
+def gains(table: FloatArray, reward: float = LAW.reward) -> FloatArray:
     """Return the log likelihoods (...) of sets, by sums of normal equations (..., instants, 12).
 
     The least squares of an instant with k lines have 2 k - 3 degrees of freedom, each of which has
@@ -215,8 +232,8 @@ def _gains(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
 
 def first_instants(table: FloatArray) -> IntArray:
     """Return the instant (...) from which on each set is most likely of one target."""
-    first: IntArray = np.argmin(_losses(table, fixes(table).misfit, REWARD), axis=-1)
-    return first
+    instants: IntArray = np.argmin(_losses(table, fixes(table).misfit, LAW.reward), axis=-1)
+    return instants
 
 
 def are_open(table: FloatArray, group: IntArray) -> BoolArray:
@@ -226,9 +243,9 @@ def are_open(table: FloatArray, group: IntArray) -> BoolArray:
     Lines of three sensors do not cross at all instants by chance.
     """
     sums = set_sums(table, group)
-    whole = REWARD * _degrees(sums[..., 11]).sum(axis=-1)
-    is_sure = (sums[:, 0, 10] >= _CERTAIN) & (
-        _losses(sums, fixes(sums).misfit, REWARD)[:, 0] < _FITTING * whole
+    full_reward = LAW.reward * _degrees(sums[..., 11]).sum(axis=-1)
+    is_sure = (sums[:, 0, 10] >= LAW.certain) & (
+        _losses(sums, fixes(sums).misfit, LAW.reward)[:, 0] < LAW.fitting * full_reward
     )
     open_rows: BoolArray = ~is_sure[group]
     return open_rows
@@ -239,21 +256,16 @@ def _is_settled(table: FloatArray, group: IntArray) -> bool:
     return len(np.unique(group[are_open(table, group)])) < 2
 
 
-#: A set of three sensors is sure where it has lost less than this share of its reward: where the
-#: mean least squares of a degree of freedom are below 1.5.
-_FITTING = 0.25
-
-
 def _losses(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
     """Return what sets lose (..., instants) to perfect ones if they are of one target since each
     instant.
     """
     degrees = _degrees(table[..., 11])
     excess = np.where(degrees > 0.0, 0.5 * (misfit - degrees), 0.0)
-    rest = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
-    before = np.cumsum(reward * degrees, axis=-1) - reward * degrees
-    loss: FloatArray = (rest + before + _SWAPPED * (before > 0.0))[
-        ..., : max(table.shape[-2] - _RECENT, 1)
+    misfits = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
+    earlier_reward = np.cumsum(reward * degrees, axis=-1) - reward * degrees
+    loss: FloatArray = (misfits + earlier_reward + LAW.swapped * (earlier_reward > 0.0))[
+        ..., : max(table.shape[-2] - LAW.recent, 1)
     ]
     return loss
 
@@ -279,76 +291,75 @@ class SetModel(NamedTuple):
 
     def total(self, table: FloatArray, group: IntArray) -> float:
         """Return the log likelihood of sets (n,), from 0, of the rows of normal equations."""
-        kept = (
+        unchanged = (
             0
             if self.present is None
             else len(group) - np.unique(np.stack([group, self.present]), axis=1).shape[1]
         )
-        return float(self.gains(set_sums(table, group)).sum()) + _KEPT * kept
+        return float(self.gains(set_sums(table, group)).sum()) + LAW.present * unchanged
 
     @property
     def least_gain(self) -> float:
         """Return the least gain (log likelihood) of a set over its parts alone."""
-        return _LEAST_FIRST_GAIN if self.begin else _LEAST_GAIN
+        return LAW.least_first_gain if self.begin else LAW.least_gain
 
     def gains(self, table: FloatArray) -> FloatArray:
         """Return `gains` of sums of normal equations (..., instants, 12), with the prior of the
         last height.
         """
-        every = fixes(table)
-        last = table[..., -1, :]
-        height_m, sigma_m = self._heights(every.last())
-        cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M))
+        crossings = fixes(table)
+        newest = table[..., -1, :]
+        height_m, sigma_m = self._heights(crossings.last())
+        cost = 0.5 * np.square(np.minimum(height_m, 0.0) / np.hypot(sigma_m, LAW.deep_m))
         if self.begin:
             cost += np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
-        gain = _gains(table, every.misfit, _FIRST_REWARD if self.begin else REWARD)
-        lawful: FloatArray = gain - np.where(last[..., 11] > 1.5, cost, 0.0)
+        gain = _gains(table, crossings.misfit, LAW.first_reward if self.begin else LAW.reward)
+        lawful: FloatArray = gain - np.where(newest[..., 11] > 1.5, cost, 0.0)
         return lawful
 
-    def _heights(self, there: LineCrossings) -> tuple[FloatArray, FloatArray]:
+    def _heights(self, crossings: LineCrossings) -> tuple[FloatArray, FloatArray]:
         """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their
         standard deviations.
         """
-        radius = self._radius(there)
-        x, y, z = (
-            (one + centre) / radius
-            for one, centre in zip(there.point, self.centre.tolist(), strict=True)
-        )
+        position = self._positions(crossings)
+        radius = _length(position)
+        x, y, z = (component / radius for component in position)
         ground = WGS84.equatorial_radius_m * (1.0 - WGS84.flattening * np.square(z))
-        xx, xy, xz, yy, yz, zz = there.covariance
+        xx, xy, xz, yy, yz, zz = crossings.covariance
         variance = (
             xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
         )
         return radius - ground, np.sqrt(variance)
 
-    def _radius(self, there: LineCrossings) -> FloatArray:
-        x, y, z = (
-            one + centre for one, centre in zip(there.point, self.centre.tolist(), strict=True)
-        )
-        radius: FloatArray = np.sqrt(x * x + y * y + z * z)
-        return radius
+    def _positions(self, crossings: LineCrossings) -> list[FloatArray]:
+        """Return positions (3 of ...) from the Earth's centre, m."""
+        centre = self.centre.tolist()
+        return [point + shift for point, shift in zip(crossings.point, centre, strict=True)]
 
-    def may_be_one(self, theirs: FloatArray, mine: FloatArray) -> BoolArray:
-        """Return which sums (..., instants, 12) may be of one target at a lawful height, where both
-        have lines.
+    def may_share_target(self, sums: FloatArray, added: FloatArray) -> BoolArray:
+        """Return which sums (..., instants, 12), and added ones, may be of one target at a lawful
+        height, where both have lines.
         """
-        both = fixes(theirs + mine)
-        met = (theirs[..., 11] > 0.5) & (mine[..., 11] > 0.5)
-        radius = self._radius(both)
-        blur_m = _SURE_SIGMAS * np.sqrt(
-            both.covariance[0] + both.covariance[3] + both.covariance[5]
+        crossings = fixes(sums + added)
+        met = (sums[..., 11] > 0.5) & (added[..., 11] > 0.5)
+        radius = _length(self._positions(crossings))
+        xx, _, _, yy, _, zz = crossings.covariance
+        blur_m = LAW.sure_sigmas * np.sqrt(xx + yy + zz)
+        lawful = ~met | (
+            (radius > LAW.lowest_m - blur_m)
+            & (radius < LAW.highest_m + blur_m)
+            & (blur_m < LAW.sure_sigmas * LAW.vague_m)
         )
-        lawful = (
-            (radius > _LOWEST_M - blur_m)
-            & (radius < _HIGHEST_M + blur_m)
-            & (blur_m < _SURE_SIGMAS * _VAGUE_M)
-        )
-        lawful |= ~met
-        added = np.where(met, both.misfit - fixes(theirs).misfit, 0.0).sum(axis=-1) / np.maximum(
-            met.sum(axis=-1), 1
-        )
-        possible: BoolArray = lawful.all(axis=-1) & (added < _HOPELESS)
+        misfit = np.where(met, crossings.misfit - fixes(sums).misfit, 0.0).sum(axis=-1)
+        misfit = misfit / np.maximum(met.sum(axis=-1), 1)
+        possible: BoolArray = lawful.all(axis=-1) & (misfit < LAW.hopeless)
         return possible
+
+
+def _length(position: Sequence[FloatArray]) -> FloatArray:
+    x, y, z = position
+    length: FloatArray = np.sqrt(x * x + y * y + z * z)
+    return length
 
 
 class Candidates(NamedTuple):
@@ -367,36 +378,33 @@ def candidates(table: FloatArray, sums: FloatArray, rows: IntArray, model: SetMo
 
     They are sought at the last instant, then at some.
     """
-    mine = table[rows]
-    which, row = np.nonzero(model.may_be_one(sums[:, None, -1:], mine[None, :, -1:]))
-    some = list(_COARSE) if table.shape[1] >= -_COARSE[-1] else slice(None)
-    theirs = sums[which][:, some]
-    ours = mine[row][:, some]
-    likely = ((theirs[..., 11] > 0.5) & (ours[..., 11] > 0.5)).any(axis=-1)
+    added = table[rows]
+    sets, row = np.nonzero(model.may_share_target(sums[:, None, -1:], added[None, :, -1:]))
+    instants = list(LAW.coarse) if table.shape[1] >= -LAW.coarse[-1] else slice(None)
+    coarse = (sums[sets][:, instants], added[row][:, instants])
+    likely = ((coarse[0][..., 11] > 0.5) & (coarse[1][..., 11] > 0.5)).any(axis=-1)
     if table.shape[1] > 1:
-        likely &= model.may_be_one(theirs, ours)
-    which = which[likely]
+        likely &= model.may_share_target(*coarse)
+    sets = sets[likely]
     row = row[likely]
-    gain = model.gains(sums[which] + mine[row]) - model.gains(sums)[which] - model.gains(mine)[row]
-    return Candidates(which, rows[row], gain)
+    gain = model.gains(sums[sets] + added[row]) - model.gains(sums)[sets] - model.gains(added)[row]
+    return Candidates(sets, rows[row], gain)
 
 
 def cheapest_pairing(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
     """Return the set (n,), from 0, of each focal-plane track: at most one of each sensor, of the
     least total cost.
     """
-    if model.present is not None and np.ptp(sensor) >= _CERTAIN:
+    if model.present is not None and np.ptp(sensor) >= LAW.certain:
         return _relaxed(table, sensor, model.present, model)[0]
     group, total = _relaxed(table, sensor, _in_sequence(table, sensor, model), model)
     if model.present is None and _is_settled(table, group):
         return group
-    start = (
-        _in_sequence(table, sensor.max() - sensor, model)
-        if model.present is None
-        else model.present
-    )
-    other, most = _relaxed(table, sensor, start, model)
-    return other if most > total else group
+    start = model.present
+    if start is None:
+        start = _in_sequence(table, sensor.max() - sensor, model)
+    alternative, alternative_total = _relaxed(table, sensor, start, model)
+    return alternative if alternative_total > total else group
 
 
 def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArray:
@@ -404,12 +412,12 @@ def _in_sequence(table: FloatArray, sensor: IntArray, model: SetModel) -> IntArr
     before.
     """
     group = np.arange(len(sensor))
-    for one in np.unique(sensor)[1:].tolist():
-        rows = np.flatnonzero(sensor <= one)
-        part = model if model.present is None else model._replace(present=model.present[rows])
-        group[rows] = _reassigned(table[rows], sensor[rows], ranks(group[rows]), [one], part)
+    for number in np.unique(sensor)[1:].tolist():
+        rows = np.flatnonzero(sensor <= number)
+        subset = model if model.present is None else model._replace(present=model.present[rows])
+        group[rows] = _reassigned(table[rows], sensor[rows], ranks(group[rows]), [number], subset)
         # The others stay alone.
-        group[sensor > one] = len(sensor) + np.flatnonzero(sensor > one)
+        group[sensor > number] = len(sensor) + np.flatnonzero(sensor > number)
     return ranks(group)
 
 
@@ -422,20 +430,20 @@ def _relaxed(
     Where one sensor at a time gains nothing, of four or more sensors pairs are assigned together.
     """
     sensors = np.unique(sensor).tolist()
-    ones = [[one] for one in sensors]
+    single_moves = [[number] for number in sensors]
     pairs = [list(pair) for pair in pairwise(sensors)]
     if len(sensors) == 2:
-        group = _reassigned(table, sensor, group, ones[1], model)
+        group = _reassigned(table, sensor, group, single_moves[1], model)
         return group, model.total(table, group)
     total = model.total(table, group)
-    moves = ones
-    for _ in range(_ROUNDS):
-        before = total
-        for some in moves:
-            group = _reassigned(table, sensor, group, some, model)
+    moves = single_moves
+    for _ in range(LAW.rounds):
+        previous_total = total
+        for move in moves:
+            group = _reassigned(table, sensor, group, move, model)
         total = model.total(table, group)
-        if total > before + _SETTLED:
-            moves = ones
+        if total > previous_total + LAW.tolerance:
+            moves = single_moves
         elif moves is pairs or len(sensors) == 3 or _is_settled(table, group):
             break
         else:
@@ -451,43 +459,47 @@ def set_sums(table: FloatArray, group: IntArray) -> FloatArray:
 
 
 def _reassigned(
-    table: FloatArray, sensor: IntArray, group: IntArray, ones: list[int], model: SetModel
+    table: FloatArray, sensor: IntArray, group: IntArray, moved_sensors: list[int], model: SetModel
 ) -> IntArray:
-    """Return the sets after the parts of sets of some sensors are assigned to the parts of the
+    """Return the sets after the pieces of sets of some sensors are assigned to the pieces of the
     others.
     """
-    chosen = np.isin(sensor, ones)
-    rows = np.flatnonzero(chosen)
-    others = np.flatnonzero(~chosen)
-    number, place = np.unique(group[others], return_inverse=True)
-    part, part_of = np.unique(group[rows], return_inverse=True)
-    parts = set_sums(table[rows], part_of)
-    pairs = candidates(parts, set_sums(table[others], place), np.arange(len(part)), model)
+    is_moved = np.isin(sensor, moved_sensors)
+    rows = np.flatnonzero(is_moved)
+    fixed = np.flatnonzero(~is_moved)
+    number, fixed_piece = np.unique(group[fixed], return_inverse=True)
+    pieces, piece = np.unique(group[rows], return_inverse=True)
+    sums = set_sums(table[fixed], fixed_piece)
+    pairs = candidates(set_sums(table[rows], piece), sums, np.arange(len(pieces)), model)
     gain = pairs.gain
     if model.present is not None:
-        label = np.empty(len(number), dtype=np.int64)
-        mine = np.empty(len(part), dtype=np.int64)
-        label[place[::-1]] = model.present[others[::-1]]
-        mine[part_of[::-1]] = model.present[rows[::-1]]
-        gain = gain + _KEPT * (label[pairs.set] == mine[pairs.row])
-    used = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
-    # Parts that fit no set make sets of their own.
-    fresh = int(group.max(initial=0)) + 1 + np.arange(len(part))
-    fresh[pairs.row[used]] = number[pairs.set[used]]
-    after = group.copy()
-    after[rows] = fresh[part_of]
-    renumbered: IntArray = np.unique(after, return_inverse=True)[1].astype(np.int64)
-    return renumbered
+        present = _piece_sets(model.present[fixed], fixed_piece)[pairs.set]
+        stays = present == _piece_sets(model.present[rows], piece)[pairs.row]
+        gain = gain + LAW.present * stays
+    assigned = np.flatnonzero(cheapest_assignment(pairs.set, pairs.row, model.least_gain - gain))
+    # Pieces that fit no set make sets of their own.
+    new_group = int(group.max(initial=0)) + 1 + np.arange(len(pieces))
+    new_group[pairs.row[assigned]] = number[pairs.set[assigned]]
+    regrouped = group.copy()
+    regrouped[rows] = new_group[piece]
+    return ranks(regrouped)
+
+
+def _piece_sets(present: IntArray, piece: IntArray) -> IntArray:
+    """Return the present set of each piece: that of its first row (n,)."""
+    sets = np.empty(int(piece.max(initial=-1)) + 1, dtype=np.int64)
+    sets[piece[::-1]] = present[::-1]
+    return sets
 
 
 class Rivals(NamedTuple):
-    """Focal-plane tracks that a set may have instead of its own of a sensor: set, own, other,
+    """Focal-plane tracks that a set may have instead of its own of a sensor: set, present, rival,
     probability (m,).
     """
 
     set: IntArray
-    own: IntArray
-    other: IntArray
+    present: IntArray
+    rival: IntArray
     probability: FloatArray
 
 
@@ -497,25 +509,29 @@ def rivals(
     """Return other partners of sets, with probabilities of at least `least`, of all sensors but the
     first.
     """
-    parts = []
-    for one in np.unique(sensor).tolist()[1:]:
-        rows = np.flatnonzero(sensor == one)
-        others = np.flatnonzero(sensor != one)
-        if not len(others):
-            continue
-        number, place = np.unique(group[others], return_inverse=True)
-        pairs = candidates(table, set_sums(table[others], place), rows, model)
-        if not len(pairs.set):
-            continue
-        beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / _CORRELATED)
-        own = np.full(int(group.max()) + 1, -1, dtype=np.int64)
-        own[group[rows]] = rows
-        mine = own[number[pairs.set]]
-        some = np.flatnonzero((beta > least) & (mine >= 0) & (mine != pairs.row))
-        parts.append(Rivals(number[pairs.set[some]], mine[some], pairs.row[some], beta[some]))
-    none = np.empty(0, dtype=np.int64)
-    return (
-        Rivals(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-        if parts
-        else Rivals(none, none, none, np.empty(0))
-    )
+    numbers = np.empty(0, dtype=np.int64)
+    alternatives = [
+        Rivals(numbers, numbers, numbers, np.empty(0)),
+        *(
+            _rivals_of(table, sensor == number, group, model, least)
+            for number in np.unique(sensor).tolist()[1:]
+        ),
+    ]
+    return Rivals(*(np.concatenate(columns) for columns in zip(*alternatives, strict=True)))
+
+
+def _rivals_of(
+    table: FloatArray, is_moved: BoolArray, group: IntArray, model: SetModel, least: float
+) -> Rivals:
+    """Return the partners of sets among the rows (n,) of one sensor."""
+    rows = np.flatnonzero(is_moved)
+    fixed = np.flatnonzero(~is_moved)
+    number, place = np.unique(group[fixed], return_inverse=True)
+    pairs = candidates(table, set_sums(table[fixed], place), rows, model)
+    beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / LAW.correlated)
+    row_of = np.full(int(group.max()) + 1, -1, dtype=np.int64)
+    row_of[group[rows]] = rows
+    sets = number[pairs.set]
+    present = row_of[sets]
+    likely = np.flatnonzero((beta > least) & (present >= 0) & (present != pairs.row))
+    return Rivals(sets[likely], present[likely], pairs.row[likely], beta[likely])

@@ -14,7 +14,6 @@ import copy
 import csv
 import json
 import sys
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -83,9 +82,9 @@ def fit(arguments: argparse.Namespace) -> int:
 def _shown(path: Path, flight: RecordedFlight) -> str:
     """Return what a file is taken for, and its stages with units."""
     stages = [
-        f"{burn:.0f} s from {first:.1f} m/s2 to {1.0 / ratio:.2f} of the mass"
+        f"{burn:.0f} s from {acceleration:.1f} m/s2 to {1.0 / ratio:.2f} of the mass"
         f"{f', {gap:.0f} s dark' if gap > 0.0 else ''}"
-        for burn, first, ratio, gap in flight.stages.tolist()
+        for burn, acceleration, ratio, gap in flight.stages.tolist()
     ]
     return f"{path}: {'space launch' if flight.orbits else 'missile'}; burns of {'; '.join(stages)}"
 
@@ -94,10 +93,34 @@ def recorded_flight(path: Path) -> RecordedFlight:
     """Return the stages of a flight in a table. Raises `OpirError` if a column or a burn is
     missing.
     """
+    table = _table(path)
+    spans = _burns(table) if len(table) else []
+    spans = [span for span in spans if span.stop - span.start >= LEAST_ROWS]
+    if not spans:
+        raise OpirError(
+            f"{path}: no burn of {LEAST_ROWS} rows or more; is_burning must be 1 in a burn"
+        )
+    time_s = table[:, 0]
+    starts = [float(time_s[span.start]) for span in spans]
+    ends = [float(time_s[min(span.stop, len(table) - 1)]) for span in spans]
+    gaps = [start - end for start, end in zip(starts[1:], ends, strict=False)]
+    stages = np.array([_stage(table[span], end) for span, end in zip(spans, ends, strict=True)])
+    columns = np.column_stack([stages, np.array([*gaps, np.nan])])
+    # A burn against the motion is a return or a landing, not a stage on the way up; nor is what
+    # follows.
+    is_ascent = np.logical_and.accumulate(np.isfinite(stages[:, 0]))
+    if not is_ascent[0]:
+        raise OpirError(f"{path}: the first burn is against the motion")
+    columns[np.count_nonzero(is_ascent) - 1, 3] = np.nan
+    return RecordedFlight(columns[is_ascent], _perigee_m(table[-1]) > _ORBIT_M)
+
+
+def _table(path: Path) -> FloatArray:
+    """Return the columns of a file, as of `_COLUMNS`."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        table = np.array([[float(row[name]) for name in _COLUMNS] for row in rows])
+        return np.array([[float(row[name]) for name in _COLUMNS] for row in rows])
     except KeyError as missing:
         raise OpirError(
             f"{path}: no column {missing.args[0]}; needed are {', '.join(_COLUMNS)}"
@@ -106,36 +129,13 @@ def recorded_flight(path: Path) -> RecordedFlight:
         raise OpirError(f"{path}: {error.strerror}") from error
     except (ValueError, TypeError) as error:
         raise OpirError(f"{path}: {error}") from error
-    spans = (
-        [span for span in _burns(table) if span.stop - span.start >= LEAST_ROWS]
-        if len(table)
-        else []
-    )
-    if not spans:
-        raise OpirError(
-            f"{path}: no burn of {LEAST_ROWS} rows or more; is_burning must be 1 in a burn"
-        )
-    time_s = table[:, 0]
-    ends = [float(time_s[min(span.stop, len(table) - 1)]) for span in spans]
-    gaps = [
-        float(time_s[two.start]) - end for (_, two), end in zip(pairwise(spans), ends, strict=False)
-    ]
-    stages = np.array([_stage(table[span], end) for span, end in zip(spans, ends, strict=True)])
-    columns = np.column_stack([stages, np.array([*gaps, np.nan])])
-    # A burn against the motion is a return or a landing, not a stage on the way up; nor is what
-    # follows.
-    ahead = np.logical_and.accumulate(np.isfinite(stages[:, 0]))
-    if not ahead[0]:
-        raise OpirError(f"{path}: the first burn is against the motion")
-    columns[np.count_nonzero(ahead) - 1, 3] = np.nan
-    return RecordedFlight(columns[ahead], _perigee_m(table[-1]) > _ORBIT_M)
 
 
 def _burns(table: FloatArray) -> list[slice]:
     """Return the rows of each burn."""
     on = np.concatenate([[0], table[:, -1] > 0.5, [0]]).astype(np.int64)
     edges = np.flatnonzero(np.diff(on)).reshape(-1, 2).tolist()
-    return [slice(one, two) for one, two in edges]
+    return [slice(start, stop) for start, stop in edges]
 
 
 def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
@@ -144,36 +144,34 @@ def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
 
     They are nan for a burn against the motion.
     """
-    time_s = rows[:, 0]
-    place = rows[:, 1:4]
-    velocity = rows[:, 4:7]
-    distinct = np.concatenate([[True], np.diff(time_s) > 1e-9])
-    time_s = time_s[distinct]
-    place = place[distinct]
-    velocity = velocity[distinct]
-    spin = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
-    turning = 2.0 * np.cross(spin, velocity) + np.cross(spin, np.cross(spin, place))
-    radius = np.linalg.norm(place, axis=1, keepdims=True)
-    force = np.gradient(velocity, time_s, axis=0) + EARTH_MU_M3_S2 / radius**3 * place + turning
-    speed = np.linalg.norm(velocity, axis=1)
-    along = np.where(
-        speed > 1.0,
-        np.sum(force * velocity, axis=1) / np.maximum(speed, 1.0),
-        np.linalg.norm(force, axis=1),
-    )
-    since = time_s - time_s[0]
+    distinct = np.concatenate([[True], np.diff(rows[:, 0]) > 1e-9])
+    along = _forces_along(rows[distinct])
     if np.median(along) <= 0.0:
         return np.nan, np.nan, np.nan
     along = np.maximum(along, 0.5)
+    start_s = float(rows[0, 0])
     # An error of the force f is one of its inverse that is larger by 1/f²: rows of little force say
     # little.
-    slope, start = np.polyfit(since, 1.0 / along, 1, w=along**2)
-    burn = end_s - float(time_s[0])
-    return (
-        burn,
-        1.0 / max(start, 1e-3),
-        float(np.clip(start / max(start + slope * burn, 1e-4), 1.02, 20.0)),
-    )
+    slope, start = np.polyfit(rows[distinct, 0] - start_s, 1.0 / along, 1, w=along**2)
+    burn = end_s - start_s
+    ratio = float(np.clip(start / max(start + slope * burn, 1e-4), 1.02, 20.0))
+    return burn, 1.0 / max(start, 1e-3), ratio
+
+
+def _forces_along(rows: FloatArray) -> FloatArray:
+    """Return the specific force along the velocity (n,), m/s², of rows of a table; at rest, all of
+    it.
+    """
+    place = rows[:, 1:4]
+    velocity = rows[:, 4:7]
+    spin = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
+    turning = 2.0 * np.cross(spin, velocity) + np.cross(spin, np.cross(spin, place))
+    radius = np.linalg.norm(place, axis=1, keepdims=True)
+    acceleration = np.gradient(velocity, rows[:, 0], axis=0)
+    force = acceleration + EARTH_MU_M3_S2 / radius**3 * place + turning
+    speed = np.linalg.norm(velocity, axis=1)
+    along = np.sum(force * velocity, axis=1) / np.maximum(speed, 1.0)
+    return np.where(speed > 1.0, along, np.linalg.norm(force, axis=1))
 
 
 def _perigee_m(row: FloatArray) -> float:
@@ -194,31 +192,28 @@ def fitted(flights: list[RecordedFlight]) -> dict[str, Any]:
     data: dict[str, Any] = copy.deepcopy(dict(vehicle_model().data))
     data["note"] = f"Law of vehicles fitted to {len(flights)} flights by opir prior fit."
     for name, orbits in (("missile", False), ("space", True)):
-        mine = [flight.stages[:STAGES] for flight in flights if flight.orbits == orbits]
-        if not mine:
+        stages = [flight.stages[:STAGES] for flight in flights if flight.orbits == orbits]
+        if not stages:
             continue
         law = data["families"][name]
-        count = np.bincount([len(stages) - 1 for stages in mine], minlength=STAGES) + 0.5
+        count = np.bincount([len(rows) - 1 for rows in stages], minlength=STAGES) + 0.5
         law["stages"] = (count / count.sum()).round(4).tolist()
-        for part, rows in (
-            ("first", [one[:1] for one in mine]),
-            ("upper", [one[1:] for one in mine]),
-        ):
-            _fit_part(law[part], np.concatenate(rows))
+        _fit_part(law["first"], np.concatenate([rows[:1] for rows in stages]))
+        _fit_part(law["upper"], np.concatenate([rows[1:] for rows in stages]))
     data["marginal"] = marginal_of(model_of(data), DRAWS, 1)
     return data
 
 
-def _fit_part(part: dict[str, list[float]], rows: FloatArray) -> None:
+def _fit_part(law: dict[str, list[float]], rows: FloatArray) -> None:
     """Replace medians and standard deviations of a part by those of stages (n, 4), where there are
     any.
     """
     for row in range(4):
-        known = rows[:, row][np.isfinite(rows[:, row]) & (rows[:, row] > 0.5)]
-        if not len(known):
+        values = rows[:, row][np.isfinite(rows[:, row]) & (rows[:, row] > 0.5)]
+        if not len(values):
             continue
-        part["median"][row] = round(float(np.exp(np.mean(np.log(known)))), 3)
+        law["median"][row] = round(float(np.exp(np.mean(np.log(values)))), 3)
         spread = (
-            WIDEN * float(np.std(np.log(known), ddof=1)) if len(known) > 2 else part["sigma"][row]
+            WIDEN * float(np.std(np.log(values), ddof=1)) if len(values) > 2 else law["sigma"][row]
         )
-        part["sigma"][row] = round(max(spread, LEAST[row]), 3)
+        law["sigma"][row] = round(max(spread, LEAST[row]), 3)

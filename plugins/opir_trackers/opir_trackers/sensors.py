@@ -88,21 +88,23 @@ class Biases:
         sigma_rad = np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors])
         return cls(tuple(sensors), sigma_rad, clock_sigma_s)
 
-    def ranges_m(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
+    def ranges_m(self, position_m: FloatArray, time_s: float, visible: BoolArray) -> FloatArray:
         """Return the mean distance (n,), m, of inertial positions (n, 3) from the sensors that see
         them.
         """
-        apart = position_m[:, None] - self.geometry(time_s, seen)[0]
-        distance = np.sqrt(np.sum(apart * apart, axis=2))
-        return np.asarray(np.sum(distance * seen, axis=1) / np.maximum(seen.sum(axis=1), 1))
+        offset = position_m[:, None] - self.geometry(time_s, visible)[0]
+        distance = np.sqrt(np.sum(offset * offset, axis=2))
+        return np.asarray(np.sum(distance * visible, axis=1) / np.maximum(visible.sum(axis=1), 1))
 
-    def geometry(self, time_s: float, seen: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+    def geometry(
+        self, time_s: float, visible: BoolArray
+    ) -> tuple[FloatArray, BoolArray, FloatArray]:
         """Return the sensors' positions, visibility and weights of their angles."""
         when = np.full(1, time_s)
         origin = np.concatenate(
             [earth_rotated(sensor.orbit.position_ecef_m(when), when) for sensor in self.sensors]
         )
-        return origin, seen, self.weights(self.sigma_rad)
+        return origin, visible, self.weights(self.sigma_rad)
 
     def weights(self, shared_rad: FloatArray) -> FloatArray:
         """Return the weights (sensors,) of angles with noise and shared errors (sensors,), 1/rad²
@@ -115,7 +117,7 @@ class Biases:
 
 
 def shifts_of_positions(
-    position_m: FloatArray, origin_m: FloatArray, seen: BoolArray, weight: FloatArray
+    position_m: FloatArray, origin_m: FloatArray, visible: BoolArray, weight: FloatArray
 ) -> FloatArray:
     """Return the matrices (n, s, 3, 3) that turn shifts of what one sensor sees, m, into shifts of
     a position.
@@ -124,23 +126,23 @@ def shifts_of_positions(
     `seen` (n, s) marks which sensor sees which target, and `weight` (s,) is that of a sensor's
     angles, 1/rad² per second: look rate over error variance.
     """
-    across, weight_m2, total = _least_squares(position_m, origin_m, seen, weight)
+    across, weight_m2, total = _least_squares(position_m, origin_m, visible, weight)
     shift: FloatArray = np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
     return shift
 
 
 def _least_squares(
-    position_m: FloatArray, origin_m: FloatArray, seen: BoolArray, weight: FloatArray
+    position_m: FloatArray, origin_m: FloatArray, visible: BoolArray, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return projections across (n, s, 3, 3), weights (n, s), 1/m² per second, and information (n,
     3, 3).
     """
-    apart = position_m[:, None] - origin_m
-    range_square = np.sum(apart * apart, axis=2)
+    offset = position_m[:, None] - origin_m
+    range_square = np.sum(offset * offset, axis=2)
     across = (
-        np.eye(3) - apart[:, :, :, None] * apart[:, :, None, :] / range_square[:, :, None, None]
+        np.eye(3) - offset[:, :, :, None] * offset[:, :, None, :] / range_square[:, :, None, None]
     )
-    weight_m2 = np.where(seen, weight / range_square, 0.0)
+    weight_m2 = np.where(visible, weight / range_square, 0.0)
     # In observed directions the lines of one second outweigh the prior.
     total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / _PRIOR_SIGMA_M**2
     return across, weight_m2, total
@@ -168,14 +170,16 @@ class LineOfSightCache:
         return self._met[1]
 
 
-def _same_lines_of_sight(one: Detections, other: Detections) -> bool:
+def _same_lines_of_sight(detections: Detections, reference: Detections) -> bool:
     """Return whether two records have identical lines of sight."""
-    if one is other:
+    if detections is reference:
         return True
-    if len(one.time_ns) != len(other.time_ns):
+    if len(detections.time_ns) != len(reference.time_ns):
         return False
-    return all(map(_same_bytes, _line_of_sight_columns(one), _line_of_sight_columns(other)))
+    return all(
+        map(_same_bytes, _line_of_sight_columns(detections), _line_of_sight_columns(reference))
+    )
 
 
-def _same_bytes(one: Any, other: Any) -> bool:
-    return one is other or one.tobytes() == other.tobytes()
+def _same_bytes(array: Any, reference: Any) -> bool:
+    return array is reference or array.tobytes() == reference.tobytes()

@@ -1,6 +1,7 @@
 """The prior of new tracks, and the filter that a scene's settings describe."""
 
 import numpy as np
+from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
@@ -32,44 +33,56 @@ _SPEEDS_M_S = (200.0, 200.0, 300.0)
 #: Prior standard deviation of the position of a candidate of several sensors, on each axis, m.
 FARTHER_M = 20e3
 
-#: Prior probability that a new target is burning.
-_BURN_PROBABILITY = 0.98
 
-#: Probability of a detection per slice of a coasting track where no sensor detects bodies: false
-#: alarms or the end of the burn.
-_COAST_DETECTION = 0.01
+@frozen
+class TrackLaw:
+    """Probabilities of the modes of tracks."""
 
-#: A burning target may go undetected for up to this many scans of the slowest sensor; this counts
-#: in its detection rate.
-_PAUSE_SCANS = 4.0
+    #: Prior probability that a new target is burning.
+    burns: float = 0.98
+
+    #: Probability of a detection per slice of a coasting track where no sensor detects bodies:
+    #: false alarms or the end of the burn.
+    coast_detection: float = 0.01
+
+    #: A burning target may go undetected for up to this many scans of the slowest sensor; this
+    #: counts in its detection rate.
+    pause_scans: float = 4.0
+
+    #: Squared innovation of the position of both modes along the velocity, in standard deviations,
+    #: at which a free burn is started: one slice in 50 exceeds it by chance (χ² of 3 degrees of
+    #: freedom).
+    surprise: float = 10.0
+
+    #: Standard deviations of the force on a source that stands, m/s², and of its growth, 1/s: next
+    #: to none.
+    standing_sigma: float = 0.01
 
 
-#: Squared innovation of the position of both modes along the velocity, in standard deviations, at
-#: which a free burn is started: one slice in 50 exceeds it by chance (χ² of 3 degrees of freedom).
-_SURPRISE = 10.0
+LAW = TrackLaw()
 
 
 def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     """Return the filter for the scene's forces and the configured modes."""
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
+    thrust = config.thrust
+    switches = config.motion == "boost-coast"
+    follows_bodies = any(sensor.follows_bodies for sensor in context.sensors)
+    period_s = [sensor.scan.period_ns * 1e-9 for sensor in context.sensors]
+    tilt_rad = float(np.radians(thrust.tilt_deg))
     return ImmFilter(
-        boost=_boost_of(config.thrust, free),
+        boost=Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, free),
         coast=_coast_of(config, free, forces.drag),
-        boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
-        coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
-        coast_detection=1.0 if _follows_bodies(context) else _COAST_DETECTION,
-        scan_s=min((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
-        pause_s=_PAUSE_SCANS
-        * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
-        residual_share=0.0 if _follows_bodies(context) else config.thrust.residual_share,
-        stage=stage_of(config.thrust),
-        free=_free_of(config.thrust, free),
+        boost_s=config.boost_s if switches else np.inf,
+        coast_s=config.coast_s if switches else np.inf,
+        coast_detection=1.0 if follows_bodies else LAW.coast_detection,
+        scan_s=min(period_s, default=0.0),
+        pause_s=LAW.pause_scans * max(period_s, default=0.0),
+        residual_share=0.0 if follows_bodies else thrust.residual_share,
+        stage=stage_of(thrust),
+        free=_free_of(thrust, free),
     )
-
-
-def _follows_bodies(context: TrackerContext) -> bool:
-    return any(sensor.follows_bodies for sensor in context.sensors)
 
 
 def stage_of(thrust: ThrustConfig) -> NewStage:
@@ -82,7 +95,7 @@ def stage_of(thrust: ThrustConfig) -> NewStage:
 
 def _free_of(thrust: ThrustConfig, forces: Forces) -> FreeBurn:
     motion = FreeThrust(thrust.free_noise_m_s2, thrust.growth_noise_per_s, forces)
-    return FreeBurn(motion, thrust.free_sigma_m_s2, thrust.free_share, thrust.free_s, _SURPRISE)
+    return FreeBurn(motion, thrust.free_sigma_m_s2, thrust.free_share, thrust.free_s, LAW.surprise)
 
 
 def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
@@ -94,40 +107,48 @@ def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
     return AtmosphericDescent(fall, drag)
 
 
-def _boost_of(thrust: ThrustConfig, forces: Forces) -> Dynamics:
-    tilt_rad = float(np.radians(thrust.tilt_deg))
-    return Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, forces)
-
-
 def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfig) -> ModeEstimates:
     """Return the prior estimates (n,) of new tracks at a time."""
     count = len(candidates)
-    now = np.full(count, time_s)
+    times_s = np.full(count, time_s)
     axes = prior_axes(candidates)
-    inertial = np.stack([earth_rotated(axes[:, row], now) for row in range(3)], axis=1)
-    position = earth_rotated(candidates.position_ecef_m, now)
-    velocity = EARTH_ROTATION_RAD_S * np.stack(
-        [-position[:, 1], position[:, 0], np.zeros(count)], axis=1
-    )
-    force = FIRST_FORCE_M_S2 * inertial[:, 2]
-    rate, sigmas = _first_rates(config.thrust)
-    place, speed = prior_sigmas(candidates)
+    inertial = np.stack([earth_rotated(axes[:, row], times_s) for row in range(3)], axis=1)
+    up = inertial[:, 2]
+    position = earth_rotated(candidates.position_ecef_m, times_s)
     climb = np.maximum(FIRST_CLIMB_M_S, 0.5 * candidates.speed_m_s)
-    velocity += np.where(candidates.sensors == 1, climb, 0.0)[:, None] * inertial[:, 2]
-    mean = np.concatenate([position, velocity, force, np.tile(rate, (count, 1))], axis=1)
+    climb = np.where(candidates.sensors == 1, climb, 0.0)
+    velocity = _ground_velocity(position) + climb[:, None] * up
+    growth = np.full((count, 1), config.thrust.growth_per_s)
+    mean = np.concatenate([position, velocity, FIRST_FORCE_M_S2 * up, growth], axis=1)
     size = mean.shape[1]
+    sigmas = [config.thrust.force_sigma_m_s2] * 3 + [config.thrust.growth_sigma_per_s]
+    place, speed = prior_sigmas(candidates)
     root = np.zeros((count, size, size))
     root[:, :3, :3] = _information_roots(inertial, place)
     root[:, 3:COAST, 3:COAST] = _information_roots(inertial, speed)
-    root[:, range(COAST, size), range(COAST, size)] = 1.0 / sigmas
-    weight = _first_weights(count, config)
-    coast_mean = mean[:, :COAST].copy()
-    coast_root = root[:, :COAST, :COAST].copy()
-    return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
+    root[:, range(COAST, size), range(COAST, size)] = 1.0 / np.array(sigmas)
+    return _in_both_modes(mean, root, np.zeros((count, 3)), config)
+
+
+def _ground_velocity(position: FloatArray) -> FloatArray:
+    """Return the inertial velocities (n, 3) of what turns with the Earth at positions (n, 3)."""
+    x, y, _ = position.T
+    velocity: FloatArray = EARTH_ROTATION_RAD_S * np.stack([-y, x, np.zeros(len(x))], axis=1)
+    return velocity
+
+
+def _in_both_modes(
+    mean: FloatArray, root: FloatArray, detection_rate: FloatArray, config: ImmConfig
+) -> ModeEstimates:
+    """Return boosts (n, 10) and their coasts, with prior mode probabilities."""
+    burning = {"boost-coast": LAW.burns, "boost": 1.0, "coast": 0.0}[config.motion]
+    weight = np.tile([burning, 1.0 - burning], (len(mean), 1))
+    coast = (mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy())
+    return ModeEstimates(weight, mean, root, *coast, detection_rate)
 
 
 def standing_estimates(
-    before: ModeEstimates,
+    estimates: ModeEstimates,
     position_m: FloatArray,
     covariance: FloatArray,
     speed_sigma_m_s: float,
@@ -138,34 +159,18 @@ def standing_estimates(
     `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances
     the weight.
     """
-    count, size = before.boost_mean.shape
-    mean = before.boost_mean.copy()
+    count, size = estimates.boost_mean.shape
+    mean = estimates.boost_mean.copy()
     root = np.zeros((count, size, size))
     cubed = dot(position_m, position_m)[:, None] ** 1.5
     mean[:, :3] = position_m
-    mean[:, 3:6] = EARTH_ROTATION_RAD_S * np.stack(
-        [-position_m[:, 1], position_m[:, 0], np.zeros(count)], axis=1
-    )
+    mean[:, 3:6] = _ground_velocity(position_m)
     mean[:, 6:9] = EARTH_MU_M3_S2 / cubed * position_m
     mean[:, 6:8] -= EARTH_ROTATION_RAD_S**2 * position_m[:, :2]
     root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
     root[:, range(3, 6), range(3, 6)] = 1.0 / speed_sigma_m_s
-    root[:, range(6, size), range(6, size)] = 1.0 / _STANDING_SIGMA
-    coast_mean = mean[:, :COAST].copy()
-    coast_root = root[:, :COAST, :COAST].copy()
-    return ModeEstimates(
-        _first_weights(count, config), mean, root, coast_mean, coast_root, before.detection_rate
-    )
-
-
-def _first_weights(count: int, config: ImmConfig) -> FloatArray:
-    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
-    return np.tile([burning, 1.0 - burning], (count, 1))
-
-
-#: Standard deviations of the force on a source that stands, m/s², and of its growth, 1/s: next to
-#: none.
-_STANDING_SIGMA = 0.01
+    root[:, range(6, size), range(6, size)] = 1.0 / LAW.standing_sigma
+    return _in_both_modes(mean, root, estimates.detection_rate, config)
 
 
 def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
@@ -183,10 +188,9 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
     height = np.maximum(ecef_to_geodetic(candidates.position_ecef_m).height_m, 0.0)
     alone = candidates.sensors == 1
     higher = np.maximum(candidates.height_by_speed_m, HIGHER_M)
-    place = np.where(alone[:, None], 30e3, np.full((len(alone), 3), FARTHER_M))
-    place[:, 2] = np.where(alone, higher, FARTHER_M)
     shift = higher / np.maximum(candidates.sine, GRAZING_SINE)
-    place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
+    place = np.full((len(alone), 3), FARTHER_M)
+    place[alone] = np.stack([np.maximum(shift, 30e3)] * 2 + [higher], axis=1)[alone]
     beside = np.flatnonzero(candidates.is_of_parts & ~alone)
     place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, FARTHER_M)
     fast = np.maximum(candidates.speed_m_s[:, None], _SPEEDS_M_S)
@@ -208,34 +212,23 @@ def first_motion(
     position = predicted.positions(np.arange(len(first_s)), first_s)
     radius = np.sqrt(dot(position, position))
     height = height_and_up(np.ascontiguousarray(position.T), 1.0 / radius)[0]
+    raised = np.maximum(height, 0.0)
     # As `prior_sigmas` for a candidate of one sensor that its speed has placed at this height.
-    fast = np.where(height > HIGHER_M, np.sqrt(2.0 * STEADY_M_S2 * np.maximum(height, 0.0)), 0.0)
+    fast = np.where(height > HIGHER_M, np.sqrt(2.0 * STEADY_M_S2 * raised), 0.0)
     place = np.where(alone, np.maximum(height, HIGHER_M), FARTHER_M)
-    speed = np.where(
-        alone, np.maximum(fast, _SPEEDS_M_S[2]), _speed_sigmas(np.maximum(height, 0.0))
-    )
-    jerk = thrust.growth_per_s * FIRST_FORCE_M_S2
+    speed = np.where(alone, np.maximum(fast, _SPEEDS_M_S[2]), _speed_sigmas(raised))
     force = thrust.force_sigma_m_s2
-    growth = float(
-        np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force)
-    )
+    growth = np.hypot(thrust.growth_sigma_per_s * FIRST_FORCE_M_S2, thrust.growth_per_s * force)
     net = FIRST_FORCE_M_S2 - EARTH_MU_M3_S2 / (radius * radius)
     climb = np.where(alone, np.maximum(FIRST_CLIMB_M_S, 0.5 * fast), 0.0)
-    return FirstMotion(height, climb, net, jerk, (place, speed, force, growth))
+    jerk = thrust.growth_per_s * FIRST_FORCE_M_S2
+    return FirstMotion(height, climb, net, jerk, (place, speed, force, float(growth)))
 
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:
     """Return the local axes (n, 3, 3), rows east, north and up, in ECEF."""
     axes: FloatArray = local_axes(candidates.position_ecef_m)
     return axes
-
-
-def _first_rates(thrust: ThrustConfig) -> tuple[FloatArray, FloatArray]:
-    """Return the prior mean of the state after the specific force, and the standard deviations of
-    both.
-    """
-    deviation = np.append(np.repeat(thrust.force_sigma_m_s2, 3), thrust.growth_sigma_per_s)
-    return np.array([thrust.growth_per_s]), deviation
 
 
 def _information_roots(axes: FloatArray, sigma: FloatArray) -> FloatArray:

@@ -46,14 +46,16 @@ def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArra
     point = intersection_with_ellipsoid(origin_m, direction, FIRST_HEIGHT_M)
     missed = np.flatnonzero(np.isnan(point[:, 0]))
     if len(missed):
-        ahead = np.maximum(-np.sum(origin_m[missed] * direction[missed], axis=1), 0.0)
-        lowest = origin_m[missed] + ahead[:, None] * direction[missed]
+        distance_m = np.maximum(-np.sum(origin_m[missed] * direction[missed], axis=1), 0.0)
+        lowest = origin_m[missed] + distance_m[:, None] * direction[missed]
         lawful = ecef_to_geodetic(lowest).height_m < HIGHEST_M
         point[missed[lawful]] = lowest[lawful]
     return point
 
 
-def geostationary_directions(lines: LinesOfSight, which: IntArray) -> tuple[FloatArray, FloatArray]:
+def geostationary_directions(
+    lines: LinesOfSight, sensor_row: IntArray
+) -> tuple[FloatArray, FloatArray]:
     """Return directions (n, 3) as from geostationary height, and their errors (n,), rad; `which`
     (n,) is the sensor.
 
@@ -62,22 +64,30 @@ def geostationary_directions(lines: LinesOfSight, which: IntArray) -> tuple[Floa
     low = np.flatnonzero(are_low_orbits(lines.origin_ecef_m))
     if not len(low):
         return lines.direction_ecef, lines.sigma_rad
-    origin = lines.origin_ecef_m[low]
-    point = points_near_ground(origin, lines.direction_ecef[low])
+    point = points_near_ground(lines.origin_ecef_m[low], lines.direction_ecef[low])
     met = np.isfinite(point[:, 0])
     low = low[met]
-    origin = origin[met]
     point = point[met]
-    above = lines.origin_ecef_m[np.unique(which, return_index=True)[1]][which[low]]
-    height_m = FAR_M + EARTH_EQUATORIAL_RADIUS_M
-    off = point - height_m * above / np.sqrt(np.sum(above * above, axis=1))[:, None]
+    origin = lines.origin_ecef_m[low]
+    first_row = np.unique(sensor_row, return_index=True)[1]
+    station = _stations(lines.origin_ecef_m[first_row][sensor_row[low]])
     direction = lines.direction_ecef.copy()
     sigma_rad = lines.sigma_rad.copy()
+    off = point - station
     direction[low] = off / np.sqrt(np.sum(off * off, axis=1))[:, None]
     range_m = np.sqrt(np.sum((point - origin) ** 2, axis=1))
     sine = -np.sum(local_axes(point)[:, 2] * lines.direction_ecef[low], axis=1)
     sigma_rad[low] *= range_m / (FAR_M * np.maximum(sine, GRAZING_SINE))
     return direction, sigma_rad
+
+
+def _stations(origin_m: FloatArray) -> FloatArray:
+    """Return the positions (n, 3) at geostationary height above sensors (n, 3)."""
+    height_m = FAR_M + EARTH_EQUATORIAL_RADIUS_M
+    station: FloatArray = (
+        height_m * origin_m / np.sqrt(np.sum(origin_m * origin_m, axis=1))[:, None]
+    )
+    return station
 
 
 def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArray) -> FloatArray:
@@ -98,8 +108,8 @@ def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
     range_m = np.full(len(origin_m), FAR_M)
     low = np.flatnonzero(are_low_orbits(origin_m))
     if len(low):
-        apart = points_near_ground(origin_m[low], direction[low]) - origin_m[low]
-        distance_m = np.sqrt(np.sum(apart * apart, axis=1))
+        offset = points_near_ground(origin_m[low], direction[low]) - origin_m[low]
+        distance_m = np.sqrt(np.sum(offset * offset, axis=1))
         range_m[low] = np.where(np.isfinite(distance_m), distance_m, FAR_M)
     return range_m
 
@@ -152,14 +162,15 @@ def triangulated(
     for _ in range(rounds):
         weight = information(direction, range_m, sigma_rad)
         total = np.zeros((count, 3, 3))
-        pull = np.zeros((count, 3))
         np.add.at(total, group, weight)
+        pull = np.zeros((count, 3))
         np.add.at(pull, group, np.sum(weight * origin_m[:, None, :], axis=2))
         point = _solved(total, pull)
-        range_m = np.sqrt(np.sum((point[group] - origin_m) ** 2, axis=1))
-    apart = point[group] - origin_m
+        offset = point[group] - origin_m
+        range_m = np.sqrt(np.sum(offset**2, axis=1))
     misfit = np.zeros(count)
-    np.add.at(misfit, group, np.sum(apart * np.sum(weight * apart[:, None, :], axis=2), axis=1))
+    weighted = np.sum(weight * offset[:, None, :], axis=2)
+    np.add.at(misfit, group, np.sum(offset * weighted, axis=1))
     return Fixes(point, total, misfit)
 
 

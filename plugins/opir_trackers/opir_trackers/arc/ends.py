@@ -15,15 +15,13 @@ from opir_core.geometry import (
     local_axes,
 )
 from opir_core.plugin import TARGET_TYPES
-from opir_trackers.arc.fit import STEPS, ArcFits, solved
+from opir_trackers.arc.fit import ArcFits, slopes_of, solved, trial_states
 from opir_trackers.launch_points import LaunchPoints
 from opir_trackers.lines_of_sight import LinesOfSight, emission_s
 from opir_trackers.sensors import SensorSchedule
 
-#: Median burn time of a boost of each of `TARGET_TYPES`, s, and the standard deviation of its
-#: logarithm. Notional.
+#: Median burn time of a boost of each of `TARGET_TYPES`, s. Notional.
 _BURN_S = np.array([{"ICBM": 210.0, "IRBM": 120.0, "SRBM": 65.0}[kind] for kind in TARGET_TYPES])
-_BURN_LOG_SIGMA = 0.2
 
 
 class TrajectoryParameters(NamedTuple):
@@ -46,7 +44,7 @@ def latency_s(schedule: SensorSchedule) -> tuple[FloatArray, FloatArray]:
 
 
 def expected_looks(
-    schedule: SensorSchedule, seen: BoolArray, elapsed_s: FloatArray, share: FloatArray
+    schedule: SensorSchedule, visible: BoolArray, elapsed_s: FloatArray, share: FloatArray
 ) -> FloatArray:
     """Return the expected number of detections (n,) of whole boosts that have lasted for
     `elapsed_s` (n,), s, so far.
@@ -58,9 +56,10 @@ def expected_looks(
     from scipy.special import log_ndtr
 
     elapsed = np.maximum(elapsed_s, 1e-3)[:, None]
-    log = log_ndtr(np.log(_BURN_S / elapsed) / _BURN_LOG_SIGMA)
+    # The logarithm of the burn time has a standard deviation of 0.2; notional.
+    log = log_ndtr(np.log(_BURN_S / elapsed) / 0.2)
     weight = share * np.exp(log - log.max(axis=1, keepdims=True))
-    rate = seen @ (schedule.detection_probability / schedule.period_s[:, None])
+    rate = visible @ (schedule.detection_probability / schedule.period_s[:, None])
     looks = weight * rate * np.maximum(_BURN_S, elapsed)
     expected: FloatArray = looks.sum(axis=1) / weight.sum(axis=1)
     return expected
@@ -80,42 +79,67 @@ def launches(
     normal height of the standard deviation `site_m`. The time is the first emission minus the
     expected latency. A sensor whose first detection is later than expected is not used.
     """
-    ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
-    range_m = np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1))
-    left_s = emission_s(lines.time_s, range_m, light_time)
-    late_s, doubt_s = latency_s(schedule)
-    begun_s = np.full(count, np.inf)
-    np.fmin.at(begun_s, owner, left_s)
-    met = np.flatnonzero(np.isfinite(range_m))
-    firsts = met[
-        np.unique(
-            np.stack([owner, lines.sensor.astype(np.int64)], axis=1)[met], axis=0, return_index=True
-        )[1]
-    ]
-    firsts = firsts[
-        left_s[firsts] <= begun_s[owner[firsts]] + (late_s + doubt_s)[lines.sensor[firsts]]
-    ]
-    first = lines.take(firsts)
-    row = owner[firsts]
-    place = ground[firsts]
-    axes = local_axes(place)
-    flat, spread = _on_ground(axes, first.direction_ecef, range_m[firsts] * first.sigma_rad)
-    moves = np.concatenate([np.broadcast_to(np.eye(2), spread.shape), flat[:, :, None]], axis=2)
-    weighed = moves.transpose(0, 2, 1) @ np.linalg.inv(spread).astype(np.float64, copy=False)
+    firsts = _first_lines(lines, owner, count, schedule, light_time)
     information = np.zeros((count, 3, 3))
+    information[:, 2, 2] = site_m**-2
     pull = np.zeros((count, 3))
     about = np.full((count, 3), np.nan)
-    information[:, 2, 2] = site_m**-2
-    about[row[::-1]] = place[::-1]
-    apart = matvec(axes, place - about[row])[:, :2]
-    np.add.at(information, row, weighed @ moves)
-    np.add.at(pull, row, matvec(weighed, apart))
+    about[firsts.track[::-1]] = firsts.place_m[::-1]
+    axes = local_axes(firsts.place_m)
+    moves, weight = _ground_equations(axes, firsts)
+    offset = matvec(axes, firsts.place_m - about[firsts.track])[:, :2]
+    np.add.at(information, firsts.track, weight @ moves)
+    np.add.at(pull, firsts.track, matvec(weight, offset))
+    late_s, doubt_s = latency_s(schedule)
+    order = np.argsort(-firsts.emitted_s, kind="stable")
+    track = firsts.track[order]
+    sensor = firsts.lines.sensor[order]
     when = np.full(count, np.nan)
     wait_s = np.full(count, np.nan)
-    order = np.argsort(-left_s[firsts], kind="stable")
-    when[row[order]] = (left_s[firsts] - late_s[first.sensor])[order]
-    wait_s[row[order]] = doubt_s[first.sensor][order]
+    when[track] = firsts.emitted_s[order] - late_s[sensor]
+    wait_s[track] = doubt_s[sensor]
     return _pooled(about, information, pull, when, wait_s)
+
+
+class _FirstLines(NamedTuple):
+    """The first lines (k,) of each track's sensors: their tracks, emission times, s, and ground
+    points (k, 3) and ranges.
+    """
+
+    lines: LinesOfSight
+    track: IntArray
+    emitted_s: FloatArray
+    place_m: FloatArray
+    range_m: FloatArray
+
+
+def _first_lines(
+    lines: LinesOfSight, owner: IntArray, count: int, schedule: SensorSchedule, light_time: bool
+) -> _FirstLines:
+    """Return the first lines of tracks' sensors, without those that are later than expected."""
+    ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
+    range_m = np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1))
+    emitted_s = emission_s(lines.time_s, range_m, light_time)
+    begun_s = np.full(count, np.inf)
+    np.fmin.at(begun_s, owner, emitted_s)
+    met = np.flatnonzero(np.isfinite(range_m))
+    pairs = np.stack([owner, lines.sensor.astype(np.int64)], axis=1)[met]
+    rows = met[np.unique(pairs, axis=0, return_index=True)[1]]
+    late_s, doubt_s = latency_s(schedule)
+    expected_s = begun_s[owner[rows]] + (late_s + doubt_s)[lines.sensor[rows]]
+    rows = rows[emitted_s[rows] <= expected_s]
+    return _FirstLines(lines.take(rows), owner[rows], emitted_s[rows], ground[rows], range_m[rows])
+
+
+def _ground_equations(axes: FloatArray, firsts: _FirstLines) -> tuple[FloatArray, FloatArray]:
+    """Return the matrices (k, 2, 3) that take east, north and height of a site to ground points of
+    lines, and their transposes times the information of these points.
+    """
+    spread_m = firsts.range_m * firsts.lines.sigma_rad
+    flat, spread = _on_ground(axes, firsts.lines.direction_ecef, spread_m)
+    moves = np.concatenate([np.broadcast_to(np.eye(2), spread.shape), flat[:, :, None]], axis=2)
+    information = np.linalg.inv(spread).astype(np.float64, copy=False)
+    return moves, moves.transpose(0, 2, 1) @ information
 
 
 def _on_ground(
@@ -143,20 +167,19 @@ def _pooled(
 ) -> LaunchPoints:
     """Return the weighted mean points of tracks, from east, north and height."""
     points = LaunchPoints.nowhere(len(about))
-    known = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
-    if not len(known):
+    rows = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
+    if not len(rows):
         return points
-    spread = np.linalg.inv(information[known]).astype(np.float64, copy=False)
+    spread = np.linalg.inv(information[rows]).astype(np.float64, copy=False)
     spread = 0.5 * (spread + spread.transpose(0, 2, 1))
-    away = matvec(spread, pull[known])[:, :2]
-    spread = spread[:, :2, :2]
-    axes = local_axes(about[known])
-    place = ecef_to_geodetic(about[known] + away[:, :1] * axes[:, 0] + away[:, 1:] * axes[:, 1])
-    points.place[known] = np.stack([place.latitude_rad, place.longitude_rad, when[known]], axis=1)
-    whole = np.zeros((len(known), 3, 3))
-    whole[:, :2, :2] = spread
-    whole[:, 2, 2] = np.square(wait_s[known])
-    points.covariance[known] = whole
+    shift = matvec(spread, pull[rows])[:, :2]
+    axes = local_axes(about[rows])
+    place = ecef_to_geodetic(about[rows] + shift[:, :1] * axes[:, 0] + shift[:, 1:] * axes[:, 1])
+    points.place[rows] = np.stack([place.latitude_rad, place.longitude_rad, when[rows]], axis=1)
+    covariance = np.zeros((len(rows), 3, 3))
+    covariance[:, :2, :2] = spread[:, :2, :2]
+    covariance[:, 2, 2] = np.square(wait_s[rows])
+    points.covariance[rows] = covariance
     return points
 
 
@@ -166,13 +189,13 @@ def states_at(arcs: ArcFits, time_s: FloatArray) -> tuple[FloatArray, FloatArray
 
     The covariance is that of the noise, times the reduced χ² where this exceeds 1.
     """
-    _, covariance, left = solved(arcs.normal())
-    freedom = np.maximum(np.where(arcs.seen.sum(axis=1) < 2, 3, 2) * arcs.looks - 6, 1)
-    covariance = covariance * np.maximum(left / freedom, 1.0)[:, None, None]
-    trials = arcs.state[:, None] + np.concatenate([np.zeros((1, 6)), np.diag(STEPS)])
+    _, covariance, misfit = solved(arcs.normal())
+    equations = np.where(arcs.seen.sum(axis=1) < 2, 3, 2) * arcs.looks
+    covariance = covariance * np.maximum(misfit / np.maximum(equations - 6, 1), 1.0)[:, None, None]
+    trials = trial_states(arcs.state)
     flown = propagate_kepler(trials[:, :, :3], trials[:, :, 3:], (time_s - arcs.epoch_s)[:, None])
     state = np.concatenate(eci_to_ecef_state(*flown, time_s[:, None]), axis=2)
-    slope = ((state[:, 1:] - state[:, :1]) / STEPS[:, None]).transpose(0, 2, 1)
+    slope = slopes_of(state)
     spread = slope @ covariance @ slope.transpose(0, 2, 1)
     return state[:, 0], 0.5 * (spread + spread.transpose(0, 2, 1))
 

@@ -7,6 +7,8 @@ Otherwise the height is assumed, vertically from the ground at constant accelera
 linearised once, about the arc of that tick, so a tick costs only its own detections.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from attrs import evolve, frozen
 
@@ -24,25 +26,9 @@ STEPS = np.array([10.0, 10.0, 10.0, 0.1, 0.1, 0.1])
 #: minute.
 _KNOTS = 8
 
-#: Iterations of the first fit, and of each later one.
-_FIRST_ROUNDS = 8
-_ROUNDS = 2
-
-#: Several sensors count as one where their information along the line of sight is below this share
-#: of that across: two equal sensors one degree apart.
-_PARALLAX = 1e-4
-
-#: Iteration stops once the state moves by less than this, m and m/s.
-_SETTLED = 1e-4
-
-#: Largest condition number of the scaled normal equations of a determined state.
-_WORST_CONDITION = 1e12
-
 #: Longest burn of the generic classes, s: until then the height of a target seen by one sensor is
 #: assumed.
 LONGEST_BURN_S = 250.0
-
-_TURN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
 
 @frozen(eq=False, repr=False)
@@ -104,7 +90,9 @@ class ArcFits(Columns):
         """
         place = self.across[:, :3, :3]
         eigenvalues = np.linalg.eigvalsh(np.where(np.isfinite(place), place, 0.0))
-        alone = (self.seen.sum(axis=1) < 2) | (eigenvalues[:, 0] < _PARALLAX * eigenvalues[:, 2])
+        # Several sensors count as one where their information along the line of sight is below this
+        # share of that across: two equal sensors one degree apart.
+        alone = (self.seen.sum(axis=1) < 2) | (eigenvalues[:, 0] < 1e-4 * eigenvalues[:, 2])
         return self.across + np.where(alone[:, None, None], self.along, 0.0)
 
     def discounted(self, share: float) -> "ArcFits":
@@ -125,110 +113,120 @@ def solved(normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     size = np.sqrt(np.diagonal(normal[:, :6, :6], axis1=1, axis2=2))
     determined = np.logical_and((size > 0.0).all(axis=1), np.isfinite(normal).all(axis=(1, 2)))
     scale = np.where(determined[:, None], size, 1.0)
-    matrix = np.where(determined[:, None, None], normal[:, :6, :6], np.eye(6)) / (
-        scale[:, :, None] * scale[:, None, :]
-    )
-    sound: BoolArray = determined & (np.linalg.cond(matrix) < _WORST_CONDITION)
-    inverse = np.linalg.inv(np.where(sound[:, None, None], matrix, np.eye(6)))
-    covariance = inverse / (scale[:, :, None] * scale[:, None, :])
-    covariance = np.where(
-        sound[:, None, None], 0.5 * (covariance + covariance.transpose(0, 2, 1)), np.nan
-    )
+    scales = scale[:, :, None] * scale[:, None, :]
+    matrix = np.where(determined[:, None, None], normal[:, :6, :6], np.eye(6)) / scales
+    # With a larger condition number of the scaled equations the state is not determined.
+    sound = (determined & (np.linalg.cond(matrix) < 1e12))[:, None, None]
+    covariance = np.linalg.inv(np.where(sound, matrix, np.eye(6))) / scales
+    covariance = np.where(sound, 0.5 * (covariance + covariance.transpose(0, 2, 1)), np.nan)
     step = (covariance @ normal[:, :6, 6:])[:, :, 0]
-    left = np.maximum(normal[:, 6, 6] - np.sum(step * normal[:, :6, 6], axis=1), 0.0)
-    return step, covariance, left
+    misfit = np.maximum(normal[:, 6, 6] - np.sum(step * normal[:, :6, 6], axis=1), 0.0)
+    return step, covariance, misfit
+
+
+class AssumedHeights(NamedTuple):
+    """Heights of targets seen by one sensor: launch times (n,), s, and the vertical acceleration,
+    m/s².
+    """
+
+    launch_s: FloatArray
+    climb_m_s2: float
+
+    def ranges_m(self, lines: LinesOfSight, owner: IntArray, emitted_s: FloatArray) -> FloatArray:
+        """Return the ranges (m,) of what lines show, at these heights; nan long after launch."""
+        since_s = emitted_s - self.launch_s[owner]
+        height = 0.5 * self.climb_m_s2 * since_s * np.maximum(since_s, 0.0)
+        point = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef, height)
+        range_m = np.sqrt(np.sum((point - lines.origin_ecef_m) ** 2, axis=1))
+        return np.where(since_s <= LONGEST_BURN_S, range_m, np.nan)
 
 
 def initialised(
     arcs: ArcFits,
     lines: LinesOfSight,
     owner: IntArray,
-    launch_s: FloatArray,
-    climb_m_s2: float,
+    heights: AssumedHeights,
     light_time: bool,
 ) -> ArcFits:
     """Return arcs without a state fitted to their first lines (m,) with arcs `owner`.
 
-    `launch_s` (n,) are the assumed launch times. Arcs that the lines do not determine are
-    unchanged.
+    Arcs that the lines do not determine are unchanged.
     """
-    ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
-    ground = np.where(
-        np.isfinite(ground), ground, lines.origin_ecef_m + 3.6e7 * lines.direction_ecef
-    )
-    left_s = emission_s(
-        lines.time_s, np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1)), light_time
-    )
-    first = np.unique(owner, return_index=True)[1]
-    epoch_s = arcs.epoch_s.copy()
-    place = np.full((len(arcs), 3), np.nan)
-    epoch_s[owner[first]] = left_s[first]
-    place[owner[first]] = earth_rotated(ground[first], left_s[first])
-    rough = np.concatenate([place, np.cross(_TURN, place)], axis=1)
-    started = evolve(arcs, epoch_s=epoch_s, reference=rough, state=rough)
-    straight = _straight_paths(started, owner, left_s)
-    started = _solved_state(
-        started, _with_equations(started, lines, owner, left_s, straight, launch_s, climb_m_s2)
-    )
+    started, emitted_s = _at_rest(arcs, lines, owner, light_time)
+    paths = _straight_paths(started, owner, emitted_s)
+    equations = _with_equations(started, lines, owner, emitted_s, paths, heights)
+    started = _solved_state(started, equations)
     started = evolve(started, reference=started.state)
     determined = np.flatnonzero(started.is_fitted[owner])
-    return updated(
-        started,
-        lines.take(determined),
-        owner[determined],
-        launch_s,
-        climb_m_s2,
-        light_time,
-        rounds=_FIRST_ROUNDS,
-    )
+    lines = lines.take(determined)
+    return updated(started, lines, owner[determined], heights, light_time, rounds=8)
+
+
+def _at_rest(
+    arcs: ArcFits, lines: LinesOfSight, owner: IntArray, light_time: bool
+) -> tuple[ArcFits, FloatArray]:
+    """Return arcs that start at rest where their first lines meet the ground, and the emission
+    times (m,), s, of lines.
+    """
+    origin = lines.origin_ecef_m
+    ground = intersection_with_ellipsoid(origin, lines.direction_ecef)
+    ground = np.where(np.isfinite(ground), ground, origin + 3.6e7 * lines.direction_ecef)
+    range_m = np.sqrt(np.sum((ground - origin) ** 2, axis=1))
+    emitted_s = emission_s(lines.time_s, range_m, light_time)
+    rows = np.unique(owner, return_index=True)[1]
+    epoch_s = arcs.epoch_s.copy()
+    epoch_s[owner[rows]] = emitted_s[rows]
+    place = np.full((len(arcs), 3), np.nan)
+    place[owner[rows]] = earth_rotated(ground[rows], emitted_s[rows])
+    turn = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
+    state = np.concatenate([place, np.cross(turn, place)], axis=1)
+    return evolve(arcs, epoch_s=epoch_s, reference=state, state=state), emitted_s
 
 
 def updated(
     arcs: ArcFits,
     lines: LinesOfSight,
     owner: IntArray,
-    launch_s: FloatArray,
-    climb_m_s2: float,
+    heights: AssumedHeights,
     light_time: bool,
-    rounds: int = _ROUNDS,
+    rounds: int = 2,
 ) -> ArcFits:
     """Return the arcs after lines (m,) in order of time; undetermined ones have no state."""
-    before = arcs
-    moved = before
+    moved = arcs
     added = arcs
-    left_s = lines.time_s
+    emitted_s = lines.time_s
     for turn in range(rounds):
-        left_s = _emission_times(moved, lines, owner, left_s, light_time, 1 if turn else 2)
-        paths = kepler_paths(moved.state, moved.epoch_s, owner, left_s)
-        trial = evolve(before, state=moved.state)
-        added = _with_equations(trial, lines, owner, left_s, paths, launch_s, climb_m_s2)
+        emitted_s = _emission_times(moved, lines, owner, emitted_s, light_time, 1 if turn else 2)
+        paths = kepler_paths(moved.state, moved.epoch_s, owner, emitted_s)
+        trial = evolve(arcs, state=moved.state)
+        added = _with_equations(trial, lines, owner, emitted_s, paths, heights)
         moved = _solved_state(trial, added)
-        if np.max(np.abs(moved.state - trial.state), initial=0.0) < _SETTLED:
+        # Within 0.1 mm and 0.1 mm/s.
+        if np.max(np.abs(moved.state - trial.state), initial=0.0) < 1e-4:
             break
     last_s = arcs.last_s.copy()
-    seen = arcs.seen.copy()
     # An arc that diverged has no emission times.
-    np.fmax.at(last_s, owner, left_s)
-    seen[owner, lines.sensor] = True
+    np.fmax.at(last_s, owner, emitted_s)
     looks = arcs.looks + np.bincount(owner, minlength=len(arcs))
-    return evolve(added, state=moved.state, last_s=last_s, seen=seen, looks=looks)
+    return evolve(added, state=moved.state, last_s=last_s, looks=looks)
 
 
 def _emission_times(
     arcs: ArcFits,
     lines: LinesOfSight,
     owner: IntArray,
-    left_s: FloatArray,
+    guess_s: FloatArray,
     light_time: bool,
     passes: int,
 ) -> FloatArray:
     """Return the emission times (m,), s, of lines from their arcs, from a first guess."""
+    emitted_s = guess_s
     for _ in range(passes if light_time else 0):
-        apart = _positions_at(arcs.state[:, None], arcs.epoch_s, owner, left_s)[
-            :, 0
-        ] - earth_rotated(lines.origin_ecef_m, left_s)
-        left_s = emission_s(lines.time_s, np.sqrt(np.sum(apart * apart, axis=1)), light_time)
-    return left_s
+        position = _positions_at(arcs.state[:, None], arcs.epoch_s, owner, emitted_s)[:, 0]
+        offset = position - earth_rotated(lines.origin_ecef_m, emitted_s)
+        range_m = np.sqrt(np.sum(offset * offset, axis=1))
+        emitted_s = emission_s(lines.time_s, range_m, light_time)
+    return emitted_s
 
 
 def _solved_state(arcs: ArcFits, added: ArcFits) -> ArcFits:
@@ -240,36 +238,28 @@ def _with_equations(
     arcs: ArcFits,
     lines: LinesOfSight,
     owner: IntArray,
-    left_s: FloatArray,
+    emitted_s: FloatArray,
     paths: tuple[FloatArray, FloatArray],
-    launch_s: FloatArray,
-    climb_m_s2: float,
+    heights: AssumedHeights,
 ) -> ArcFits:
     """Return the arcs with the equations of lines added, linearised about positions (m, 3) with
     Jacobians (m, 3, 6).
     """
     position, slope = paths
-    origin = earth_rotated(lines.origin_ecef_m, left_s)
-    direction = earth_rotated(lines.direction_ecef, left_s)
-    apart = position - origin
-    depth = np.sum(apart * direction, axis=1)
+    direction = earth_rotated(lines.direction_ecef, emitted_s)
+    offset = position - earth_rotated(lines.origin_ecef_m, emitted_s)
+    sigma_m = np.sum(offset * direction, axis=1) * lines.sigma_rad
     shift = slope @ (arcs.state - arcs.reference)[owner][:, :, None]
-    bordered = (
-        np.concatenate([slope, shift - apart[:, :, None]], axis=2)
-        / (depth * lines.sigma_rad)[:, None, None]
-    )
-    ahead = direction[:, None, :] @ bordered
-    sideways = bordered - direction[:, :, None] * ahead
+    bordered = np.concatenate([slope, shift - offset[:, :, None]], axis=2) / sigma_m[:, None, None]
+    in_range = direction[:, None, :] @ bordered
+    sideways = bordered - direction[:, :, None] * in_range
     across = arcs.across.copy()
-    along = arcs.along.copy()
     np.add.at(across, owner, sideways.transpose(0, 2, 1) @ sideways)
-    since_s = left_s - launch_s[owner]
-    height = 0.5 * climb_m_s2 * since_s * np.maximum(since_s, 0.0)
-    point = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef, height)
-    far = np.sqrt(np.sum((point - lines.origin_ecef_m) ** 2, axis=1))
-    ahead[:, 0, 6] += far / (depth * lines.sigma_rad)
-    assumed = np.flatnonzero(np.isfinite(far) & (since_s <= LONGEST_BURN_S))
-    np.add.at(along, owner[assumed], (ahead.transpose(0, 2, 1) @ ahead)[assumed])
+    range_m = heights.ranges_m(lines, owner, emitted_s)
+    in_range[:, 0, 6] += range_m / sigma_m
+    assumed = np.flatnonzero(np.isfinite(range_m))
+    along = arcs.along.copy()
+    np.add.at(along, owner[assumed], (in_range.transpose(0, 2, 1) @ in_range)[assumed])
     seen = arcs.seen.copy()
     seen[owner, lines.sensor] = True
     return evolve(arcs, across=across, along=along, seen=seen)
@@ -300,10 +290,18 @@ def kepler_paths(
     """Return positions (m, 3) at times (m,) of the arcs `owner` (m,), and Jacobians (m, 3, 6) by
     the state.
     """
-    trials = state[:, None] + np.concatenate([np.zeros((1, 6)), np.diag(STEPS)])
-    positions = _positions_at(trials, epoch_s, owner, time_s)
-    slope = (positions[:, 1:] - positions[:, :1]) / STEPS[:, None]
-    return positions[:, 0], slope.transpose(0, 2, 1)
+    positions = _positions_at(trial_states(state), epoch_s, owner, time_s)
+    return positions[:, 0], slopes_of(positions)
+
+
+def trial_states(state: FloatArray) -> FloatArray:
+    """Return states (n, 6), and those a step aside along each axis, (n, 7, 6)."""
+    return state[:, None] + np.concatenate([np.zeros((1, 6)), np.diag(STEPS)])
+
+
+def slopes_of(values: FloatArray) -> FloatArray:
+    """Return the Jacobians (n, k, 6) of values (n, 7, k) at `trial_states`."""
+    return ((values[:, 1:] - values[:, :1]) / STEPS[:, None]).transpose(0, 2, 1)
 
 
 def _positions_at(
@@ -312,9 +310,8 @@ def _positions_at(
     """Return positions (m, v, 3) at times (m,) on the arcs through all states (n, v, 6) of the rows
     `owner` (m,).
     """
-    count, each = trials.shape[:2]
-    start = np.full(count, np.inf)
-    end = np.full(count, -np.inf)
+    start = np.full(len(trials), np.inf)
+    end = np.full(len(trials), -np.inf)
     np.fmin.at(start, owner, time_s)
     np.fmax.at(end, owner, time_s)
     idle = ~np.isfinite(start)
@@ -322,19 +319,23 @@ def _positions_at(
     end = np.where(idle, epoch_s, end)
     middle = 0.5 * (start + end)
     half = np.maximum(0.5 * (end - start), 1e-3)
-    knot_s = middle[:, None] + half[:, None] * _NODES
-    flown = propagate_kepler(
-        trials[:, :, None, :3], trials[:, :, None, 3:], (knot_s - epoch_s[:, None])[:, None]
-    )[0]
-    values = flown.transpose(0, 2, 1, 3).reshape(count, _KNOTS, 3 * each)
+    knot_s = middle[:, None] + half[:, None] * np.cos(_ANGLES) - epoch_s[:, None]
+    values = _values_at(trials, knot_s)
     place = np.clip((time_s - middle[owner]) / half[owner], -1.0, 1.0)
     weights = np.cos(np.arange(_KNOTS) * np.arccos(place)[:, None])[:, None, :] @ _TO_SERIES
-    positions: FloatArray = (weights @ values[owner]).reshape(-1, each, 3)
+    positions: FloatArray = (weights @ values[owner]).reshape(-1, trials.shape[1], 3)
     return positions
 
 
-#: Chebyshev nodes in [-1, 1], and the matrix from values at them to series coefficients.
+def _values_at(trials: FloatArray, since_s: FloatArray) -> FloatArray:
+    """Return the positions (n, k, v · 3) of states (n, v, 6) after times (n, k)."""
+    position = trials[:, :, None, :3]
+    velocity = trials[:, :, None, 3:]
+    flown = propagate_kepler(position, velocity, since_s[:, None])[0]
+    return flown.transpose(0, 2, 1, 3).reshape(len(trials), _KNOTS, -1)
+
+
+#: Angles of the Chebyshev nodes in [-1, 1], and the matrix from values at them to series coefficients.
 _ANGLES = (np.arange(_KNOTS) + 0.5) * np.pi / _KNOTS
-_NODES = np.cos(_ANGLES)
 _TO_SERIES = 2.0 / _KNOTS * np.cos(np.arange(_KNOTS)[:, None] * _ANGLES)
 _TO_SERIES[0] *= 0.5

@@ -30,8 +30,8 @@ class LaunchHypotheses:
         these keep theirs. An arc that does not come down is a space launch or none of these.
         """
         prior = Outcomes(vehicle_model(), tuple(hypotheses)).prior
-        group = np.array([one.group for one in hypotheses])
-        types = np.array([one.reported_type for one in hypotheses])
+        group = np.array([hypothesis.group for hypothesis in hypotheses])
+        types = np.array([hypothesis.reported_type for hypothesis in hypotheses])
         stays_up = np.where(np.isin(group, ["orbit", "none"]), prior, 0.0)
         rows = [_narrowed(prior, group == "missile", types == name) for name in REPORTED_TYPES]
         return cls(np.array([*rows, stays_up / stays_up.sum() if stays_up.any() else prior]))
@@ -50,5 +50,9 @@ def _narrowed(prior: FloatArray, group: BoolArray, kind: BoolArray) -> FloatArra
     """Return a prior (H,) whose mass on a group is on the group's hypotheses of one kind, if it has
     any.
     """
-    mine = np.where(group & kind, prior, 0.0)
-    return np.where(group, mine * prior[group].sum() / mine.sum(), prior) if mine.any() else prior
+    selected = np.where(group & kind, prior, 0.0)
+    return (
+        np.where(group, selected * prior[group].sum() / selected.sum(), prior)
+        if selected.any()
+        else prior
+    )

@@ -6,7 +6,7 @@ from math import erf
 
 import numpy as np
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import FloatArray
 from opir_core.plugin import TARGET_TYPES
 from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.forecast.vehicles import vehicle_model
@@ -18,26 +18,15 @@ def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
     """
     least_km = vehicle_model().data["least_ranges_km"]
     order = [TARGET_TYPES.index(name) for name in least_km]
-    edges_m = [1e3 * each for each in list(least_km.values())[1:]]
-    below = np.array(
-        [
-            [0.5 + 0.5 * erf((edge - far) / (np.sqrt(2.0) * sigma)) for edge in edges_m]
-            for far, sigma in zip(range_m.tolist(), sigma_m.tolist(), strict=True)
-        ]
-    ).reshape(len(range_m), len(order) - 1)
-    edges = np.concatenate([np.zeros((len(range_m), 1)), below, np.ones((len(range_m), 1))], axis=1)
+    edges_m = [1e3 * edge_km for edge_km in list(least_km.values())[1:]]
+    edges = np.zeros((len(range_m), len(order) + 1))
+    edges[:, -1] = 1.0
+    for row, (center, sigma) in enumerate(zip(range_m.tolist(), sigma_m.tolist(), strict=True)):
+        scale = np.sqrt(2.0) * sigma
+        edges[row, 1:-1] = [0.5 + 0.5 * erf((edge - center) / scale) for edge in edges_m]
     chance = np.zeros((len(range_m), len(TARGET_TYPES) + 1))
     chance[:, order] = np.diff(edges, axis=1)
     unknown = ~np.isfinite(range_m)
     chance[unknown] = 0.0
     chance[unknown, UNKNOWN_TYPE] = 1.0
     return chance
-
-
-def class_codes(range_m: FloatArray) -> IntArray:
-    """Return codes (n,) into `TARGET_TYPES` of the classes of ranges."""
-    least_km = vehicle_model().data["least_ranges_km"]
-    order = np.array([TARGET_TYPES.index(name) for name in least_km])
-    edges = 1e3 * np.array(list(least_km.values())[1:])
-    codes: IntArray = order[np.searchsorted(edges, range_m, side="right")]
-    return codes

@@ -18,23 +18,52 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import FloatArray
 from opir_core.estimation import COAST, dot, matvec, square_root
 from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.estimates import BURN_SHARE, in_parts
+from opir_trackers.filter.estimates import Burns, rows_of
 from opir_trackers.filter.iterated_update import Mode, Updated
-from opir_trackers.filter.measurement_updates import information_root, moment_matched
+from opir_trackers.filter.measurement_updates import Gaussian, information_root, moment_matched
 from opir_trackers.filter.thrust import SLOW_M_S, air_velocity
 
-#: Means (n, 3, d), information roots (n, 3, d, d) and probabilities (n, 3) of steady burn, staging
-#: and free.
-Burns = tuple[FloatArray, FloatArray, FloatArray]
-
-#: Means (n, d) and information roots (n, d, d).
-Gaussian = tuple[FloatArray, FloatArray]
-
-_FORCE = np.arange(6, 9)
 _UNIT = np.eye(3)
+
+
+@frozen
+class BurnLaw:
+    """Probabilities and thresholds of the modes of a burn; notional where no reason is given."""
+
+    #: Time, s, for which a force may have had another direction before looks show it.
+    unnoticed_s: float = 4.0
+
+    #: Squared distance, in standard deviations of the prior, by which looks move an estimate that is
+    #: tested for surprise: one slice in ten of ordinary boosts.
+    tested_distance: float = 1.5
+
+    #: Probability that a burn whose looks surprise is free.
+    surprised_free: float = 0.02
+
+    #: Share of the prior covariance of the position that counts as learnt where looks teach
+    #: nothing.
+    least_learnt: float = 1e-3
+
+    #: A new stage with this probability is the steady burn. The moments of both stay, so the choice
+    #: costs no containment: below, a doubtful stage is blurred with the old one; above, a third
+    #: stage waits for the second to be certain.
+    decided: float = 0.9
+
+    #: Least mixing probability with which a burn that begins takes part in a boost.
+    least_share: float = 1e-4
+
+    #: Probability that a burn after the dark is the old one, which no sensor saw for a while.
+    unseen: float = 0.1
+
+    #: A free mode less probable than this is not computed: it moves the moments of a burn by less
+    #: than a hundredth.
+    negligible: float = 1e-3
+
+
+LAW = BurnLaw()
 
 
 @frozen(eq=False)
@@ -52,32 +81,37 @@ class NewStage:
     every_s: float
     tilt: float
 
-    def begun(self, mean: FloatArray, root: FloatArray) -> Gaussian:
+    @property
+    def growth(self) -> tuple[float, float]:
+        """Mean and standard deviation of the growth, 1/s."""
+        return self.growth_per_s, self.growth_sigma_per_s
+
+    def begun(self, burn: Gaussian) -> Gaussian:
         """Return burns (n, 10) whose next stage begins: force and growth of the prior, the force
         along the velocity.
         """
-        unit, speed = self._direction(mean)
-        after, begun = self._along(mean[:, :COAST], _of_path(root), unit)
+        unit, speed = self._direction(burn.mean)
+        begun = self._along(_paths_of(burn), unit)
         # The force turns with the velocity, whatever that is: rows on their difference. At rest it
         # has no direction.
         along = unit[:, :, None] * unit[:, None, :]
-        across = 1.0 / (self.force_m_s2 * (self.tilt + SLOW_M_S / speed))
-        begun[:, 6:9, 3:6] = (across * self.force_m_s2 / speed)[:, None, None] * (along - _UNIT)
-        begun[:, 6:9, 6:9] = across[:, None, None] * (_UNIT - along) + along / self.force_sigma_m_s2
-        return after, square_root.triangular(begun)
+        across = _UNIT - along
+        sharp = 1.0 / (self.force_m_s2 * (self.tilt + SLOW_M_S / speed))
+        by_speed = sharp * self.force_m_s2 / speed
+        begun.root[:, 6:9, 3:6] = by_speed[:, None, None] * -across
+        begun.root[:, 6:9, 6:9] = sharp[:, None, None] * across + along / self.force_sigma_m_s2
+        return Gaussian(begun.mean, square_root.triangular(begun.root))
 
-    def lit(self, mean: FloatArray, root: FloatArray) -> Gaussian:
-        """Return burns (n, 10) of a stage that begins at positions and velocities (n, 6) with roots
-        (n, 6, 6).
+    def lit(self, coast: Gaussian) -> Gaussian:
+        """Return burns (n, 10) of a stage that begins where targets coast (n, 6).
 
         After the dark, in which it may have turned.
         """
-        return self._along(mean, root, self._direction(mean)[0])
+        return self._along(coast, self._direction(coast.mean)[0])
 
-    def _along(self, mean: FloatArray, root: FloatArray, unit: FloatArray) -> Gaussian:
+    def _along(self, path: Gaussian, unit: FloatArray) -> Gaussian:
         """Return burns (n, 10) with mean forces along directions (n, 3)."""
-        growth = self.growth_per_s, self.growth_sigma_per_s
-        return _ignited(mean, root, self.force_m_s2 * unit, self.force_sigma_m_s2, growth)
+        return _ignited(path, self.force_m_s2 * unit, self.force_sigma_m_s2, self.growth)
 
     def _direction(self, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the directions (n, 3) of velocities, shorter for slow ones, and speeds (n,), m/s,
@@ -104,109 +138,90 @@ class FreeBurn:
     lasts_s: float
     surprise: float
 
-    def lit(self, mean: FloatArray, root: FloatArray, growth: tuple[float, float]) -> Gaussian:
-        """Return burns (n, 10) that begin at positions and velocities (n, 6) with roots (n, 6,
-        6).
-        """
-        return _ignited(mean, root, np.zeros((len(mean), 3)), self.force_sigma_m_s2, growth)
+    def lit(self, coast: Gaussian, growth: tuple[float, float]) -> Gaussian:
+        """Return burns (n, 10) that begin where targets coast (n, 6)."""
+        no_force = np.zeros((len(coast.mean), 3))
+        return _ignited(coast, no_force, self.force_sigma_m_s2, growth)
 
-    def turned(self, mean: FloatArray, root: FloatArray, growth: tuple[float, float]) -> Gaussian:
+    def turned(self, burn: Gaussian, growth: tuple[float, float]) -> Gaussian:
         """Return burns (n, 10) whose force has had another direction for some seconds."""
-        after, begun = self.lit(mean[:, :COAST], _of_path(root), growth)
-        moved = np.zeros((len(mean), mean.shape[1], 3))
-        moved[:, range(3), range(3)] = 0.5 * _UNNOTICED_S**2 * self.force_sigma_m_s2
-        moved[:, range(3, COAST), range(3)] = _UNNOTICED_S * self.force_sigma_m_s2
-        unmoved = np.broadcast_to(np.eye(mean.shape[1]), begun.shape)
-        return after, square_root.time_update(begun, unmoved, moved)
+        begun = self.lit(_paths_of(burn), growth)
+        since_s = LAW.unnoticed_s
+        size = burn.mean.shape[1]
+        noise = np.zeros((len(burn.mean), size, 3))
+        noise[:, range(3), range(3)] = 0.5 * since_s**2 * self.force_sigma_m_s2
+        noise[:, range(3, COAST), range(3)] = since_s * self.force_sigma_m_s2
+        identity = np.broadcast_to(np.eye(size), begun.root.shape)
+        return Gaussian(begun.mean, square_root.time_update(begun.root, identity, noise))
+
+    def surprises(self, prior: Gaussian, burn: Gaussian) -> Any:
+        """Whether looks surprise (n,): squared innovations of positions in standard deviations, χ²
+        of 3 degrees of freedom at most.
+
+        Looks move an estimate by as much as they shrink its covariance.
+        """
+        prior_covariance = _position_covariance(prior)
+        step = (burn.mean - prior.mean)[:, :3]
+        least = LAW.least_learnt * prior_covariance
+        learnt = prior_covariance - _position_covariance(burn) + least
+        whitened: Any = np.linalg.solve(learnt, step[:, :, None])[:, :, 0]
+        return dot(step, whitened) > self.surprise
 
 
-#: Time, s, for which a force may have had another direction before looks show it.
-_UNNOTICED_S = 4.0
-
-#: Squared distance, in standard deviations of the prior, by which looks move an estimate that is
-#: tested for surprise: one slice in ten of ordinary boosts.
-_MOVED = 1.5
-
-#: Probability that a burn whose looks surprise is free. Notional.
-_TURNS = 0.02
-
-#: Share of the prior covariance of the position that counts as learnt where looks teach nothing.
-_LEAST_LEARNT = 1e-3
+def _position_covariance(burn: Gaussian) -> FloatArray:
+    return square_root.gram(square_root.inverse_root(burn.root)[:, :3])
 
 
-def _surprise(before: Gaussian, after: Gaussian) -> FloatArray:
-    """Return the squared innovations (n,) of positions, in standard deviations: χ² of 3 degrees of
-    freedom at most.
-
-    Looks move an estimate by as much as they shrink its covariance.
-    """
-    spread, left = (
-        square_root.gram(square_root.inverse_root(each[1])[:, :3]) for each in (before, after)
-    )
-    moved = (after[0] - before[0])[:, :3]
-    learnt = spread - left + _LEAST_LEARNT * spread
-    whitened: Any = np.linalg.solve(learnt, moved[:, :, None])[:, :, 0]
-    return dot(moved, whitened)
-
-
-def _of_path(root: FloatArray) -> FloatArray:
-    """Return the roots (n, 6, 6) of position and velocity, whatever the force: those of the last
-    columns.
-    """
-    turned = np.empty_like(root)
-    turned[:, :, :-COAST] = root[:, :, COAST:]
-    turned[:, :, -COAST:] = root[:, :, :COAST]
-    return square_root.triangular(turned)[:, -COAST:, -COAST:]
+def _paths_of(burn: Gaussian) -> Gaussian:
+    """Return position and velocity (n, 6), whatever the force: the roots of the last columns."""
+    turned = np.empty_like(burn.root)
+    turned[:, :, :-COAST] = burn.root[:, :, COAST:]
+    turned[:, :, -COAST:] = burn.root[:, :, :COAST]
+    root = square_root.triangular(turned)[:, -COAST:, -COAST:]
+    return Gaussian(burn.mean[:, :COAST], root)
 
 
 def _ignited(
-    mean: FloatArray,
-    root: FloatArray,
-    force: FloatArray,
-    force_sigma_m_s2: float,
-    growth: tuple[float, float],
+    path: Gaussian, force: FloatArray, force_sigma_m_s2: float, growth: tuple[float, float]
 ) -> Gaussian:
-    """Return burns (n, 10) at positions and velocities (n, 6), with forces (n, 3) and mean and
-    sigma of the growth.
-    """
-    count = len(mean)
+    """Return burns (n, 10) on paths (n, 6), with forces (n, 3) and mean and sigma of the growth."""
+    count = len(force)
     size = COAST + 4
-    after = np.empty((count, size))
-    begun = np.zeros((count, size, size))
-    after[:, :COAST] = mean
-    after[:, _FORCE] = force
-    after[:, 9] = growth[0]
-    begun[:, :COAST, :COAST] = root
-    begun[:, _FORCE, _FORCE] = 1.0 / force_sigma_m_s2
-    begun[:, 9, 9] = 1.0 / growth[1]
-    return after, begun
+    mean = np.empty((count, size))
+    root = np.zeros((count, size, size))
+    mean[:, :COAST] = path.mean
+    mean[:, 6:9] = force
+    mean[:, 9] = growth[0]
+    root[:, :COAST, :COAST] = path.root
+    root[:, range(6, 9), range(6, 9)] = 1.0 / force_sigma_m_s2
+    root[:, 9, 9] = 1.0 / growth[1]
+    return Gaussian(mean, root)
 
 
-def _pushed(mean: FloatArray, root: FloatArray, since: FloatArray, doubt: FloatArray) -> Gaussian:
-    """Return estimates (n, 10) after their forces have acted for times (n, 1), s, known to `doubt`
+def _pushed(burn: Gaussian, since_s: FloatArray, sigma_s: FloatArray) -> Gaussian:
+    """Return burns (n, 10) after their forces have acted for times (n, 1), s, known to `sigma_s`
     (n, 1).
     """
-    force = mean[:, _FORCE]
-    size = mean.shape[1]
-    after = mean.copy()
-    back = np.empty((len(mean), size, size))
+    force = burn.mean[:, 6:9]
+    size = burn.mean.shape[1]
+    half_square = 0.5 * since_s**2
+    mean = burn.mean.copy()
+    mean[:, :3] += half_square * force
+    mean[:, 3:COAST] += since_s * force
+    back = np.eye(size)[None].repeat(len(mean), axis=0)
+    back[:, range(3), range(6, 9)] = -half_square
+    back[:, range(3, COAST), range(6, 9)] = -since_s
     noise = np.zeros((len(mean), size, 1))
-    after[:, :3] += 0.5 * since**2 * force
-    after[:, 3:COAST] += since * force
-    back[:] = np.eye(size)
-    back[:, range(3), _FORCE] = -0.5 * since**2
-    back[:, range(3, COAST), _FORCE] = -since
-    noise[:, :3, 0] = since * doubt * force
-    noise[:, 3:COAST, 0] = doubt * force
-    return after, square_root.time_update(root, back, noise)
+    noise[:, :3, 0] = since_s * sigma_s * force
+    noise[:, 3:COAST, 0] = sigma_s * force
+    return Gaussian(mean, square_root.time_update(burn.root, back, noise))
 
 
 @frozen(eq=False)
 class BurnModes:
     """The modes of a burn; without `stage` there is the burn alone, and its parts are not used.
 
-    A burn is its means (n, d) and roots, and its parts; with stages the former are the moments of
-    the latter.
+    A burn is its moments, and its parts.
     """
 
     motion: Dynamics
@@ -220,33 +235,31 @@ class BurnModes:
 
         With stages a burn after the dark replaces the old one, once it is the likelier.
         """
-        return _LEAST_SHARE if self.stage is None else 0.5
+        return LAW.least_share if self.stage is None else 0.5
 
     def predicted(self, boost: Gaussian, burns: Burns, step_s: float) -> tuple[Gaussian, Burns]:
         """Return burns a step later."""
-        count = len(boost[0])
+        steps = np.array([step_s] * len(boost.mean))
         if self.stage is None:
-            return carried(self.motion, *boost, np.array([step_s] * count)), burns
-        mean, root, share = self._mixed(burns, self.stage, step_s)
-        steps = np.array([step_s] * count)
-        if count == 1:
+            return carried(self.motion, boost, steps), burns
+        burns = burns.copied()
+        if step_s > 0.0:
+            self._mix(burns, self.stage, step_s)
+        mean, root, share = burns
+        if len(share) == 1:
             # Single states have faster kernels.
             for part in (0, 1):
-                mean[:, part], root[:, part] = carried(
-                    self.motion, mean[:, part], root[:, part], steps
-                )
+                mean[:, part], root[:, part] = carried(self.motion, burns.part(part), steps)
         else:
-            mean[:, :2], root[:, :2] = each(
-                lambda means, roots: carried(self.motion, means, roots, np.repeat(steps, 2)),
-                mean[:, :2],
-                root[:, :2],
+            both = Burns(mean[:, :2], root[:, :2], share)
+            mean[:, :2], root[:, :2] = each_part(
+                lambda state: carried(self.motion, state, steps.repeat(2)), both
             )
-        rows = share[:, 2].nonzero()[0]
+        rows = burns.are_free.nonzero()[0]
         if rows.size and self.free is not None:
             mean[rows, 2], root[rows, 2] = carried(
-                self.free.motion, mean[rows, 2], root[rows, 2], steps[rows]
+                self.free.motion, rows_of(burns.part(2), rows), steps[rows]
             )
-        burns = mean, root, share
         return moments(burns), burns
 
     def modes(self, boost: Gaussian, burns: Burns) -> Sequence[Mode]:
@@ -255,224 +268,174 @@ class BurnModes:
         """
         if self.stage is None:
             return [Mode(self.motion, *boost)]
-        modes = [Mode(self.motion, burns[0][:, part], burns[1][:, part]) for part in (0, 1)]
-        if self.free is not None and burns[2][0, 2] > 0.0:
-            modes.append(Mode(self.free.motion, burns[0][:, 2], burns[1][:, 2]))
+        modes = [Mode(self.motion, *burns.part(part)) for part in (0, 1)]
+        if self.free is not None and burns.share[0, 2] > 0.0:
+            modes.append(Mode(self.free.motion, *burns.part(2)))
         return modes
 
     def joined(
-        self, burns: Burns, after: Sequence[Updated], log: Sequence[FloatArray]
+        self, burns: Burns, updates: Sequence[Updated], log: Sequence[FloatArray]
     ) -> tuple[Gaussian, Burns, FloatArray]:
         """Return burns after an update of `modes`, whose log likelihoods are (n,), and that of the
         burn (n,).
         """
         if self.stage is None:
-            return after[0][:2], burns, log[0]
-        parts = 3 if self.free is not None and burns[2][0, 2] > 0.0 else 2
-        mean, root, share = (column.copy() for column in burns)
-        every = np.array(log[:parts])
-        most = np.maximum.reduce(every)
-        share[:, :parts] *= np.exp(every - most).T
-        total = np.add.reduce(share, axis=1)
-        share /= total[:, None]
+            return Gaussian(*updates[0][:2]), burns, log[0]
+        parts = 3 if self.free is not None and burns.share[0, 2] > 0.0 else 2
+        updated = burns.copied()
+        logs = np.array(log[:parts])
+        greatest = np.maximum.reduce(logs)
+        updated.share[:, :parts] *= np.exp(logs - greatest).T
+        total = np.add.reduce(updated.share, axis=1)
+        updated.share[:] /= total[:, None]
         for part in range(parts):
-            mean[:, part], root[:, part] = after[part][:2]
-        joined: Burns = mean, root, share
-        boost = moments(joined)
+            updated.mean[:, part], updated.root[:, part] = updates[part][:2]
+        boost = moments(updated)
         if self.free is not None and parts == 2:
-            boost, joined = self._with_surprised(self.free, burns, boost, joined)
-        return boost, joined, most + np.log(total)
+            boost, updated = self._with_surprised(self.free, burns, boost, updated)
+        return boost, updated, greatest + np.log(total)
 
     def _with_surprised(
-        self, free: FreeBurn, before: Burns, boost: Gaussian, burns: Burns
+        self, free: FreeBurn, prior: Burns, boost: Gaussian, burns: Burns
     ) -> tuple[Gaussian, Burns]:
         """Return burns with a free mode where looks moved steady burn and staging by more than is
         likely.
         """
-        moved = matvec(before[1][:, 0], burns[0][:, 0] - before[0][:, 0])
-        rows = (dot(moved, moved) > _MOVED).nonzero()[0]
+        assert self.stage is not None
+        step = matvec(prior.root[:, 0], burns.mean[:, 0] - prior.mean[:, 0])
+        rows = (dot(step, step) > LAW.tested_distance).nonzero()[0]
         for part in (0, 1):
             if rows.size:
-                pairs = [(each[0][rows, part], each[1][rows, part]) for each in (before, burns)]
-                rows = rows[_surprise(*pairs) > free.surprise]
+                states = [rows_of(parts.part(part), rows) for parts in (prior, burns)]
+                rows = rows[free.surprises(*states)]
         if not rows.size:
             return boost, burns
-        mean, root, share = (column.copy() for column in burns)
-        mean[rows, 2], root[rows, 2] = free.turned(boost[0][rows], boost[1][rows], self._growth)
-        share[rows, :2] *= 1.0 - _TURNS
-        share[rows, 2] = _TURNS
-        opened: Burns = mean, root, share
+        opened = burns.copied()
+        turned = free.turned(rows_of(boost, rows), self.stage.growth)
+        opened.mean[rows, 2], opened.root[rows, 2] = turned
+        opened.share[rows, :2] *= 1.0 - LAW.surprised_free
+        opened.share[rows, 2] = LAW.surprised_free
         return moments(opened), opened
 
-    @property
-    def _growth(self) -> tuple[float, float]:
-        assert self.stage is not None
-        return self.stage.growth_per_s, self.stage.growth_sigma_per_s
-
-    def lit(self, coast: Gaussian, before: Burns) -> tuple[Gaussian, Burns]:
-        """Return burns that begin where targets coast, and those `before` the dark.
+    def lit(self, coast: Gaussian, dark: Burns) -> tuple[Gaussian, Burns]:
+        """Return burns that begin where targets coast, and those before the dark.
 
         Most begin as a new stage; some go on as before, unseen for a while; some are free.
         """
         assert self.stage is not None
-        count = len(coast[0])
-        size = before[0].shape[2]
-        mean = np.empty((count, 3, size))
-        root = np.zeros((count, 3, size, size))
-        mean[:, 0, :COAST] = coast[0]
-        mean[:, 0, COAST:] = before[0][:, 0, COAST:]
-        root[:, 0, :COAST, :COAST] = coast[1]
-        root[:, 0, COAST:, COAST:] = force_root(before[1][:, 0])
-        mean[:, 1], root[:, 1] = self.stage.lit(*coast)
-        mean[:, 2] = mean[:, 1]
-        root[:, 2] = root[:, 1]
-        free = 0.0
+        begun = self.stage.lit(coast)
+        free = begun
+        free_share = 0.0
         if self.free is not None:
-            (mean[:, 2], root[:, 2]), free = self.free.lit(*coast, self._growth), self.free.relit
-        share = np.array([[_UNSEEN, 1.0 - _UNSEEN - free, free]]).repeat(count, axis=0)
-        burns: Burns = mean, root, share
+            free = self.free.lit(coast, self.stage.growth)
+            free_share = self.free.relit
+        parts = (resumed(coast, dark.part(0)), begun, free)
+        share = np.array([[LAW.unseen, 1.0 - LAW.unseen - free_share, free_share]])
+        burns = stacked(parts, share.repeat(len(coast.mean), axis=0))
         return moments(burns), burns
 
     def burning_for(
-        self, burns: Burns, since_s: FloatArray, doubt_s: FloatArray
+        self, burns: Burns, since_s: FloatArray, sigma_s: FloatArray
     ) -> tuple[Gaussian, Burns]:
         """Return burns that began where targets coast, after times (n,), s, of burning known to
-        `doubt_s` (n,).
+        `sigma_s` (n,).
         """
-        since = since_s[:, None]
-        doubt = doubt_s[:, None]
-        parts = [
-            _pushed(burns[0][:, part], burns[1][:, part], since, doubt)
-            for part in range(burns[0].shape[1])
-        ]
-        after: Burns = (
-            np.stack([part[0] for part in parts], axis=1),
-            np.stack([part[1] for part in parts], 1),
-            burns[2],
-        )
-        return moments(after), after
+        parts = [_pushed(burns.part(part), since_s[:, None], sigma_s[:, None]) for part in range(3)]
+        pushed = stacked(parts, burns.share)
+        return moments(pushed), pushed
 
-    def _mixed(self, burns: Burns, stage: NewStage, step_s: float) -> Burns:
-        """Return copies of burns whose next stage may have begun in a step.
+    def _mix(self, burns: Burns, stage: NewStage, step_s: float) -> None:
+        """Begin the next stages that a step may have, in place.
 
-        Those whose stage is decided are in steady burn; an improbable free mode is dropped, one
+        Burns whose stage is decided are in steady burn; an improbable free mode is dropped, one
         that ends is mixed into the steady burn.
         """
-        mean, root, share = (column.copy() for column in burns)
-        if step_s <= 0.0:
-            return mean, root, share
+        mean, root, share = burns
         if np.count_nonzero(share[:, 2]):
-            self._end_free(mean, root, share, step_s)
-        decided = (share[:, 1] > _DECIDED).nonzero()[0]
-        if decided.size:
-            stages = share[decided] * _STAGES
-            total = np.add.reduce(stages, axis=1)
-            known = moments((mean[decided], root[decided], stages / total[:, None]))
-            mean[decided, :2] = known[0][:, None]
-            root[decided, :2] = known[1][:, None]
-            share[decided, 0] = total
-            share[decided, 1] = 0.0
+            self._end_free(burns, step_s)
+        _settle_stages(burns)
         begins = share[:, 0] * -expm1(-step_s / stage.every_s)
-        into = np.stack([begins, share[:, 1]], axis=1)
+        weight = np.array([begins, share[:, 1]]).T
         share[:, 0] -= begins
         share[:, 1] += begins
-        into /= share[:, 1:2]
-        first = stage.begun(mean[:, 0], root[:, 0])
+        weight /= share[:, 1:2]
+        begun = stage.begun(burns.part(0))
         mean[:, 1], root[:, 1] = moment_matched(
-            into, (first[0], mean[:, 1]), (first[1], root[:, 1])
+            weight, (begun.mean, mean[:, 1]), (begun.root, root[:, 1])
         )
-        return mean, root, share
 
-    def _end_free(
-        self, mean: FloatArray, root: FloatArray, share: FloatArray, step_s: float
-    ) -> None:
+    def _end_free(self, burns: Burns, step_s: float) -> None:
         """Drop improbable free modes, and let others end, in place."""
         assert self.free is not None
-        share[share[:, 2] < _NEGLIGIBLE, 2] = 0.0
+        mean, root, share = burns
+        share[share[:, 2] < LAW.negligible, 2] = 0.0
         share /= share.sum(axis=1, keepdims=True)
-        rows = are_free(share).nonzero()[0]
+        rows = burns.are_free.nonzero()[0]
         ends = share[rows, 2] * -expm1(-step_s / self.free.lasts_s)
-        into = np.stack([share[rows, 0], ends], axis=1)
+        weight = np.array([share[rows, 0], ends]).T
         share[rows, 0] += ends
         share[rows, 2] -= ends
-        into /= share[rows, :1]
+        weight /= share[rows, :1]
         mean[rows, 0], root[rows, 0] = moment_matched(
-            into, (mean[rows, 0], mean[rows, 2]), (root[rows, 0], root[rows, 2])
+            weight, (mean[rows, 0], mean[rows, 2]), (root[rows, 0], root[rows, 2])
         )
 
 
-def are_free(share: FloatArray) -> BoolArray:
-    """Return which burns (n,) have a free mode that is computed."""
-    free: BoolArray = share[:, 2] > 0.0
-    return free
+def _settle_stages(burns: Burns) -> None:
+    """Make burns whose stage is decided the moments of steady burn and staging, in place."""
+    mean, root, share = burns
+    rows = (share[:, 1] > LAW.decided).nonzero()[0]
+    if not rows.size:
+        return
+    stages = share[rows] * [1.0, 1.0, 0.0]
+    total = np.add.reduce(stages, axis=1)
+    boost = moments(Burns(mean[rows], root[rows], stages / total[:, None]))
+    mean[rows, :2] = boost.mean[:, None]
+    root[rows, :2] = boost.root[:, None]
+    share[rows, 0] = total
+    share[rows, 1] = 0.0
 
 
-def carried(motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray) -> Gaussian:
-    """Return means (n, d) and information roots after steps (n,), s."""
-    after = motion.propagated(mean, step_s)
-    back = motion.transition(0.5 * (mean + after), -step_s)
-    return after, square_root.time_update(root, back, motion.noise_root(step_s, after))
+def resumed(coast: Gaussian, burn: Gaussian) -> Gaussian:
+    """Return burns with the positions and velocities of coasts (n, 6), and old forces."""
+    root = np.zeros_like(burn.root)
+    root[:, :COAST, :COAST] = coast.root
+    root[:, COAST:, COAST:] = information_root(square_root.inverse_root(burn.root)[:, COAST:])
+    return Gaussian(np.concatenate([coast.mean, burn.mean[:, COAST:]], axis=1), root)
 
 
-def force_root(root: FloatArray) -> FloatArray:
-    """Return the roots (n, 4, 4) of force and growth, whatever position and velocity, of burns (n,
-    10, 10).
-    """
-    return information_root(square_root.inverse_root(root)[:, COAST:])
+def carried(motion: Dynamics, state: Gaussian, step_s: FloatArray) -> Gaussian:
+    """Return estimates after steps (n,), s."""
+    mean = motion.propagated(state.mean, step_s)
+    back = motion.transition(0.5 * (state.mean + mean), -step_s)
+    noise = motion.noise_root(step_s, mean)
+    return Gaussian(mean, square_root.time_update(state.root, back, noise))
 
 
 def moments(burns: Burns) -> Gaussian:
-    """Return the means (n, d) and information roots of burns, by moment matching."""
+    """Return the moments of burns."""
     mean, root, share = burns
     count = np.count_nonzero(share[:, 2])
     if not count:
         return moment_matched(share[:, :2], (mean[:, 0], mean[:, 1]), (root[:, 0], root[:, 1]))
     if count == len(share):
-        return moment_matched(share, tuple(mean.swapaxes(0, 1)), tuple(root.swapaxes(0, 1)))
-    whole = (np.empty_like(mean[:, 0]), np.empty_like(root[:, 0]))
-    free = are_free(share)
-    for rows in (free, ~free):
-        whole[0][rows], whole[1][rows] = moments((mean[rows], root[rows], share[rows]))
-    return whole
+        return moment_matched(share, mean.swapaxes(0, 1), root.swapaxes(0, 1))
+    matched = Gaussian(np.empty_like(mean[:, 0]), np.empty_like(root[:, 0]))
+    for mask in (burns.are_free, ~burns.are_free):
+        rows = mask.nonzero()[0]
+        matched.mean[rows], matched.root[rows] = moments(rows_of(burns, rows))
+    return matched
 
 
-def parts_of(known: Gaussian) -> Burns:
-    """Return burns without parts of their own: all are the given means and roots."""
-    mean, root = known
-    return in_parts(mean), in_parts(root), BURN_SHARE.repeat(len(mean), axis=0)
+def stacked(parts: Sequence[Gaussian], share: FloatArray) -> Burns:
+    """Return burns of three parts."""
+    mean, root = (np.stack(columns, axis=1) for columns in zip(*parts, strict=True))
+    return Burns(mean, root, share)
 
 
-def put(burns: Burns, rows: IntArray, part: Burns) -> Burns:
-    """Return burns with some rows replaced."""
-    mean, root, share = (column.copy() for column in burns)
-    mean[rows], root[rows], share[rows] = part
-    return mean, root, share
-
-
-def each(
-    function: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
-    mean: FloatArray,
-    root: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return a function's means and roots of each part, (n, k, d) and (n, k, d, d)."""
-    count, parts, size = mean.shape
-    found = function(mean.reshape(-1, size), root.reshape(-1, size, size))
-    return found[0].reshape(count, parts, size), found[1].reshape(count, parts, size, size)
-
-
-#: A new stage with this probability is the steady burn. The moments of both stay, so the choice
-#: costs no containment: below, a doubtful stage is blurred with the old one; above, a third stage
-#: waits for the second to be certain.
-_DECIDED = 0.9
-
-#: Least mixing probability with which a burn that begins takes part in a boost.
-_LEAST_SHARE = 1e-4
-
-#: Probability that a burn after the dark is the old one, which no sensor saw for a while. Notional.
-_UNSEEN = 0.1
-
-_STAGES = np.array([1.0, 1.0, 0.0])
-
-#: A free mode less probable than this is not computed: it moves the moments of a burn by less than
-#: a hundredth.
-_NEGLIGIBLE = 1e-3
+def each_part(function: Callable[[Gaussian], Gaussian], burns: Burns) -> Gaussian:
+    """Return a function's values for each part of burns: means (n, k, d) and roots (n, k, d, d)."""
+    mean, root, _ = burns
+    size = mean.shape[2]
+    values = function(Gaussian(mean.reshape(-1, size), root.reshape(-1, size, size)))
+    return Gaussian(values.mean.reshape(mean.shape), values.root.reshape(root.shape))

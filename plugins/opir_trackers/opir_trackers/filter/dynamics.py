@@ -14,8 +14,8 @@ from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.estimation import COAST, Motion, dot, noise_roots
-from opir_core.estimation.square_root import inverse_root
 from opir_core.flight import LOWEST_HEIGHT_M, Drag, density_kg_m3, height_m
+from opir_trackers.filter.ground import up_and_sigma
 
 
 class Dynamics(Protocol):
@@ -108,9 +108,7 @@ class AtmosphericDescent:
 
     def about(self, mean: FloatArray, root: FloatArray) -> "AtmosphericDescent":
         """Return the motion model for means (n, 6) and information roots (n, 6, 6)."""
-        up = mean[:, :3] / np.sqrt(dot(mean[:, :3], mean[:, :3]))[:, None]
-        side = (up[:, None, :] @ inverse_root(root)[:, :3])[:, 0]
-        return evolve(self, height_sigma_m=np.sqrt(dot(side, side)))
+        return evolve(self, height_sigma_m=up_and_sigma(mean, root)[1])
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 6) after steps (n,), s."""

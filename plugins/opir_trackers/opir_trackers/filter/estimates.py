@@ -2,14 +2,15 @@
 a time.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from attrs import Factory, field, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import BOOST, COAST, taylor_positions, taylor_weights
 from opir_core.interfaces import Columns, names_of
+from opir_trackers.filter.measurement_updates import Gaussian
 
 
 class PredictedMeasurements(NamedTuple):
@@ -37,8 +38,8 @@ class PredictedMeasurements(NamedTuple):
     def positions_with(self, track: IntArray, weight: FloatArray) -> FloatArray:
         """Return positions (m, 3) of tracks (m,) with Taylor weights (m, 5)."""
         if len(self.derivative) == 1:
-            lone: FloatArray = weight.dot(self.derivative[0])
-            return lone
+            positions: FloatArray = weight.dot(self.derivative[0])
+            return positions
         return taylor_positions(self.derivative.take(track, axis=0), weight)
 
     def position_roots(self, track: IntArray, time_s: FloatArray) -> FloatArray:
@@ -61,8 +62,8 @@ class PredictedMeasurements(NamedTuple):
         """
         if len(self.root) == 1:
             side = weight[:, :4].dot(self.root.reshape(4, 3 * BOOST)).reshape(-1, 3, BOOST)
-            seen = rows @ side
-            spread: FloatArray = seen @ seen.transpose(0, 2, 1)
+            projected = rows @ side
+            spread: FloatArray = projected @ projected.transpose(0, 2, 1)
         else:
             spread = (rows @ self.position_covariances(track, time_s)) @ rows.transpose(0, 2, 1)
         spread[:, 1, 0] = spread[:, 0, 1]
@@ -129,9 +130,59 @@ _SUMS = {
 BURN_SHARE = np.array([[1.0, 0.0, 0.0]])
 
 
+class Burns(NamedTuple):
+    """Burns (n,) of three parts: steady, staging and free (`burn_modes`).
+
+    Means (n, 3, d), information roots (n, 3, d, d) and probabilities (n, 3).
+    """
+
+    mean: FloatArray
+    root: FloatArray
+    share: FloatArray
+
+    @classmethod
+    def of(cls, boost: Gaussian) -> "Burns":
+        """Return burns all parts of which are the boost."""
+        parts = (in_parts(boost.mean), in_parts(boost.root))
+        return cls(*parts, BURN_SHARE.repeat(len(boost.mean), axis=0))
+
+    @property
+    def are_free(self) -> BoolArray:
+        """Which burns (n,) have a free part that is computed."""
+        return np.asarray(self.share[:, 2] > 0.0)
+
+    def part(self, number: int) -> Gaussian:
+        """Return the estimates of one part."""
+        return Gaussian(self.mean[:, number], self.root[:, number])
+
+    def copied(self) -> "Burns":
+        """Return a copy that may be written to."""
+        return Burns(self.mean.copy(), self.root.copy(), self.share.copy())
+
+
 def in_parts(rows: FloatArray) -> FloatArray:
     """Return rows (n, ...) as the equal parts of a burn, (n, 3, ...)."""
     return rows[:, None].repeat(BURN_SHARE.shape[1], axis=1)
+
+
+_Record = TypeVar("_Record", Gaussian, Burns)
+
+
+def rows_of(record: _Record, rows: IntArray) -> _Record:
+    """Return some rows, ascending and distinct: all rows are the record itself."""
+    if len(rows) == len(record.mean):
+        return record
+    return type(record)(*[column[rows] for column in record])
+
+
+def with_rows(record: _Record, rows: IntArray, part: _Record) -> _Record:
+    """Return the record with some rows, ascending and distinct, replaced."""
+    if len(rows) == len(record.mean):
+        return part
+    columns = [column.copy() for column in record]
+    for column, values in zip(columns, part, strict=True):
+        column[rows] = values
+    return type(record)(*columns)
 
 
 @frozen(eq=False, repr=False)
@@ -143,11 +194,10 @@ class ModeEstimates(Columns):
     of detections and the time, s, over which they are counted, both with exponential forgetting,
     and the time since the last detection, s.
 
-    `burn_mean` (n, 3, d), `burn_root` and `burn_share` (n, 3) are the parts of a boost: steady,
-    staging and free (`burn_modes`); `boost_mean` and `boost_root` are their moments. Without them
-    all parts are the boost. The share of the free part is the probability of thrust in another
-    direction than along the velocity, given that the target burns; 0 where the part is not
-    computed.
+    `burn_mean`, `burn_root` and `burn_share` are the `Burns`; `boost_mean` and `boost_root` are
+    their moments. Without them all parts are the boost. The share of the free part is the
+    probability of thrust in another direction than along the velocity, given that the target burns;
+    0 where the part is not computed.
     """
 
     weight: FloatArray
@@ -169,23 +219,39 @@ class ModeEstimates(Columns):
     @classmethod
     def empty(cls) -> "ModeEstimates":
         """Return the estimates of no tracks."""
-        boost = np.empty((0, BOOST))
-        coast = np.empty((0, COAST))
-        roots = np.empty((0, BOOST, BOOST)), np.empty((0, COAST, COAST))
-        return cls(np.empty((0, 2)), boost, roots[0], coast, roots[1], np.empty((0, 3)))
+        boost = Gaussian(np.empty((0, BOOST)), np.empty((0, BOOST, BOOST)))
+        coast = Gaussian(np.empty((0, COAST)), np.empty((0, COAST, COAST)))
+        return cls(np.empty((0, 2)), *boost, *coast, np.empty((0, 3)))
+
+    @property
+    def boost(self) -> Gaussian:
+        """The estimates of the boost mode."""
+        return Gaussian(self.boost_mean, self.boost_root)
+
+    @property
+    def coast(self) -> Gaussian:
+        """The estimates of the coast mode."""
+        return Gaussian(self.coast_mean, self.coast_root)
+
+    @property
+    def burns(self) -> Burns:
+        """The parts of the boost."""
+        return Burns(self.burn_mean, self.burn_root, self.burn_share)
+
+    @property
+    def are_used(self) -> tuple[bool, bool]:
+        """Whether any track may be in boost, and in coast."""
+        boost, coast = np.maximum.reduce(self.weight, axis=0).tolist()
+        return boost > 0.0, coast > 0.0
 
     @property
     def likelier_position_m(self) -> FloatArray:
-        """Return the inertial positions (n, 3) of the likelier mode of each track."""
-        return np.where(
-            self.weight[:, 1:] > self.weight[:, :1], self.coast_mean[:, :3], self.boost_mean[:, :3]
-        )
+        """The inertial positions (n, 3) of the likelier mode of each track."""
+        return self.likelier_state[:, :3]
 
     @property
     def likelier_state(self) -> FloatArray:
-        """Return the inertial positions and velocities (n, 6) of the likelier mode of each
-        track.
-        """
+        """The inertial positions and velocities (n, 6) of the likelier mode of each track."""
         return np.where(
             self.weight[:, 1:] > self.weight[:, :1], self.coast_mean, self.boost_mean[:, :COAST]
         )

@@ -11,7 +11,7 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.estimation import BOOST, Motion, integrator_noise
+from opir_core.estimation import BOOST, Motion, noise_roots
 from opir_core.flight import Forces
 from opir_trackers.filter.thrust import THRUST
 
@@ -57,9 +57,8 @@ class FreeThrust:
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
         """Return L (n, 10, 10) with L Lᵀ the process-noise covariance of steps (n,)."""
         step = np.abs(step_s)
-        small = (self.noise_m_s2 * step[:, None] ** _POWERS)[:, :, None] * _CHAIN
         root = np.zeros((len(step), THRUST, THRUST))
-        root[:, :_PUSHED, :_PUSHED] = np.kron(small, np.eye(3))
+        root[:, :_PUSHED, :_PUSHED] = self.noise_m_s2 * noise_roots(step, 3)
         root[:, _PUSHED, _PUSHED] = self.growth_noise * np.sqrt(step)
         return root
 
@@ -93,7 +92,3 @@ class FreeThrust:
 def _path(state: FloatArray) -> FloatArray:
     """Return states (n, 12) with a constant force."""
     return np.concatenate([state[:, :_PUSHED], np.zeros((len(state), 3))], axis=1)
-
-
-_POWERS = np.array([2.5, 1.5, 0.5])
-_CHAIN = integrator_noise(3)

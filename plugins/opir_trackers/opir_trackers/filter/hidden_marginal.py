@@ -6,28 +6,26 @@ All else follows: given what is along the axis, it is as likely as before (Jeffr
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.estimation import COAST, square_root
-from opir_trackers.filter.burn_modes import Gaussian
-from opir_trackers.filter.measurement_updates import information_root
+from opir_core.estimation import square_root
+from opir_trackers.filter.measurement_updates import Gaussian, information_root
 
 
 def replaced(
-    mean: FloatArray, root: FloatArray, axis: FloatArray, along: FloatArray, covariance: FloatArray
+    burn: Gaussian, axis: FloatArray, along: FloatArray, covariance: FloatArray
 ) -> Gaussian:
     """Return burns (n, d) with position, velocity and force along axes (n, 3) of given moments, (n,
     3) and (n, 3, 3).
-
-    `root` (n, d, d) are information roots.
     """
-    count, size = mean.shape
+    count, size = burn.mean.shape
     rows = np.zeros((count, 3, size))
-    for order, first in enumerate((0, 3, COAST)):
-        rows[:, order, first : first + 3] = axis
-    side = square_root.inverse_root(root)
-    seen = rows @ side
+    for order in range(3):
+        rows[:, order, 3 * order : 3 * order + 3] = axis
+    side = square_root.inverse_root(burn.root)
+    projected = rows @ side
     gain = np.linalg.solve(
-        seen @ seen.transpose(0, 2, 1), seen @ side.transpose(0, 2, 1)
+        projected @ projected.transpose(0, 2, 1), projected @ side.transpose(0, 2, 1)
     ).transpose(0, 2, 1)
-    after = mean + (gain @ (along[:, :, None] - rows @ mean[:, :, None]))[:, :, 0]
-    wide = np.concatenate([side - gain @ seen, gain @ np.linalg.cholesky(covariance)], axis=2)
-    return after, information_root(wide)
+    shift = (gain @ (along[:, :, None] - rows @ burn.mean[:, :, None]))[:, :, 0]
+    spread = gain @ np.linalg.cholesky(covariance)
+    wide = np.concatenate([side - gain @ projected, spread], axis=2)
+    return Gaussian(burn.mean + shift, information_root(wide))

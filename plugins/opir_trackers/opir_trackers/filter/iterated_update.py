@@ -36,7 +36,7 @@ class Updated(NamedTuple):
 
     mean: FloatArray
     root: FloatArray
-    left: FloatArray
+    misfit: FloatArray
 
 
 def updated(
@@ -49,24 +49,24 @@ def updated(
     points = [mode.mean for mode in modes]
     for turn in range(rounds):
         residual, slope, range_m = slice_.planes.projected(slice_.positions(modes, points))
-        after = []
+        updates = []
         steps = []
         for mode, point, off, gain in zip(modes, points, residual, slope, strict=True):
             stack = slice_.stacked(mode, point, off, gain)
             if turn:
                 stack[:, : mode.mean.shape[1], -1] = matvec(mode.root, mode.mean - point)
-            upper, step, left = least_squares(stack)
+            upper, step, misfit = least_squares(stack)
             steps.append(step)
-            after.append(Updated(point + step, upper, left))
-        points = [result.mean for result in after]
+            updates.append(Updated(point + step, upper, misfit))
+        points = [result.mean for result in updates]
         if turn + 1 < rounds and slice_.bend(steps, range_m) < _SETTLED_SIGMAS:
             break
-    return after
+    return updates
 
 
-def log_likelihoods(mode: Mode, after: Updated) -> FloatArray:
+def log_likelihoods(mode: Mode, update: Updated) -> FloatArray:
     """Return the log likelihoods (n,) of the measurements of an update."""
-    total: FloatArray = log_determinant_ratio(mode.root, after.root) - 0.5 * after.left
+    total: FloatArray = log_determinant_ratio(mode.root, update.root) - 0.5 * update.misfit
     return total
 
 
@@ -161,6 +161,6 @@ def _reach_m(step: FloatArray, span_s: float) -> float:
             reach += weights[k] * hypot(*numbers[3 * k : 3 * k + 3])
         return reach
     blocks = step.shape[1] // 3
-    parts = step[:, : 3 * blocks].reshape(len(step), blocks, 3)
-    length = np.sqrt(np.add.reduce(parts * parts, axis=2))
+    vectors = step[:, : 3 * blocks].reshape(len(step), blocks, 3)
+    length = np.sqrt(np.add.reduce(vectors * vectors, axis=2))
     return float((length @ np.array(weights[:blocks])).max())

@@ -5,13 +5,20 @@ All functions work on stacks (n, ...), one estimate each.
 """
 
 from math import log, prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
 
 from opir_core.arrays import FloatArray
 from opir_core.estimation.square_root import inverse_root, triangular
+
+
+class Gaussian(NamedTuple):
+    """Estimates (n,): means (n, d) and information roots (n, d, d)."""
+
+    mean: FloatArray
+    root: FloatArray
 
 
 def information_root(side: FloatArray) -> FloatArray:
@@ -45,8 +52,8 @@ def least_squares(stack: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     factor = triangular(stack)
     upper = factor[:, :size, :size]
     right = factor[:, :size, size:]
-    left = factor[:, size, size] ** 2 if factor.shape[1] > size else np.zeros(len(stack))
-    return upper, _solved(upper, right)[:, :, 0], left
+    squares = factor[:, size, size] ** 2 if factor.shape[1] > size else np.zeros(len(stack))
+    return upper, _solved(upper, right)[:, :, 0], squares
 
 
 def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
@@ -60,31 +67,27 @@ def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
     return raw
 
 
-def log_determinant_ratio(root: FloatArray, other: FloatArray) -> FloatArray:
+def log_determinant_ratio(root: FloatArray, reference: FloatArray) -> FloatArray:
     """Return log |det R / det R'| (n,) of two sets of roots."""
     if len(root) == 1:
-        own = prod(root[0].diagonal().tolist())
-        others = prod(other[0].diagonal().tolist())
-        return np.array([log(abs(own / others))])
-    ratio = root.diagonal(axis1=1, axis2=2) / other.diagonal(axis1=1, axis2=2)
+        determinant = prod(root[0].diagonal().tolist())
+        return np.array([log(abs(determinant / prod(reference[0].diagonal().tolist())))])
+    ratio = root.diagonal(axis1=1, axis2=2) / reference.diagonal(axis1=1, axis2=2)
     return np.log(np.abs(np.multiply.reduce(ratio, axis=1)))
 
 
-def moment_matched(
-    weight: FloatArray, mean: tuple[FloatArray, ...], root: tuple[FloatArray, ...]
-) -> tuple[FloatArray, FloatArray]:
-    """Return mean (n, d) and R of Gaussian mixtures with weights `weight` (n, k), by moment
-    matching.
+def moment_matched(weight: FloatArray, mean: Any, root: Any) -> Gaussian:
+    """Return the moments (n,) of Gaussian mixtures with weights (n, k), means (k of (n, d)) and
+    information roots.
     """
-    count, size = mean[0].shape
     means = np.array(mean)
-    scale = np.sqrt(weight).T
+    parts, count, size = means.shape
+    scale = np.sqrt(weight).T[:, :, None]
     center = np.add.reduce(weight.T[:, :, None] * means)
-    # A single root has a faster inverse.
-    inverse = (
-        [inverse_root(each) for each in root] if count == 1 else inverse_root(np.concatenate(root))
-    )
-    sides = np.reshape(inverse, (len(root), count, size, size)) * scale[:, :, None, None]
-    shifts = (means - center) * scale[:, :, None]
-    wide = sides.transpose(1, 2, 0, 3).reshape(count, size, len(root) * size)
-    return center, information_root(np.concatenate([wide, shifts.transpose(1, 2, 0)], axis=2))
+    shifts = (means - center) * scale
+    wide = np.empty((count, size, parts * (size + 1)))
+    wide[:, :, parts * size :] = shifts.transpose(1, 2, 0)
+    for number in range(parts):
+        side = wide[:, :, number * size : (number + 1) * size]
+        np.multiply(inverse_root(root[number]), scale[number, :, :, None], out=side)
+    return Gaussian(center, information_root(wide))

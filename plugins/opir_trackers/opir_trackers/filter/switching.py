@@ -11,33 +11,59 @@ detection excludes the coast of a track that burned before. An excluded coast is
 nothing depends on it, and the next step derives it from the boost.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from math import log as log_of
+from typing import NamedTuple
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import BOOST, COAST, dot, noise_roots, square_root
-from opir_trackers.filter import burn_modes, iterated_update, mode_mixing
+from opir_trackers.filter import iterated_update, mode_mixing
 from opir_trackers.filter.burn_modes import (
     BurnModes,
-    Burns,
     FreeBurn,
-    Gaussian,
     NewStage,
-    are_free,
     carried,
+    each_part,
+    stacked,
 )
 from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
+from opir_trackers.filter.estimates import (
+    Burns,
+    ModeEstimates,
+    PredictedMeasurements,
+    rows_of,
+    with_rows,
+)
 from opir_trackers.filter.ground import above_ground
 from opir_trackers.filter.hidden_marginal import replaced
 from opir_trackers.filter.iterated_update import Mode
+from opir_trackers.filter.measurement_updates import Gaussian
 from opir_trackers.filter.mode_mixing import EXCLUDED_WEIGHT, with_velocity_prior
 from opir_trackers.lines_of_sight import AngleMeasurements
 
 __all__ = ("ImmFilter", "ModeEstimates")
+
+#: Time after the last detection, s, in which a force may act unseen.
+RESIDUAL_S = 5.0
+
+
+class _Group(NamedTuple):
+    """Rows of tracks with the same modes, and whether their coasts are open."""
+
+    rows: IntArray
+    is_open: bool
+
+
+class _Modes(NamedTuple):
+    """The modes of tracks, and log likelihoods (n, 2) of measurements in boost and coast."""
+
+    boost: Gaussian
+    burns: Burns
+    coast: Gaussian
+    log: FloatArray
 
 
 @frozen(eq=False)
@@ -72,34 +98,27 @@ class ImmFilter:
 
     @property
     def switches(self) -> bool:
-        """Return whether targets switch between the modes."""
+        """Whether targets switch between the modes."""
         return self.boost_s < np.inf or self.coast_s < np.inf
 
     @property
     def least_open_weight(self) -> float:
-        """Return the weight from which a coast is computed despite detections; 0 where these
-        exclude none.
+        """The weight from which a coast is computed despite detections; 0 where these exclude
+        none.
         """
-        return (
-            EXCLUDED_WEIGHT / self.coast_detection
-            if self.boost_s < np.inf and self.coast_detection < 1.0
-            else 0.0
-        )
+        excludes = self.boost_s < np.inf and self.coast_detection < 1.0
+        return EXCLUDED_WEIGHT / self.coast_detection if excludes else 0.0
 
     def predicted(self, estimates: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return the estimates a step later."""
-        return self._moved(estimates, step_s, 0.0) if len(estimates.weight) else estimates
+        return self._moved(estimates, step_s, 0.0)
 
     def predicted_open(self, estimates: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return the estimates a step later, without coasts that a detection would exclude.
 
         `with_open_coast` adds those that remain open.
         """
-        return (
-            self._moved(estimates, step_s, self.least_open_weight)
-            if len(estimates.weight)
-            else estimates
-        )
+        return self._moved(estimates, step_s, self.least_open_weight)
 
     def with_open_coast(
         self,
@@ -111,50 +130,41 @@ class ImmFilter:
         """Return the estimates after a slice with all open coasts, given the `predicted_open` ones
         and those before.
         """
-        rows = (
-            (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)
-            & (predicted_open.weight[:, 1] < self.least_open_weight)
-        ).nonzero()[0]
+        is_open = estimates.weight[:, 1] >= EXCLUDED_WEIGHT
+        rows = (is_open & (predicted_open.weight[:, 1] < self.least_open_weight)).nonzero()[0]
         if not len(rows):
             return estimates
         burnt = mode_mixing.coast_from_boost(before.part(rows), self.scan_s)
-        mean, root = _with_rows(
-            _modes_of(estimates)[1],
-            self._carried(self.coast, *burnt, np.full(len(rows), step_s)),
-            rows,
-        )
-        return evolve(estimates, coast_mean=mean, coast_root=root)
+        coast = with_rows(estimates.coast, rows, self._coasted(burnt, step_s))
+        return evolve(estimates, coast_mean=coast.mean, coast_root=coast.root)
 
     def _moved(self, estimates: ModeEstimates, step_s: float, least: float) -> ModeEstimates:
         """Return the estimates a step later; coasts less probable than `least` stay as they
         were.
         """
+        if not len(estimates.weight):
+            return estimates
         mixed = estimates
         if self.switches:
             mixed = mode_mixing.mixed(
                 estimates, step_s, self.boost_s, self.coast_s, least, self.burns, self.scan_s
             )
-        boost, coast = _modes_of(mixed)
-        used = _in_use(estimates)
-        steps = np.array([step_s] * len(estimates.weight))
-        rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE
-        rests = mode_mixing.resting_rows(mixed) if len(rows) else _NONE
-        burns: Burns = mixed.burn_mean, mixed.burn_root, mixed.burn_share
-        if used[0] and rests.size < steps.size:
+        boost, burns, coast = mixed.boost, mixed.burns, mixed.coast
+        burns_used, coasts_used = estimates.are_used
+        is_coasting = (mixed.weight[:, 1] >= least) & coasts_used
+        rows = is_coasting.nonzero()[0]
+        resting = mode_mixing.resting_rows(mixed) if len(rows) else rows
+        if burns_used and resting.size < len(boost.mean):
             boost, burns = self.burns.predicted(boost, burns, step_s)
-        if len(rows) == len(steps):
-            coast = self._carried(self.coast, *coast, steps)
-        elif len(rows):
-            part = coast[0][rows], coast[1][rows]
-            coast = _with_rows(coast, self._carried(self.coast, *part, steps[rows]), rows)
-        if len(rows) and self.residual_share > 0.0:
-            coast = self._with_residual(coast, estimates, rows, step_s)
-        if rests.size:
+        if len(rows):
+            moved = self._coasted(rows_of(coast, rows), step_s)
+            coast = self._with_residual(with_rows(coast, rows, moved), estimates, rows, step_s)
+        if resting.size:
             lit, parts = mode_mixing.relit(
-                estimates.part(rests), coast[0][rests], coast[1][rests], self.burns
+                estimates.part(resting), rows_of(coast, resting), self.burns
             )
-            boost = _with_rows(boost, lit, rests)
-            burns = burn_modes.put(burns, rests, parts)
+            boost = with_rows(boost, resting, lit)
+            burns = with_rows(burns, resting, parts)
         return ModeEstimates(mixed.weight, *boost, *coast, mixed.detection_rate, *burns)
 
     def _with_residual(
@@ -168,21 +178,20 @@ class ImmFilter:
         times that time.
         """
         rows = rows[estimates.detection_rate[rows, 2] < RESIDUAL_S]
-        if not rows.size:
+        if not rows.size or self.residual_share <= 0.0:
             return coast
         force = estimates.burn_mean[rows, 0, COAST : COAST + 3]
         density = self.residual_share * np.sqrt(RESIDUAL_S * dot(force, force))
         noise = density[:, None, None] * noise_roots(np.array([step_s]), COAST // 3)
-        still = np.broadcast_to(np.eye(COAST), (len(rows), COAST, COAST))
-        root = square_root.time_update(coast[1][rows], still, noise)
-        return _with_rows(coast, (coast[0][rows], root), rows)
+        identity = np.broadcast_to(np.eye(COAST), (len(rows), COAST, COAST))
+        mean, root = rows_of(coast, rows)
+        widened = Gaussian(mean, square_root.time_update(root, identity, noise))
+        return with_rows(coast, rows, widened)
 
-    def _carried(
-        self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        return carried(
-            motion if motion.about is None else motion.about(mean, root), mean, root, step_s
-        )
+    def _coasted(self, coast: Gaussian, step_s: float) -> Gaussian:
+        """Return coasts a step later."""
+        motion = self.coast if self.coast.about is None else self.coast.about(*coast)
+        return carried(motion, coast, np.array([step_s] * len(coast.mean)))
 
     def updated(
         self,
@@ -194,23 +203,23 @@ class ImmFilter:
         """Return the estimates after the measurements of a slice of length `step_s` that ends at
         `time_s`.
         """
-        if not len(estimates.weight):
+        count = len(estimates.weight)
+        if not count:
             return estimates
         estimates = self._with_ignitions(estimates, time_s, measurements)
-        if len(estimates.weight) == 1:
-            return self._updated_alone(estimates, time_s, measurements, step_s)
-        hits = np.bincount(measurements.track, minlength=len(estimates)).astype(np.float64)
-        seen = hits > 0.0
-        boost, burns, coast, change = self._taken_in(estimates, seen, time_s, measurements)
-        if not self.switches and not all(_in_use(estimates)):
-            return ModeEstimates(estimates.weight, *boost, *coast, estimates.detection_rate, *burns)
-        last_s = np.full(len(estimates), time_s - step_s)
-        np.maximum.at(last_s, measurements.track, measurements.time_s)
-        change[seen, 1] += log_of(self.coast_detection)
-        weighed = mode_mixing.mode_update(
-            estimates, hits, time_s - last_s, change, step_s, self.memory_s, self.pause_s
-        )
-        return ModeEstimates(weighed[0], *boost, *coast, weighed[1], *burns)
+        hits = np.bincount(measurements.track, minlength=count)
+        boost, burns, coast, change = self._measured(estimates, hits, time_s, measurements)
+        weight = estimates.weight
+        rate = estimates.detection_rate
+        if self.switches or all(estimates.are_used):
+            last_s = np.array([-np.inf] * count)
+            np.maximum.at(last_s, measurements.track, measurements.time_s)
+            silent_s = np.minimum(step_s, time_s - last_s)
+            change[:, 1] += log_of(self.coast_detection) * (hits > 0)
+            weight, rate = mode_mixing.mode_update(
+                estimates, hits, silent_s, change, step_s, self.memory_s, self.pause_s
+            )
+        return ModeEstimates(weight, *boost, *coast, rate, *burns)
 
     def _with_ignitions(
         self, estimates: ModeEstimates, time_s: float, measurements: AngleMeasurements
@@ -220,131 +229,77 @@ class ImmFilter:
 
         With r detections per second, that is 1/r ± 1/r.
         """
-        rests = mode_mixing.resting_rows(estimates)
-        if self.stage is None or not rests.size or not len(measurements):
+        resting = mode_mixing.resting_rows(estimates)
+        if self.stage is None or not resting.size or not len(measurements):
             return estimates
         first_s = np.full(len(estimates), np.inf)
         np.minimum.at(first_s, measurements.track, measurements.time_s)
-        rows = rests[first_s[rests] < np.inf]
+        rows = resting[first_s[resting] < np.inf]
         if not rows.size:
             return estimates
         hits, spell, _ = estimates.detection_rate[rows].T
         pause = spell / np.maximum(hits, 1.0)
-        parts: Burns = (
-            estimates.burn_mean[rows],
-            estimates.burn_root[rows],
-            estimates.burn_share[rows],
+        boost, burns = self.burns.burning_for(
+            rows_of(estimates.burns, rows), time_s - first_s[rows] + pause, pause
         )
-        lit, parts = self.burns.burning_for(parts, time_s - first_s[rows] + pause, pause)
-        boost = _with_rows(_modes_of(estimates)[0], lit, rows)
-        burns = burn_modes.put(
-            (estimates.burn_mean, estimates.burn_root, estimates.burn_share), rows, parts
-        )
-        return ModeEstimates(
-            estimates.weight, *boost, *_modes_of(estimates)[1], estimates.detection_rate, *burns
-        )
+        return _with_burns(estimates, rows, boost, burns)
 
-    def _updated_alone(
+    def _measured(
         self,
         estimates: ModeEstimates,
+        hits: IntArray,
         time_s: float,
         measurements: AngleMeasurements,
-        step_s: float,
-    ) -> ModeEstimates:
-        """Return `updated` for one track."""
-        weight = estimates.weight[0].tolist()
-        change = [0.0, 0.0]
-        burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
-        boost, coast = _modes_of(estimates)
-        coasts = weight[1] > 0.0 and weight[1] >= self.least_open_weight
-        looks = len(measurements.time_s)
-        silent_s = step_s
-        if looks:
-            modes = list(self.burns.modes(boost, burns)) if weight[0] > 0.0 else []
-            modes += [Mode(self.coast, *coast)] * coasts
-            results = iterated_update.updated(modes, time_s, measurements, self.rounds)
-            logs = [
-                iterated_update.log_likelihoods(*pair) for pair in zip(modes, results, strict=True)
-            ]
-            if weight[0] > 0.0:
-                boost, burns, log = self.burns.joined(burns, results, logs)
-                change[0] = float(log[0]) if coasts else 0.0
-            if coasts:
-                coast = (results[-1].mean, results[-1].root)
-                change[1] = float(logs[-1][0])
-            change[1] += log_of(self.coast_detection)
-            silent_s = min(step_s, time_s - float(np.maximum.reduce(measurements.time_s)))
-        if not self.switches and not all(weight):
-            return ModeEstimates(estimates.weight, *boost, *coast, estimates.detection_rate, *burns)
-        both = change[0], change[1]
-        weighed = mode_mixing.mode_update_alone(
-            estimates, looks, silent_s, both, step_s, self.memory_s, self.pause_s
-        )
-        return ModeEstimates(weighed[0], *boost, *coast, weighed[1], *burns)
+    ) -> _Modes:
+        """Return modes after looks of a slice, and log likelihoods where both modes are in use."""
+        boost, burns, coast = estimates.boost, estimates.burns, estimates.coast
+        change = np.zeros((len(hits), 2))
+        burns_used, coasts_used = estimates.are_used
+        for rows, is_open in self._groups(estimates, hits):
+            is_coasting = is_open and coasts_used
+            burn_rows = rows_of(burns, rows)
+            boost_rows = rows_of(boost, rows)
+            modes = list(self.burns.modes(boost_rows, burn_rows)) if burns_used else []
+            if is_coasting:
+                modes.append(Mode(self.coast, *rows_of(coast, rows)))
+            looks = _of_rows(measurements, rows, len(hits))
+            results = iterated_update.updated(modes, time_s, looks, self.rounds)
+            logs = list(map(iterated_update.log_likelihoods, modes, results))
+            if burns_used:
+                boost_rows, burn_rows, log = self.burns.joined(burn_rows, results, logs)
+                boost = with_rows(boost, rows, boost_rows)
+                burns = with_rows(burns, rows, burn_rows)
+                change[rows, 0] = log if is_coasting else 0.0
+            if is_coasting:
+                coast = with_rows(coast, rows, Gaussian(*results[-1][:2]))
+                change[rows, 1] = logs[-1]
+        return _Modes(boost, burns, coast, change)
 
-    def _taken_in(
-        self,
-        estimates: ModeEstimates,
-        seen: BoolArray,
-        time_s: float,
-        measurements: AngleMeasurements,
-    ) -> tuple[Gaussian, Burns, Gaussian, FloatArray]:
-        """Return boosts, their parts and coasts after looks, and log likelihoods (n, 2) where both
-        are in use.
-        """
-        burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
-        (boost, coast), change, used = (
-            _modes_of(estimates),
-            np.zeros((len(estimates), 2)),
-            _in_use(estimates),
-        )
-        if not len(measurements):
-            return boost, burns, coast, change
-        open_ = estimates.weight[:, 1] >= self.least_open_weight
-        free = seen & are_free(burns[2])
-        groups = [(seen & open_, used[1]), (seen & ~open_, False)]
-        if np.count_nonzero(free):
-            groups = [(some & part, coasts) for some, coasts in groups for part in (free, ~free)]
-        for some, coasts in groups:
-            rows = _rows(some)
-            if rows is not None and not len(rows):
-                continue
-            every = slice(None) if rows is None else rows
-            mine: Burns = (
-                burns if rows is None else (burns[0][rows], burns[1][rows], burns[2][rows])
-            )
-            burning = boost if rows is None else (boost[0][rows], boost[1][rows])
-            modes = list(self.burns.modes(burning, mine)) if used[0] else []
-            if coasts:
-                modes.append(_mode(self.coast, *coast, rows))
-            results = iterated_update.updated(
-                modes, time_s, _of_rows(measurements, some, rows), self.rounds
-            )
-            logs = [
-                iterated_update.log_likelihoods(*pair) for pair in zip(modes, results, strict=True)
-            ]
-            if used[0]:
-                burning, mine, log = self.burns.joined(mine, results, logs)
-                boost = _with_rows(boost, burning, rows)
-                burns = mine if rows is None else burn_modes.put(burns, rows, mine)
-                change[every, 0] = log if coasts else 0.0
-            if coasts:
-                coast = _with_rows(coast, (results[-1].mean, results[-1].root), rows)
-                change[every, 1] = logs[-1]
-        return boost, burns, coast, change
+    def _groups(self, estimates: ModeEstimates, hits: IntArray) -> Iterator[_Group]:
+        """Yield the groups of tracks with looks, by whether coasts and free burns are computed."""
+        are_open = estimates.weight[:, 1] >= self.least_open_weight
+        if len(hits) == 1:
+            if hits[0]:
+                yield _Group(np.zeros(1, dtype=np.int64), bool(are_open[0]))
+            return
+        kinds = 2 * are_open + estimates.burns.are_free
+        seen = hits.nonzero()[0]
+        kinds_seen = kinds[seen]
+        for kind in sorted(set(kinds_seen.tolist())):
+            yield _Group(seen[kinds_seen == kind], kind >= 2)
 
     def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the velocity covariance of the tracks `rows` bounded by the
         prior.
         """
-        burnt = self._with_bounded_burns(estimates, rows, with_velocity_prior)
-        mean, root = _modes_of(estimates)[1]
-        coast = _with_rows((mean, root), with_velocity_prior(mean[rows], root[rows]), rows)
-        return evolve(burnt, coast_mean=coast[0], coast_root=coast[1])
+        burnt = _with_bounded_burns(estimates, rows, with_velocity_prior)
+        bounded = with_velocity_prior(rows_of(estimates.coast, rows))
+        coast = with_rows(estimates.coast, rows, bounded)
+        return evolve(burnt, coast_mean=coast.mean, coast_root=coast.root)
 
     def above_ground(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the burns of the tracks `rows` above the ground."""
-        return self._with_bounded_burns(estimates, rows, above_ground)
+        return _with_bounded_burns(estimates, rows, above_ground)
 
     def replaced_along(
         self,
@@ -359,179 +314,87 @@ class ImmFilter:
 
         These are of position, velocity and force, (m, 3) and (m, 3, 3).
         """
-        boost = _modes_of(estimates)[0]
-        boost = _with_rows(
-            boost, replaced(boost[0][rows], boost[1][rows], axis, along, covariance), rows
-        )
-        mean = estimates.burn_mean[rows]
-        root = estimates.burn_root[rows]
-        parts = [
-            replaced(mean[:, part], root[:, part], axis, along, covariance)
-            for part in range(mean.shape[1])
-        ]
-        burns: Burns = (
-            np.stack([part[0] for part in parts], axis=1),
-            np.stack([part[1] for part in parts], axis=1),
-            estimates.burn_share[rows],
-        )
-        burns = burn_modes.put(
-            (estimates.burn_mean, estimates.burn_root, estimates.burn_share), rows, burns
-        )
-        return evolve(
-            estimates,
-            boost_mean=boost[0],
-            boost_root=boost[1],
-            burn_mean=burns[0],
-            burn_root=burns[1],
-        )
-
-    def _with_bounded_burns(
-        self,
-        estimates: ModeEstimates,
-        rows: IntArray,
-        bounded: Callable[[FloatArray, FloatArray], Gaussian],
-    ) -> ModeEstimates:
-        """Return the estimates with a function of means and roots applied to the burns of tracks
-        `rows`.
-        """
-        boost = _modes_of(estimates)[0]
-        boost = _with_rows(boost, bounded(boost[0][rows], boost[1][rows]), rows)
-        burns: Burns = estimates.burn_mean, estimates.burn_root, estimates.burn_share
-        parts = burn_modes.each(bounded, burns[0][rows], burns[1][rows])
-        burns = burn_modes.put(burns, rows, (*parts, burns[2][rows]))
-        return evolve(
-            estimates,
-            boost_mean=boost[0],
-            boost_root=boost[1],
-            burn_mean=burns[0],
-            burn_root=burns[1],
-        )
-
-    def mode_updated(
-        self,
-        motion: Dynamics,
-        mean: FloatArray,
-        root: FloatArray,
-        time_s: float,
-        measurements: AngleMeasurements,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return means and roots of one mode after measurements of all tracks, and log likelihoods
-        (n,).
-        """
-        mode = Mode(motion, mean, root)
-        (after,) = iterated_update.updated([mode], time_s, measurements, self.rounds)
-        return after.mean, after.root, iterated_update.log_likelihoods(mode, after)
+        boost = replaced(rows_of(estimates.boost, rows), axis, along, covariance)
+        burns = rows_of(estimates.burns, rows)
+        parts = [replaced(burns.part(part), axis, along, covariance) for part in range(3)]
+        return _with_burns(estimates, rows, boost, stacked(parts, burns.share))
 
     def predicted_measurements(
         self, estimates: ModeEstimates, time_s: float
     ) -> PredictedMeasurements:
         """Return the predictions about the estimates' time, by the likelier mode of each track."""
         coasts = estimates.weight[:, 1] > estimates.weight[:, 0]
-        boost, coast = _modes_of(estimates)
         count = np.count_nonzero(coasts)
         if not count:
-            return PredictedMeasurements(time_s, *_taylor_and_root(self.boost, *boost))
+            return PredictedMeasurements(time_s, *_path(self.boost, estimates.boost))
         if count == len(coasts):
-            return PredictedMeasurements(time_s, *_taylor_and_root(self.coast, *coast))
+            return PredictedMeasurements(time_s, *_path(self.coast, estimates.coast))
         derivative = np.empty((len(estimates), 5, 3))
-        side = np.empty((len(estimates), BOOST, BOOST))
-        derivative[coasts], side[coasts] = _taylor_and_root(
-            self.coast, coast[0][coasts], coast[1][coasts]
-        )
-        derivative[~coasts], side[~coasts] = _taylor_and_root(
-            self.boost, boost[0][~coasts], boost[1][~coasts]
-        )
-        return PredictedMeasurements(time_s, derivative, side)
+        root = np.empty((len(estimates), BOOST, BOOST))
+        modes = ((coasts, self.coast, estimates.coast), (~coasts, self.boost, estimates.boost))
+        for mask, motion, state in modes:
+            rows = mask.nonzero()[0]
+            derivative[rows], root[rows] = _path(motion, rows_of(state, rows))
+        return PredictedMeasurements(time_s, derivative, root)
 
     def moments(self, estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity, over both
         modes.
         """
-        open_ = estimates.weight[:, 1:] >= (EXCLUDED_WEIGHT if self.least_open_weight else 0.0)
-        if not np.count_nonzero(open_):
-            side = square_root.inverse_root(estimates.boost_root)[:, :COAST]
-            return estimates.boost_mean[:, :COAST], square_root.gram(side)
-        weight = np.where(open_, estimates.weight, _BURNS)
+        least = EXCLUDED_WEIGHT if self.least_open_weight else 0.0
+        are_open = estimates.weight[:, 1:] >= least
+        boost_mean = estimates.boost_mean[:, :COAST]
+        boost_side = square_root.inverse_root(estimates.boost_root)[:, :COAST]
+        if not np.count_nonzero(are_open):
+            return boost_mean, square_root.gram(boost_side)
+        weight = np.where(are_open, estimates.weight, [1.0, 0.0])
         boost = weight[:, :1]
         coast = weight[:, 1:]
-        apart = estimates.boost_mean[:, :COAST] - estimates.coast_mean
-        width = estimates.boost_mean.shape[1]
-        side = np.empty((len(apart), COAST, width + COAST + 1))
+        width = boost_side.shape[2]
+        side = np.empty((len(weight), COAST, width + COAST + 1))
         share = np.sqrt(weight)[:, :, None, None]
-        np.multiply(
-            square_root.inverse_root(estimates.boost_root)[:, :COAST],
-            share[:, 0],
-            out=side[:, :, :width],
-        )
-        np.multiply(
-            square_root.inverse_root(estimates.coast_root), share[:, 1], out=side[:, :, width:-1]
-        )
+        np.multiply(boost_side, share[:, 0], out=side[:, :, :width])
+        coast_side = square_root.inverse_root(estimates.coast_root)
+        np.multiply(coast_side, share[:, 1], out=side[:, :, width:-1])
+        apart = boost_mean - estimates.coast_mean
         np.multiply(apart, np.sqrt(boost * coast), out=side[:, :, -1])
-        return boost * estimates.boost_mean[
-            :, :COAST
-        ] + coast * estimates.coast_mean, square_root.gram(side)
+        mean: FloatArray = boost * boost_mean + coast * estimates.coast_mean
+        return mean, square_root.gram(side)
 
 
-#: Time after the last detection, s, in which a force may act unseen.
-RESIDUAL_S = 5.0
+def _with_bounded_burns(
+    estimates: ModeEstimates, rows: IntArray, bounded: Callable[[Gaussian], Gaussian]
+) -> ModeEstimates:
+    """Return the estimates with a function applied to the burns of tracks `rows`."""
+    boost = bounded(rows_of(estimates.boost, rows))
+    burns = rows_of(estimates.burns, rows)
+    parts = each_part(bounded, burns)
+    return _with_burns(estimates, rows, boost, Burns(*parts, burns.share))
 
-_BURNS = np.array([1.0, 0.0])
-_NONE = np.empty(0, dtype=np.int64)
 
-
-def _modes_of(
-    estimates: ModeEstimates,
-) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
-    """Return means and roots of boost and coast."""
-    return (estimates.boost_mean, estimates.boost_root), (
-        estimates.coast_mean,
-        estimates.coast_root,
+def _with_burns(
+    estimates: ModeEstimates, rows: IntArray, boost: Gaussian, burns: Burns
+) -> ModeEstimates:
+    """Return the estimates with the burns of tracks `rows` replaced."""
+    boost = with_rows(estimates.boost, rows, boost)
+    burns = with_rows(estimates.burns, rows, burns)
+    return ModeEstimates(
+        estimates.weight, *boost, *estimates.coast, estimates.detection_rate, *burns
     )
 
 
-def _in_use(estimates: ModeEstimates) -> tuple[bool, bool]:
-    """Return whether any track may be in boost, and in coast."""
-    boost, coast = (
-        estimates.weight[0]
-        if len(estimates.weight) == 1
-        else np.maximum.reduce(estimates.weight, axis=0)
-    ).tolist()
-    return boost > 0.0, coast > 0.0
-
-
-def _mode(motion: Dynamics, mean: FloatArray, root: FloatArray, rows: IntArray | None) -> Mode:
-    return Mode(motion, mean, root) if rows is None else Mode(motion, mean[rows], root[rows])
-
-
-def _rows(some: BoolArray) -> IntArray | None:
-    """Return the rows of a mask, None for all."""
-    return None if np.count_nonzero(some) == len(some) else some.nonzero()[0]
-
-
-def _of_rows(
-    measurements: AngleMeasurements, some: BoolArray, rows: IntArray | None
-) -> AngleMeasurements:
-    """Return the measurements of some rows (a mask, and its rows or None), renumbered."""
-    if rows is None:
+def _of_rows(measurements: AngleMeasurements, rows: IntArray, count: int) -> AngleMeasurements:
+    """Return the measurements of some of the tracks (count,), renumbered."""
+    if len(rows) == count:
         return measurements
-    mine = measurements.part(np.flatnonzero(some[measurements.track]))
-    return mine.with_track((np.cumsum(some) - 1)[mine.track])
+    number = np.full(count, -1)
+    number[rows] = np.arange(len(rows))
+    track = number[measurements.track]
+    selected = (track >= 0).nonzero()[0]
+    return measurements.part(selected).with_track(track[selected])
 
 
-def _with_rows(
-    whole: tuple[FloatArray, FloatArray], part: tuple[FloatArray, FloatArray], rows: IntArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return means and roots with some rows replaced."""
-    if rows is None:
-        return part
-    mean = whole[0].copy()
-    root = whole[1].copy()
-    mean[rows], root[rows] = part
-    return mean, root
-
-
-def _taylor_and_root(
-    motion: Dynamics, mean: FloatArray, root: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _path(motion: Dynamics, state: Gaussian) -> tuple[FloatArray, FloatArray]:
     """Return position derivatives (n, 5, 3) and covariance roots (n, 12, 12) of the first four."""
-    return motion.taylor(mean), motion.derivative_roots(mean, square_root.inverse_root(root))
+    side = square_root.inverse_root(state.root)
+    return motion.taylor(state.mean), motion.derivative_roots(state.mean, side)

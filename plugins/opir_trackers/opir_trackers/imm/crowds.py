@@ -24,17 +24,39 @@ from opir_trackers.imm import focal_plane
 from opir_trackers.imm.focal_plane import FocalPlanePairs, FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
-from opir_trackers.pairing import KEPT_S, Directions
+from opir_trackers.pairing import LAW as PAIRING, Directions
 from opir_trackers.registration.shared_errors import turned_back
 from opir_trackers.triangulation import FAR_M
 
-#: New tracks within this distance of another one, m, may have one another's lines: their crossings
-#: may be ghosts.
-NEAR_M = 60e3
 
-#: A focal-plane track without a line for this time, s, or this many scans ends.
-_SILENT_S = 10.0
-_SILENT_SCANS = 4.0
+@frozen
+class CrowdLaw:
+    """When tracks join and leave crowds."""
+
+    #: New tracks within this distance of another one, m, may have one another's lines: their
+    #: crossings may be ghosts.
+    near_m: float = 60e3
+
+    #: A focal-plane track without a line for this time, s, or this many scans ends.
+    silent_s: float = 10.0
+    silent_scans: float = 4.0
+
+    #: Time after the last contest, s, in which three sensors decide a pairing twice over; two need
+    #: the stretch.
+    decided_s: float = 10.0
+
+    #: Sensors that fix a state.
+    fixing: int = 2
+
+    #: How many neighbours that share a line are compared, in order of their numbers.
+    compared: int = 3
+
+    #: Error of the angle of a new focal-plane track beside that of the state, in looks: states may
+    #: be of wrong pairings.
+    angle_sigmas: float = 0.3
+
+
+LAW = CrowdLaw()
 
 
 class SensorView(NamedTuple):
@@ -50,15 +72,15 @@ class SensorView(NamedTuple):
         """Return when (n,) light that is received from `FAR_M` at a time is received from ranges
         (n,).
         """
-        late: FloatArray = (range_m - FAR_M) / SPEED_OF_LIGHT_M_S * self.light_time
-        return time_s + late
+        delay_s: FloatArray = (range_m - FAR_M) / SPEED_OF_LIGHT_M_S * self.light_time
+        return time_s + delay_s
 
     def positions(self, sensor: IntArray, time_s: FloatArray) -> FloatArray:
         """Return the positions (n, 3) in ECEF of sensors (n,) at times (n,)."""
         place = np.empty((len(sensor), 3))
-        for one in np.unique(sensor).tolist():
-            rows = np.flatnonzero(sensor == one)
-            place[rows] = self.sensors[one].orbit.position_ecef_m(time_s[rows])
+        for number in np.unique(sensor).tolist():
+            rows = np.flatnonzero(sensor == number)
+            place[rows] = self.sensors[number].orbit.position_ecef_m(time_s[rows])
         return place
 
 
@@ -69,7 +91,7 @@ class Crowds:
     """
 
     tracks: FocalPlaneTracks = field(factory=FocalPlaneTracks.empty)
-    kept: Directions = field(factory=Directions.empty)
+    stored: Directions = field(factory=Directions.empty)
     mixtures: Mixtures = field(factory=Mixtures.empty)
     paired_s: float = -np.inf
     #: Whether any track is in a crowd.
@@ -95,7 +117,7 @@ class Crowds:
             return self
         return Crowds(
             self.tracks.take(np.flatnonzero(~np.isin(self.tracks.number, number))),
-            self.kept.take(np.flatnonzero(~np.isin(self.kept.number, number))),
+            self.stored.take(np.flatnonzero(~np.isin(self.stored.number, number))),
             self.mixtures.take(np.flatnonzero(~np.isin(self.mixtures.number, number))),
             self.paired_s,
         )
@@ -127,23 +149,14 @@ def contested_tracks(
     sensor = sensor[order]
     keys = [np.empty(0, dtype=np.int64)]
     count, sensors = seen.shape
-    for lag in range(1, _COMPARED + 1):
+    for lag in range(1, LAW.compared + 1):
         shared = np.flatnonzero(line[lag:] == line[:-lag])
         keys.append((track[shared] * count + track[shared + lag]) * sensors + sensor[shared])
     pair, shared_in = np.unique(np.unique(np.concatenate(keys)) // sensors, return_counts=True)
-    one, other = divmod(pair, max(count, 1))
-    apart = np.count_nonzero(seen[one] & seen[other], axis=1) - shared_in
-    return np.unique(np.concatenate([one[apart < _FIXING], other[apart < _FIXING]]))
-
-
-#: Time after the last contest, s, in which three sensors decide a pairing twice over; two need the
-#: stretch.
-_DECIDED_S = 10.0
-
-#: Sensors that fix a state; and how many neighbours that share a line are compared, in order of
-#: their numbers.
-_FIXING = 2
-_COMPARED = 3
+    row, neighbour = divmod(pair, max(count, 1))
+    resolved_in = np.count_nonzero(seen[row] & seen[neighbour], axis=1) - shared_in
+    is_open = resolved_in < LAW.fixing
+    return np.unique(np.concatenate([row[is_open], neighbour[is_open]]))
 
 
 class CrowdPairs(NamedTuple):
@@ -166,7 +179,7 @@ def paired(
 
 def updated_crowds(
     crowds: Crowds,
-    near: CrowdPairs,
+    focal_pairs: CrowdPairs,
     lines: LinesOfSight,
     end_s: float,
     model: AssociationModel,
@@ -174,15 +187,15 @@ def updated_crowds(
     view: SensorView,
 ) -> CrowdUpdate:
     """Return the crowds after the lines of a slice that ends at `end_s`."""
-    tracks = near.tracks
-    update = focal_plane.updated(tracks, lines, near.pairs, model, gate)
-    after = _with_contested(update.tracks.predicted(end_s), update.pairs, lines.sensor, end_s)
-    fresh = _mean_directions(after, update.equivalent, update.row, end_s, view)
-    recent = np.flatnonzero(crowds.kept.time_s > end_s - KEPT_S)
-    kept = Directions.concatenate([crowds.kept.take(recent), fresh])
+    tracks = focal_pairs.tracks
+    update = focal_plane.updated(tracks, lines, focal_pairs.pairs, model, gate)
+    tracks_now = _with_contested(update.tracks.predicted(end_s), update.pairs, lines.sensor, end_s)
+    new_directions = _mean_directions(tracks_now, update.equivalent, update.row, end_s, view)
+    recent = np.flatnonzero(crowds.stored.time_s > end_s - PAIRING.kept_s)
+    stored = Directions.concatenate([crowds.stored.take(recent), new_directions])
     number = np.append(tracks.number, -1)
     return CrowdUpdate(
-        evolve(crowds, tracks=after, kept=kept),
+        evolve(crowds, tracks=tracks_now, stored=stored),
         number[update.owner],
         update.equivalent,
         tracks.number[update.row],
@@ -196,13 +209,13 @@ def corrected_crowds(crowds: Crowds, change: FloatArray, view: SensorView) -> Cr
     Kept directions share their instants: clocks move focal-plane tracks alone.
     """
     tracks = crowds.tracks
-    kept = crowds.kept
-    mine = change[tracks.sensor]
+    stored = crowds.stored
+    changes = change[tracks.sensor]
     origin = view.positions(tracks.sensor, tracks.time_s)
-    axes = np.stack([turned_back(tracks.axes[:, row], origin, mine) for row in range(3)], axis=1)
-    right = turned_back(kept.direction_ecef, kept.origin_ecef_m, change[kept.sensor])
-    tracks = evolve(tracks, axes=axes, time_s=tracks.time_s - mine[:, 2])
-    return evolve(crowds, tracks=tracks, kept=evolve(kept, direction_ecef=right))
+    axes = np.stack([turned_back(tracks.axes[:, row], origin, changes) for row in range(3)], axis=1)
+    right = turned_back(stored.direction_ecef, stored.origin_ecef_m, change[stored.sensor])
+    tracks = evolve(tracks, axes=axes, time_s=tracks.time_s - changes[:, 2])
+    return evolve(crowds, tracks=tracks, stored=evolve(stored, direction_ecef=right))
 
 
 def _with_contested(
@@ -211,16 +224,16 @@ def _with_contested(
     """Return the tracks with the time at which they, or one they are connected to by shared lines,
     were contested.
     """
-    number, which = np.unique(tracks.number, return_inverse=True)
-    seen = np.zeros((len(number), int(tracks.sensor.max(initial=0)) + 1), dtype=bool)
-    seen[which, tracks.sensor] = True
-    of_pair = which[pairs.row]
-    rows = contested_tracks(of_pair, pairs.line, sensor[pairs.line], seen)
+    number, track_row = np.unique(tracks.number, return_inverse=True)
+    visible = np.zeros((len(number), int(tracks.sensor.max(initial=0)) + 1), dtype=bool)
+    visible[track_row, tracks.sensor] = True
+    of_pair = track_row[pairs.row]
+    rows = contested_tracks(of_pair, pairs.line, sensor[pairs.line], visible)
     if not len(rows):
         return tracks
     is_open = connected_tracks(of_pair, pairs.line, rows)
     is_open = np.append(is_open, np.zeros(len(number) - len(is_open), dtype=bool))
-    return evolve(tracks, contested_s=np.where(is_open[which], time_s, tracks.contested_s))
+    return evolve(tracks, contested_s=np.where(is_open[track_row], time_s, tracks.contested_s))
 
 
 def _mean_directions(
@@ -286,38 +299,40 @@ def joined(
         return crowds
     row = rows[row]
     time_s = predicted.time_s
-    ones = np.ones(len(row))
-    delay_s = FAR_M / SPEED_OF_LIGHT_M_S * view.light_time
-    apart = [
-        earth_rotated(
-            predicted.positions(row, (time_s + step - delay_s) * ones),
-            -(time_s + step - delay_s) * ones,
-        )
-        - view.positions(sensor, (time_s + step) * ones)
-        for step in (-1.0, 0.0, 1.0)
-    ]
-    motion = apart[1], 0.5 * (apart[2] - apart[0]), apart[2] - 2.0 * apart[1] + apart[0]
+    motion = _motion(predicted, row, sensor, view)
     turn = earth_rotated(np.eye(3), np.full(3, -time_s)).T
     roots = turn @ predicted.root[row].reshape(len(row), 4, 3, BOOST)[:, :3]
-    noise = np.array([each.line_of_sight_sigma_rad for each in view.sensors])[sensor]
-    fresh = focal_plane.begun(number[row], sensor, time_s, motion, roots, _OFF * noise)
+    sigmas = np.array([part.line_of_sight_sigma_rad for part in view.sensors])
+    noise = LAW.angle_sigmas * sigmas[sensor]
+    begun = focal_plane.begun(number[row], sensor, time_s, motion, roots, noise)
     if crowds.are_there:
         # A sensor more does not contest a track anew.
-        known = np.full(len(number), -np.inf)
-        np.maximum.at(
-            known, np.searchsorted(number, crowds.tracks.number), crowds.tracks.contested_s
-        )
-        last_s = known[row]
-        fresh = evolve(fresh, contested_s=np.where(np.isfinite(last_s), last_s, time_s))
-    return evolve(crowds, tracks=FocalPlaneTracks.concatenate([crowds.tracks, fresh]))
+        contested_s = np.full(len(number), -np.inf)
+        known_rows = np.searchsorted(number, crowds.tracks.number)
+        np.maximum.at(contested_s, known_rows, crowds.tracks.contested_s)
+        last_s = contested_s[row]
+        begun = evolve(begun, contested_s=np.where(np.isfinite(last_s), last_s, time_s))
+    return evolve(crowds, tracks=FocalPlaneTracks.concatenate([crowds.tracks, begun]))
 
 
-#: Error of the angle of a new focal-plane track beside that of the state, in looks: states may be
-#: of wrong pairings.
-_OFF = 0.3
+def _motion(
+    predicted: PredictedMeasurements, row: IntArray, sensor: IntArray, view: SensorView
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the vectors (m, 3) from sensors to tracks `row` (m,), in ECEF, and two
+    derivatives.
+    """
+    delay_s = FAR_M / SPEED_OF_LIGHT_M_S * view.light_time
+    offsets = []
+    for step in (-1.0, 0.0, 1.0):
+        received_s = np.full(len(row), predicted.time_s + step)
+        emitted_s = np.full(len(row), predicted.time_s + step - delay_s)
+        position = earth_rotated(predicted.positions(row, emitted_s), -emitted_s)
+        offsets.append(position - view.positions(sensor, received_s))
+    start, middle, end = offsets
+    return middle, 0.5 * (end - start), end - 2.0 * middle + start
 
 
-def begun_near(position_m: FloatArray, fresh: int, seen: BoolArray) -> IntArray:
+def begun_near(position_m: FloatArray, new_count: int, visible: BoolArray) -> IntArray:
     """Return the rows of tracks, at positions (n, 3) of which the last `fresh` are new, that are
     near a new one.
 
@@ -326,13 +341,13 @@ def begun_near(position_m: FloatArray, fresh: int, seen: BoolArray) -> IntArray:
     """
     from scipy.spatial import cKDTree
 
-    few = np.flatnonzero(np.count_nonzero(seen, axis=1) <= _FIXING)
-    new = few[few >= len(position_m) - fresh]
-    if len(few) < 2 or not len(new):
+    candidates = np.flatnonzero(np.count_nonzero(visible, axis=1) <= LAW.fixing)
+    new = candidates[candidates >= len(position_m) - new_count]
+    if len(candidates) < 2 or not len(new):
         return np.empty(0, dtype=np.int64)
-    near = cKDTree(position_m[few]).query_ball_point(position_m[new], NEAR_M)
-    crowd = [row for each in near if len(each) > 1 for row in each]
-    return few[np.unique(np.array(crowd, dtype=np.int64))]
+    neighbours = cKDTree(position_m[candidates]).query_ball_point(position_m[new], LAW.near_m)
+    crowd = [row for group in neighbours if len(group) > 1 for row in group]
+    return candidates[np.unique(np.array(crowd, dtype=np.int64))]
 
 
 def equivalent_pairs(
@@ -340,20 +355,16 @@ def equivalent_pairs(
 ) -> GatedPairs:
     """Return the equivalent lines as pairs with their tracks, rows of `number` (n,), ascending."""
     row = np.searchsorted(number, update.of)
-    return gated(predicted, update.equivalent, row, np.arange(len(row)), _EVERY, light_time)
+    return gated(predicted, update.equivalent, row, np.arange(len(row)), np.inf, light_time)
 
 
-#: A gate that all lines pass.
-_EVERY = 1e9
-
-
-def label_pairs(near: CrowdPairs, number: IntArray, lines: LinesOfSight) -> GatedPairs:
+def label_pairs(focal_pairs: CrowdPairs, number: IntArray, lines: LinesOfSight) -> GatedPairs:
     """Return the pairs of lines with tracks of crowds, rows of `number` (n,), ascending, within
     their gates.
 
     Of these pairs only the distances and volumes are meant to be used: their axes are 0.
     """
-    tracks, pairs = near
+    tracks, pairs = focal_pairs
     count = len(pairs.row)
     line = pairs.line
     return GatedPairs(
@@ -376,11 +387,15 @@ def pruned(crowds: Crowds, time_s: float, period_s: FloatArray) -> Crowds:
     tracks = crowds.tracks
     if not len(tracks):
         return crowds
-    silent = time_s - tracks.seen_s > np.maximum(_SILENT_S, _SILENT_SCANS * period_s[tracks.sensor])
-    number, which = np.unique(tracks.number, return_inverse=True)
+    silent = time_s - tracks.seen_s > np.maximum(
+        LAW.silent_s, LAW.silent_scans * period_s[tracks.sensor]
+    )
+    number, track_row = np.unique(tracks.number, return_inverse=True)
     last_s = np.full(len(number), -np.inf)
-    np.maximum.at(last_s, which, tracks.contested_s)
-    gone = time_s - last_s > np.where(np.bincount(which) > _FIXING, _DECIDED_S, KEPT_S)
+    np.maximum.at(last_s, track_row, tracks.contested_s)
+    gone = time_s - last_s > np.where(
+        np.bincount(track_row) > LAW.fixing, LAW.decided_s, PAIRING.kept_s
+    )
     if not np.count_nonzero(silent) and not np.count_nonzero(gone):
         return crowds
     quiet = evolve(crowds, tracks=tracks.take(np.flatnonzero(~silent)))

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import dot, matvec, tangent_axes
 from opir_core.interfaces import Columns
 from opir_trackers.assignment import (
@@ -29,26 +29,34 @@ from opir_trackers.assignment import (
 from opir_trackers.association import AssociationModel, scan_numbers
 from opir_trackers.lines_of_sight import LinesOfSight
 
-#: Process-noise density of the jerk across the line of sight, m/s³/√s: a stage that ignites changes
-#: the acceleration by some 20 m/s², which the track follows within 2 s; twice or half as much
-#: changes the purity by 0.02 (salvos of 20).
-JERK_NOISE_M_S3 = 2.5
 
-#: Scans that begin within this time, s, are associated with the same predictions: with twice as
-#: much 5 % fewer of a salvo's launches are paired right.
-BATCH_S = 0.15
+@frozen
+class FocalPlaneLaw:
+    """Motion and association in focal planes."""
 
-#: Sweeps of belief propagation in a scan.
-_SWEEPS = 10
+    #: Process-noise density of the jerk across the line of sight, m/s³/√s: a stage that ignites
+    #: changes the acceleration by some 20 m/s², which the track follows within 2 s; twice or half
+    #: as much changes the purity by 0.02 (salvos of 20).
+    jerk_noise_m_s3: float = 2.5
 
-#: Expected number of lines of targets without a track within 2π σ² of a look in a crowd, over the
-#: odds of a detection: targets launch one by one. In wide crowds belief propagation is
-#: overconfident without it.
-_NEWCOMERS = 0.01
+    #: Scans that begin within this time, s, are associated with the same predictions: with twice as
+    #: much 5 % fewer of a salvo's launches are paired right.
+    batch_s: float = 0.15
 
-#: Least information of the equivalent line of a scan, as a share of that of one with the variance
-#: of its innovation.
-_LEAST_INFORMATION = 0.02
+    #: Sweeps of belief propagation in a scan.
+    sweeps: int = 10
+
+    #: Expected number of lines of targets without a track within 2π σ² of a look in a crowd, over
+    #: the odds of a detection: targets launch one by one. In wide crowds belief propagation is
+    #: overconfident without it.
+    newcomers: float = 0.01
+
+    #: Least information of the equivalent line of a scan, as a share of that of one with the
+    #: variance of its innovation.
+    least_information: float = 0.02
+
+
+LAW = FocalPlaneLaw()
 
 
 @frozen(eq=False, repr=False)
@@ -74,10 +82,10 @@ class FocalPlaneTracks(Columns):
     @classmethod
     def empty(cls) -> "FocalPlaneTracks":
         """Return no tracks."""
-        whole = np.empty(0, dtype=np.int64)
+        numbers = np.empty(0, dtype=np.int64)
         none = np.empty(0)
         square = np.empty((0, 3, 3))
-        return cls(whole, whole, square, none, np.empty((0, 3, 2)), square, none, none, none)
+        return cls(numbers, numbers, square, none, np.empty((0, 3, 2)), square, none, none, none)
 
     def predicted(self, time_s: FloatArray | float) -> "FocalPlaneTracks":
         """Return the tracks at times (n,) or a time."""
@@ -86,7 +94,7 @@ class FocalPlaneTracks(Columns):
         if not step.any():
             return self
         move = _transition(step)
-        noise = np.square(JERK_NOISE_M_S3 / self.range_m)[:, None, None] * _noise(step)
+        noise = np.square(LAW.jerk_noise_m_s3 / self.range_m)[:, None, None] * _noise(step)
         return evolve(
             self,
             mean=move @ self.mean,
@@ -101,14 +109,18 @@ class FocalPlaneTracks(Columns):
         step = time_s - self.time_s.take(row)
         half = 0.5 * step * step
         mean = self.mean.take(row, axis=0)
-        cov = self.covariance.take(row, axis=0)
         place = mean[:, 0] + step[:, None] * mean[:, 1] + half[:, None] * mean[:, 2]
-        variance = (
-            cov[:, 0, 0] + 2.0 * step * cov[:, 0, 1] + 2.0 * half * (cov[:, 1, 1] + cov[:, 0, 2])
-        )
-        variance += 2.0 * step * half * cov[:, 1, 2] + half * half * cov[:, 2, 2]
-        variance += np.square(JERK_NOISE_M_S3 / self.range_m.take(row)) * np.abs(step) ** 5 / 20.0
-        return place, variance
+        return place, self._variances(row, step)
+
+    def _variances(self, row: IntArray, step: FloatArray) -> FloatArray:
+        """Return the variances (m,) of angles on each axis, of rows (m,) after steps (m,), s."""
+        half = 0.5 * step * step
+        xx, xv, xa, _, vv, va, _, _, aa = self.covariance.take(row, axis=0).reshape(-1, 9).T
+        variance: FloatArray = xx + 2.0 * step * xv + 2.0 * half * (vv + xa)
+        variance += 2.0 * step * half * va + half * half * aa
+        noise = np.square(LAW.jerk_noise_m_s3 / self.range_m.take(row))
+        variance += noise * np.abs(step) ** 5 / 20.0
+        return variance
 
     def directions(self, row: IntArray, place: FloatArray) -> FloatArray:
         """Return unit vectors (m, 3), in ECEF, of angles (m, 2) in the planes of rows (m,)."""
@@ -189,12 +201,12 @@ def candidate_pairs(
     sigma = np.sqrt(tracks.predicted(tracks.time_s + span_s).covariance[:, 0, 0])
     reach = gate * (sigma + lines.sigma_rad.max()) + 0.5 * span_s * speed
     # Other sensors are far off along a fourth axis.
-    apart = 8.0 * np.maximum(reach.max(), 1.0)
-    place = np.column_stack([middle.directions(row, middle.mean[:, 0]), apart * tracks.sensor])
-    tree = cKDTree(np.column_stack([lines.direction_ecef, apart * lines.sensor]))
-    near = tree.query_ball_point(place, 1.5 * reach, return_sorted=True)
-    count = np.array([len(each) for each in near], dtype=np.int64)
-    line = np.concatenate([np.asarray(each, dtype=np.int64) for each in near])
+    separation = 8.0 * np.maximum(reach.max(), 1.0)
+    place = np.column_stack([middle.directions(row, middle.mean[:, 0]), separation * tracks.sensor])
+    tree = cKDTree(np.column_stack([lines.direction_ecef, separation * lines.sensor]))
+    neighbours = tree.query_ball_point(place, 1.5 * reach, return_sorted=True)
+    count = np.array([len(group) for group in neighbours], dtype=np.int64)
+    line = np.concatenate([np.asarray(group, dtype=np.int64) for group in neighbours])
     return np.repeat(row, count), line
 
 
@@ -212,6 +224,14 @@ class FocalPlaneUpdate(NamedTuple):
     pairs: FocalPlanePairs
 
 
+class _SliceUpdate(NamedTuple):
+    """Rows after looks, the equivalent line of each row that has any, and its row (k,)."""
+
+    tracks: FocalPlaneTracks
+    equivalent: LinesOfSight
+    row: IntArray
+
+
 def updated(
     tracks: FocalPlaneTracks,
     lines: LinesOfSight,
@@ -224,41 +244,50 @@ def updated(
     Rows that share lines take them scan by scan, the others all at once.
     """
     scan = scan_numbers(lines.sensor, lines.scan)
-    several = ~unambiguous(
-        pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line], pairs.line
-    )
-    is_shared = np.zeros(len(tracks), dtype=bool)
-    is_shared[pairs.row[several]] = True
-    shared = is_shared[pairs.row]
+    shared = _are_shared(pairs, scan, len(tracks))
     owner = np.full(len(lines), -1, dtype=np.int64)
-    own = pairs.part(np.flatnonzero(~shared))
-    own = own.part(np.flatnonzero(_log_ratio(model, lines, own) > 0.0))
-    owner[own.line] = own.row
+    lone = pairs.part(np.flatnonzero(~shared))
+    lone = lone.part(np.flatnonzero(_log_ratio(model, lines, lone) > 0.0))
+    owner[lone.line] = lone.row
     # In a slice a row moves little off its predicted path: its lines count as their mean, at the
     # mean of their times.
-    weight = 1.0 / np.square(lines.sigma_rad[own.line])
-    looks = own._replace(off=own.off * weight[:, None])
-    tracks, equivalent, mine = _after_looks(tracks, lines, looks, weight)
-    parts = [equivalent]
-    rows = [mine]
+    weight = 1.0 / np.square(lines.sigma_rad[lone.line])
+    looks = lone._replace(off=lone.off * weight[:, None])
+    updates = [_after_looks(tracks, lines, looks, weight)]
     row = pairs.row[shared]
     line = pairs.line[shared]
     batch = _batches(scan, lines.time_s)[line]
-    for each in np.unique(batch).tolist():
-        some = np.flatnonzero(batch == each)
-        now = gated_pairs(tracks, lines, row.take(some), line.take(some), gate)
-        if len(now.row):
-            tracks, equivalent, mine, chosen = _after_batch(tracks, lines, now, scan, model)
-            owner[now.line[chosen]] = now.row[chosen]
-            parts.append(equivalent)
-            rows.append(mine)
+    for number in np.unique(batch).tolist():
+        members = np.flatnonzero(batch == number)
+        tracks = updates[-1].tracks
+        gated = gated_pairs(tracks, lines, row.take(members), line.take(members), gate)
+        if len(gated.row):
+            update, assigned = _after_batch(tracks, lines, gated, scan, model)
+            owner[gated.line[assigned]] = gated.row[assigned]
+            updates.append(update)
+    tracks = _with_times_seen(updates[-1].tracks, owner, lines.time_s)
+    equivalent = LinesOfSight.concatenate([update.equivalent for update in updates])
+    rows = np.concatenate([update.row for update in updates])
+    return FocalPlaneUpdate(tracks, owner, equivalent, rows, pairs)
+
+
+def _are_shared(pairs: FocalPlanePairs, scan: IntArray, count: int) -> BoolArray:
+    """Return which pairs (m,) are of rows that share a line or have several of one scan."""
+    key = pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line]
+    is_shared = np.zeros(count, dtype=bool)
+    is_shared[pairs.row[~unambiguous(key, pairs.line)]] = True
+    shared: BoolArray = is_shared[pairs.row]
+    return shared
+
+
+def _with_times_seen(
+    tracks: FocalPlaneTracks, owner: IntArray, time_s: FloatArray
+) -> FocalPlaneTracks:
+    """Return the rows with the times of their last lines (m,), of rows `owner`, -1 for none."""
     seen_s = tracks.seen_s.copy()
-    mine = np.flatnonzero(owner >= 0)
-    np.maximum.at(seen_s, owner[mine], lines.time_s[mine])
-    after = evolve(tracks, seen_s=seen_s)
-    return FocalPlaneUpdate(
-        after, owner, LinesOfSight.concatenate(parts), np.concatenate(rows), pairs
-    )
+    owned = np.flatnonzero(owner >= 0)
+    np.maximum.at(seen_s, owner[owned], time_s[owned])
+    return evolve(tracks, seen_s=seen_s)
 
 
 def _after_batch(
@@ -267,17 +296,17 @@ def _after_batch(
     pairs: FocalPlanePairs,
     scan: IntArray,
     model: AssociationModel,
-) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray, IntArray]:
-    """Return the rows after some scans, equivalent lines of those with lines, their rows, and the
-    assigned pairs.
+) -> tuple[_SliceUpdate, IntArray]:
+    """Return the rows after some scans, with equivalent lines of those with lines, and the assigned
+    pairs.
     """
     log = _log_ratio(model, lines, pairs)
     look = ranks(pairs.row * (int(scan.max()) + 1) + scan[pairs.line])
-    chosen = np.flatnonzero(cheapest_assignment(look, pairs.line, -log))
+    assigned = np.flatnonzero(cheapest_assignment(look, pairs.line, -log))
     looks, weight = _equivalent_looks(lines, pairs, look, _probabilities(lines, pairs, look, log))
-    tracks, equivalent, mine = _after_looks(tracks, lines, looks, weight)
-    have = np.flatnonzero(np.isin(mine, pairs.row[chosen]))
-    return tracks, equivalent.take(have), mine[have], chosen
+    update = _after_looks(tracks, lines, looks, weight)
+    rows = np.flatnonzero(np.isin(update.row, pairs.row[assigned]))
+    return update._replace(equivalent=update.equivalent.take(rows), row=update.row[rows]), assigned
 
 
 def _log_ratio(model: AssociationModel, lines: LinesOfSight, pairs: FocalPlanePairs) -> FloatArray:
@@ -292,7 +321,7 @@ def _batches(scan: IntArray, time_s: FloatArray) -> IntArray:
     """
     first_s = np.full(int(scan.max(initial=-1)) + 1, np.inf)
     np.minimum.at(first_s, scan, time_s)
-    return ((first_s - first_s.min(initial=np.inf)) / BATCH_S).astype(np.int64)[scan]
+    return ((first_s - first_s.min(initial=np.inf)) / LAW.batch_s).astype(np.int64)[scan]
 
 
 def _equivalent_looks(
@@ -308,58 +337,82 @@ def _equivalent_looks(
     total = np.bincount(look, beta)
     off = group_sums(look, beta[:, None] * pairs.off)
     spread = 0.5 * (np.bincount(look, beta * dot(pairs.off, pairs.off)) - dot(off, off))
-    whole = np.bincount(look, pairs.variance) / hits
-    before = whole - np.bincount(look, np.square(lines.sigma_rad[pairs.line])) / hits
-    information = total * whole - spread
+    innovation_variance = np.bincount(look, pairs.variance) / hits
+    prior_variance = (
+        innovation_variance - np.bincount(look, np.square(lines.sigma_rad[pairs.line])) / hits
+    )
+    information = total * innovation_variance - spread
     likeliest = np.lexsort((beta, look))[np.cumsum(hits) - 1]
-    left = whole * whole - before * information
-    return pairs.part(likeliest)._replace(off=off * (whole / left)[:, None]), information / left
+    remainder = innovation_variance * innovation_variance - prior_variance * information
+    looks = pairs.part(likeliest)._replace(off=off * (innovation_variance / remainder)[:, None])
+    return looks, information / remainder
 
 
 def _after_looks(
     tracks: FocalPlaneTracks, lines: LinesOfSight, pairs: FocalPlanePairs, weight: FloatArray
-) -> tuple[FocalPlaneTracks, LinesOfSight, IntArray]:
-    """Return the rows after looks (m,), the equivalent line of each row that has any, and its row.
+) -> _SliceUpdate:
+    """Return the rows after looks (m,).
 
     `pairs` are as of `_equivalent_looks`, of which each row's count as one, at the mean of their
     times.
     """
     row, place = np.unique(pairs.row, return_inverse=True)
-    part = np.maximum(weight, _LEAST_INFORMATION / np.square(lines.sigma_rad[pairs.line]))
-    share = part / np.bincount(place, part)[place]
-    looks = (
-        np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]])
-        * share[:, None]
+    noise = np.square(lines.sigma_rad[pairs.line])
+    share = np.maximum(weight, LAW.least_information / noise)
+    share = share / np.bincount(place, share)[place]
+    looks = np.column_stack([lines.time_s[pairs.line], lines.origin_ecef_m[pairs.line]])
+    looks = looks * share[:, None]
+    sums = group_sums(place, np.column_stack([looks, pairs.off, weight]), len(row))
+    prediction = tracks.take(row).predicted(sums[:, 0])
+    newest = np.empty(len(row), dtype=np.int64)
+    newest[place] = pairs.line
+    return _SliceUpdate(
+        _with_gain(tracks, row, prediction, sums),
+        _equivalent_lines(lines.take(newest), prediction, sums),
+        row,
     )
-    mean = group_sums(place, np.column_stack([looks, pairs.off, weight]), len(row))
-    when = mean[:, 0]
-    pull = mean[:, 4:6]
-    total = mean[:, 6]
-    before = tracks.take(row).predicted(when)
-    whole = np.maximum(1.0 + before.covariance[:, 0, 0] * total, 0.5)
-    gain = before.covariance[:, :, 0] / whole[:, None]
-    mean_after = tracks.mean.copy()
+
+
+def _with_gain(
+    tracks: FocalPlaneTracks, row: IntArray, prediction: FocalPlaneTracks, sums: FloatArray
+) -> FocalPlaneTracks:
+    """Return the tracks whose rows (k,), as predicted, are updated with looks.
+
+    `sums` (k, 7) are mean times and origins, sums of weighted angles, and of weights.
+    """
+    pull = sums[:, 4:6]
+    total = sums[:, 6]
+    denominator = np.maximum(1.0 + prediction.covariance[:, 0, 0] * total, 0.5)
+    gain = prediction.covariance[:, :, 0] / denominator[:, None]
+    lost = (total[:, None] * gain)[:, :, None] * prediction.covariance[:, None, 0, :]
+    mean = tracks.mean.copy()
     covariance = tracks.covariance.copy()
     time_s = tracks.time_s.copy()
-    mean_after[row] = before.mean + gain[:, :, None] * pull[:, None, :]
-    covariance[row] = (
-        before.covariance - (total[:, None] * gain)[:, :, None] * before.covariance[:, None, 0, :]
-    )
-    time_s[row] = when
-    after = evolve(tracks, mean=mean_after, covariance=covariance, time_s=time_s)
-    last = np.empty(len(row), dtype=np.int64)
-    last[place] = pairs.line
+    mean[row] = prediction.mean + gain[:, :, None] * pull[:, None, :]
+    covariance[row] = prediction.covariance - lost
+    time_s[row] = sums[:, 0]
+    return evolve(tracks, mean=mean, covariance=covariance, time_s=time_s)
+
+
+def _equivalent_lines(
+    lines: LinesOfSight, prediction: FocalPlaneTracks, sums: FloatArray
+) -> LinesOfSight:
+    """Return the equivalent lines (k,) of rows as predicted, whose newest lines are given; `sums`
+    are as of `_with_gain`.
+    """
+    total = sums[:, 6]
     # Light among that of others says at least that the row still burns.
-    least = _LEAST_INFORMATION / (before.covariance[:, 0, 0] + np.square(lines.sigma_rad[last]))
-    off = np.where(total > least, pull.T / np.maximum(total, least), 0.0).T
-    equivalent = evolve(
-        lines.take(last),
-        time_s=when,
-        origin_ecef_m=mean[:, 1:4],
-        direction_ecef=before.directions(np.arange(len(row)), before.mean[:, 0] + off),
+    variance = prediction.covariance[:, 0, 0] + np.square(lines.sigma_rad)
+    least = LAW.least_information / variance
+    off = np.where(total > least, sums[:, 4:6].T / np.maximum(total, least), 0.0).T
+    rows = np.arange(len(total))
+    return evolve(
+        lines,
+        time_s=sums[:, 0],
+        origin_ecef_m=sums[:, 1:4],
+        direction_ecef=prediction.directions(rows, prediction.mean[:, 0] + off),
         sigma_rad=1.0 / np.sqrt(np.maximum(total, least)),
     )
-    return after, equivalent, row
 
 
 def _probabilities(
@@ -373,8 +426,10 @@ def _probabilities(
     crowd = np.flatnonzero(~unambiguous(look, pairs.line))
     if len(crowd):
         sharp = np.square(lines.sigma_rad[pairs.line[crowd]]) / pairs.variance[crowd]
-        ratio = np.minimum(ratio[crowd], sharp * np.exp(-0.5 * pairs.distance[crowd]) / _NEWCOMERS)
-        beta[crowd] = belief_propagation(look[crowd], pairs.line[crowd], ratio, _SWEEPS)
+        ratio = np.minimum(
+            ratio[crowd], sharp * np.exp(-0.5 * pairs.distance[crowd]) / LAW.newcomers
+        )
+        beta[crowd] = belief_propagation(look[crowd], pairs.line[crowd], ratio, LAW.sweeps)
     return beta
 
 
@@ -394,15 +449,12 @@ def begun(
     """
     range_m = np.sqrt(dot(apart_m[0], apart_m[0]))
     axes = tangent_axes(apart_m[0] / range_m[:, None])
-    across = axes[:, :2]
     # Derivatives of x / z in the plane; across it x is 0 at this moment.
-    off, fast, faster = (matvec(axes, each) / range_m[:, None] for each in apart_m)
-    rate = fast[:, :2]
-    mean = np.stack([off[:, :2], rate, faster[:, :2] - 2.0 * fast[:, 2:] * rate], axis=1)
-    side = (across[:, None] @ roots_m).reshape(len(number), 3, -1)
-    seen = side @ side.transpose(0, 2, 1) / (2.0 * range_m * range_m)[:, None, None]
-    seen[:, 0, 0] += np.square(noise_rad)
-    when = np.full(len(number), time_s)
-    return FocalPlaneTracks(
-        number, sensor, axes, range_m, mean, seen, when, when.copy(), when.copy()
-    )
+    angle, rate, bend = (matvec(axes, vector) / range_m[:, None] for vector in apart_m)
+    bend = bend[:, :2] - 2.0 * rate[:, 2:] * rate[:, :2]
+    mean = np.stack([angle[:, :2], rate[:, :2], bend], axis=1)
+    side = (axes[:, None, :2] @ roots_m).reshape(len(number), 3, -1)
+    covariance = side @ side.transpose(0, 2, 1) / (2.0 * range_m * range_m)[:, None, None]
+    covariance[:, 0, 0] += np.square(noise_rad)
+    times_s = [np.full(len(number), time_s) for _ in range(3)]
+    return FocalPlaneTracks(number, sensor, axes, range_m, mean, covariance, *times_s)

@@ -12,7 +12,7 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.gating import candidates, gated
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.models import TrackingModels
-from opir_trackers.imm.predict import Ahead
+from opir_trackers.imm.predict import Prediction
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight
@@ -23,8 +23,8 @@ from opir_trackers.track_priors import prior_estimates
 
 def initiate(
     models: TrackingModels,
-    now: TrackerState,
-    ahead: Ahead,
+    state: TrackerState,
+    prediction: Prediction,
     owner: IntArray,
     raw: LinesOfSight,
     reported: IntArray,
@@ -34,36 +34,37 @@ def initiate(
 
     `raw` are the slice's lines as they came, `reported` (m,) their types.
     """
-    now, claimed = _with_explained(models, now, ahead, owner)
-    now = _with_unclaimed(models, now, raw, claimed, reported, ahead.span_s)
-    return _with_initiated(models, now)
+    state, claimed = _with_explained(models, state, prediction, owner)
+    state = _with_unclaimed(models, state, raw, claimed, reported, prediction.span_s)
+    return _with_initiated(models, state)
 
 
 def _with_explained(
-    models: TrackingModels, now: TrackerState, ahead: Ahead, owner: IntArray
+    models: TrackingModels, state: TrackerState, prediction: Prediction, owner: IntArray
 ) -> tuple[TrackerState, IntArray]:
     """Return the state, and the owners (m,) of lines with 0 for those that a track explains as
     outliers.
     """
-    if not len(now.table) or not np.count_nonzero(owner < 0):
-        return now, owner
-    free = np.flatnonzero(owner < 0)
-    some = np.zeros(len(owner), dtype=np.bool_)
-    path = models.path(now.estimates, now.time_s)
-    left = ahead.lines.take(free)
-    near = candidates(path, left, ahead.span_s, OUTLIER_SIGMAS, models.light_time)
-    pairs = gated(path, left, *near, OUTLIER_SIGMAS, models.light_time)
-    mine = np.flatnonzero(owner >= 0)
-    known = now.registration.at(now.time_s)
-    owned = (owner[mine], ahead.lines.take(mine))
-    tracks = known.tracks.of(now.table.number)
-    some[free], tracks = explained_looks(pairs, left, owned, tracks, models.config.gate_sigma)
-    return evolve(now, registration=evolve(known, tracks=tracks)), np.where(some, 0, owner)
+    unowned = np.flatnonzero(owner < 0)
+    if not len(state.table) or not len(unowned):
+        return state, owner
+    path = models.path(state.estimates, state.time_s)
+    lines = prediction.lines.take(unowned)
+    gate = (OUTLIER_SIGMAS, models.light_time)
+    pairs = gated(path, lines, *candidates(path, lines, prediction.span_s, *gate), *gate)
+    rows = np.flatnonzero(owner >= 0)
+    owned = (owner[rows], prediction.lines.take(rows))
+    registration = state.registration.at(state.time_s)
+    tracks = registration.tracks.of(state.table.number)
+    explained, tracks = explained_looks(pairs, lines, owned, tracks, models.config.gate_sigma)
+    claimed = owner.copy()
+    claimed[unowned[explained]] = 0
+    return evolve(state, registration=evolve(registration, tracks=tracks)), claimed
 
 
 def _with_unclaimed(
     models: TrackingModels,
-    now: TrackerState,
+    state: TrackerState,
     lines: LinesOfSight,
     owner: IntArray,
     reported: IntArray,
@@ -71,91 +72,102 @@ def _with_unclaimed(
 ) -> TrackerState:
     """Return the state with the unassigned lines added, and old ones removed."""
     is_free = owner < 0
-    if not len(now.unclaimed.time_s) and not np.count_nonzero(is_free):
-        return now
+    if not len(state.unclaimed.time_s) and not np.count_nonzero(is_free):
+        return state
     free = np.flatnonzero(is_free)
     unclaimed = (
-        LinesOfSight.concatenate([now.unclaimed, lines.take(free)]) if len(free) else now.unclaimed
+        LinesOfSight.concatenate([state.unclaimed, lines.take(free)])
+        if len(free)
+        else state.unclaimed
     )
-    types = np.concatenate([now.reported, reported[free]])
+    types = np.concatenate([state.reported, reported[free]])
     recent_s = models.config.recent_scans * models.period_s[unclaimed.sensor] + span_s
-    fresh = np.flatnonzero(now.time_s - unclaimed.time_s <= recent_s)
-    return evolve(now, unclaimed=unclaimed.take(fresh), reported=types[fresh])
+    recent = np.flatnonzero(state.time_s - unclaimed.time_s <= recent_s)
+    return evolve(state, unclaimed=unclaimed.take(recent), reported=types[recent])
 
 
-def _with_initiated(models: TrackingModels, now: TrackerState) -> TrackerState:
+def _with_initiated(models: TrackingModels, state: TrackerState) -> TrackerState:
     """Return the state with tracks initiated from unassigned lines."""
-    if len(now.unclaimed.time_s) < models.needed_scans:
-        return now
-    lines = models.corrected(now.registration, now.unclaimed)
+    if len(state.unclaimed.time_s) < models.needed_scans:
+        return state
+    lines = models.corrected(state.registration, state.unclaimed)
     initiation_ = initiation.track_candidates(
-        lines, models.needed_scans, now.registration.loose_rad
+        lines, models.needed_scans, state.registration.loose_rad
     )
-    if not len(initiation_.begun):
-        return now
     begun = initiation_.begun
-    span = now.time_s - float(lines.time_s.min())
-    first = prior_estimates(begun, now.time_s, models.config)
-    pairs = models.gated_pairs(models.filter.predicted_measurements(first, now.time_s), lines, span)
-    pairs = pairs.take(
-        np.flatnonzero(initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line]))
-    )
-    association = associate_nearest(pairs, lines, models.association)
+    if not len(begun):
+        return state
+    span_s = state.time_s - float(lines.time_s.min())
+    prior = prior_estimates(begun, state.time_s, models.config)
+    path = models.filter.predicted_measurements(prior, state.time_s)
+    pairs = models.gated_pairs(path, lines, span_s)
+    owned = initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])
+    association = associate_nearest(pairs.take(np.flatnonzero(owned)), lines, models.association)
     crossing = initiation.placed_at_crossings(begun, lines, association.owner)
-    first = first if crossing is begun else prior_estimates(crossing, now.time_s, models.config)
-    estimates = models.filter.updated(
-        first, now.time_s, hard_measurements(association.assigned), span
-    )
-    return _with_new_tracks(models, now, first, estimates, association.owner)
+    if crossing is not begun:
+        prior = prior_estimates(crossing, state.time_s, models.config)
+    looks = hard_measurements(association.assigned)
+    estimates = models.filter.updated(prior, state.time_s, looks, span_s)
+    return _with_new_tracks(models, state, prior, estimates, association.owner)
 
 
 def _with_new_tracks(
     models: TrackingModels,
-    now: TrackerState,
-    first: ModeEstimates,
-    after: ModeEstimates,
-    lines_of: IntArray,
+    state: TrackerState,
+    prior: ModeEstimates,
+    estimates: ModeEstimates,
+    candidate_of: IntArray,
 ) -> TrackerState:
-    """Return the state with the new tracks that have enough lines, numbered in order."""
-    hits = np.bincount(lines_of[lines_of >= 0], minlength=len(first))
-    good = hits >= models.needed_scans
-    row = np.append(np.where(good, np.cumsum(good) - 1, -1), -1)
-    owner = row[lines_of]
-    count = int(good.sum())
-    number = np.arange(now.next_number, now.next_number + count)
-    fresh = TrackTable.fresh(number, now.time_s, len(models.period_s))
-    fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
-    lines = models.corrected(now.registration, now.unclaimed)
-    motion = MotionStatistics.fresh(
-        first.likelier_position_m[good], now.time_s, fresh.first_s, models.groups.prior
-    )
+    """Return the state with the candidates that have enough lines as tracks, numbered in order."""
+    hits = np.bincount(candidate_of[candidate_of >= 0], minlength=len(prior))
+    is_track = hits >= models.needed_scans
+    row = np.append(np.where(is_track, np.cumsum(is_track) - 1, -1), -1)
+    owner = row[candidate_of]
+    count = int(is_track.sum())
+    table = _new_table(models, state, owner, count)
+    position_m = prior.likelier_position_m[is_track]
+    motion = MotionStatistics.fresh(position_m, state.time_s, table.first_s, models.groups.prior)
+    lines = models.corrected(state.registration, state.unclaimed)
     motion = motion.with_lines(owner, lines, models.groups.log_clutter)
-    left = np.flatnonzero(owner < 0)
-    then = evolve(
-        now,
-        estimates=ModeEstimates.concatenate([now.estimates, after.take(np.flatnonzero(good))]),
-        table=TrackTable.concatenate([now.table, fresh]),
-        unclaimed=now.unclaimed.take(left),
-        reported=now.reported[left],
-        next_number=now.next_number + count,
-        motion=MotionStatistics.concatenate([now.motion, motion]),
+    remaining = np.flatnonzero(owner < 0)
+    new_estimates = estimates.take(np.flatnonzero(is_track))
+    next_state = evolve(
+        state,
+        estimates=ModeEstimates.concatenate([state.estimates, new_estimates]),
+        table=TrackTable.concatenate([state.table, table]),
+        unclaimed=state.unclaimed.take(remaining),
+        reported=state.reported[remaining],
+        next_number=state.next_number + count,
+        motion=MotionStatistics.concatenate([state.motion, motion]),
     )
-    return _with_neighbours(models, then, count)
+    return _with_neighbours(models, next_state, count)
 
 
-def _with_neighbours(models: TrackingModels, now: TrackerState, fresh: int) -> TrackerState:
+def _new_table(
+    models: TrackingModels, state: TrackerState, owner: IntArray, count: int
+) -> TrackTable:
+    """Return the table of new tracks, rows of which own unclaimed lines (m,)."""
+    number = np.arange(state.next_number, state.next_number + count)
+    table = TrackTable.fresh(number, state.time_s, len(models.period_s))
+    lines = state.unclaimed
+    return table.with_detections(owner, lines.time_s, lines.sensor, state.reported)
+
+
+def _with_neighbours(models: TrackingModels, state: TrackerState, count: int) -> TrackerState:
     """Return the state with the last `fresh` tracks, and those near them, in a crowd, where several
     are near.
     """
-    seen = now.table.reports >= 0
+    visible = state.table.reports >= 0
     rows = (
-        crowd.begun_near(now.estimates.likelier_position_m, fresh, seen)
-        if fresh
+        crowd.begun_near(state.estimates.likelier_position_m, count, visible)
+        if count
         else np.empty(0, dtype=np.int64)
     )
-    rows = rows[~now.crowds.holds(now.table.number[rows])]
+    rows = rows[~state.crowds.holds(state.table.number[rows])]
     if not len(rows):
-        return now
-    path = models.path(now.estimates, now.time_s)
-    view = models.view(now.registration)
-    return evolve(now, crowds=crowd.joined(now.crowds, now.table.number, rows, path, seen, view))
+        return state
+    path = models.path(state.estimates, state.time_s)
+    view = models.view(state.registration)
+    return evolve(
+        state, crowds=crowd.joined(state.crowds, state.table.number, rows, path, visible, view)
+    )

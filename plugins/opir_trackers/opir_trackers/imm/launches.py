@@ -5,6 +5,7 @@ flies already.
 from typing import NamedTuple
 
 import numpy as np
+from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.filter.estimates import PredictedMeasurements
@@ -24,19 +25,28 @@ from opir_trackers.lines_of_sight import SPIN, earth_rotated, emission_s
 from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.track_priors import first_motion
 
-#: The launch point is estimated for tracks no older than this, s, or than some scans: of scanners
-#: of 10 s, what it is becomes known in them.
-_YOUNG_S = 10.0
-_YOUNG_SCANS = 3.0
 
-#: A path that is followed back for longer than this, s, from the middle of its lines is compared
-#: with ascents instead: no boost is a cubic from rest through its pitch-over. A comparison takes
-#: milliseconds: it is made so often, in s.
-_CUBIC_S = 10.0
-_EVERY_S = 2.0
+@frozen
+class YoungLaw:
+    """When launch points are estimated."""
 
-#: One sensor alone sees neither height nor climb, which ascents are compared by.
-_SENSORS = 2
+    #: The launch point is estimated for tracks no older than this, s, or than some scans: of
+    #: scanners of 10 s, what it is becomes known in them.
+    young_s: float = 10.0
+    young_scans: float = 3.0
+
+    #: A path that is followed back for longer than this, s, from the middle of its lines is
+    #: compared with ascents instead: no boost is a cubic from rest through its pitch-over.
+    cubic_s: float = 10.0
+
+    #: Time from one comparison with ascents to the next, s: it takes milliseconds.
+    every_s: float = 2.0
+
+    #: One sensor alone sees neither height nor climb, which ascents are compared by.
+    sensors: int = 2
+
+
+LAW = YoungLaw()
 
 
 class _Young(NamedTuple):
@@ -50,7 +60,7 @@ class _Young(NamedTuple):
 
     path: PredictedMeasurements
     first_s: FloatArray
-    seen: BoolArray
+    visible: BoolArray
     at_once: FloatArray
     biased: FloatArray | None
 
@@ -63,61 +73,73 @@ class _Young(NamedTuple):
         """Return some of the tracks."""
         path = self.path._replace(derivative=self.path.derivative[rows], root=self.path.root[rows])
         biased = None if self.biased is None else self.biased[rows]
-        return _Young(path, self.first_s[rows], self.seen[rows], self.at_once[rows], biased)
+        return _Young(path, self.first_s[rows], self.visible[rows], self.at_once[rows], biased)
 
 
-def with_launch_points(models: TrackingModels, now: TrackerState, span_s: float) -> TrackerState:
+def with_launch_points(models: TrackingModels, state: TrackerState, span_s: float) -> TrackerState:
     """Return the state, after a slice of a length, with the launch points of young tracks."""
-    limit_s = np.maximum(_YOUNG_S, _YOUNG_SCANS * models.longest(models.period_s, now.table))
-    fresh = now.time_s - now.table.begun_s <= limit_s
-    if not np.count_nonzero(fresh):
-        return now
-    rows = np.flatnonzero(fresh & (now.estimates.weight[:, 0] > 0.5))
+    table = state.table
+    scans_s = LAW.young_scans * models.longest(models.period_s, table)
+    is_young = state.time_s - table.begun_s <= np.maximum(LAW.young_s, scans_s)
+    if not np.count_nonzero(is_young):
+        return state
+    rows = np.flatnonzero(is_young & (state.estimates.weight[:, 0] > 0.5))
     if not len(rows):
-        return now
-    young = _young(models, now, rows)
-    points = _followed_back(models, young)
-    is_launch = now.motion.probability[rows, LAUNCH] >= models.config.least_launch_probability
-    is_far = ~(young.middle_s - points.place[:, 2] <= _CUBIC_S)
-    far = np.flatnonzero(is_far & is_launch & (young.seen.sum(axis=1) >= _SENSORS))
-    if len(far):
-        # Between two comparisons the last one stays.
-        found = LaunchPoints.nowhere(len(far))
-        due = _due(models, now, rows[far], span_s).nonzero()[0]
-        cubic = LaunchPoints(points.place[far[due]], points.covariance[far[due]])
-        found.place[due], found.covariance[due] = updated_points(
-            cubic, _by_ascents(models, young.take(far[due]))
-        )
-        points.place[far], points.covariance[far] = found
+        return state
+    points = _new_points(models, state, rows, span_s)
     points.covariance[:, 2, 2] += models.config.clock_sigma_s**2
-    known = LaunchPoints(now.table.launch[rows], now.table.launch_covariance[rows])
-    launch = now.table.launch.copy()
-    covariance = now.table.launch_covariance.copy()
-    launch[rows], covariance[rows] = updated_points(known, points)
-    return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance))
+    earlier = LaunchPoints(table.launch[rows], table.launch_covariance[rows])
+    launch = table.launch.copy()
+    covariance = table.launch_covariance.copy()
+    launch[rows], covariance[rows] = updated_points(earlier, points)
+    return state.after(state.time_s, state.estimates, table.with_launches(launch, covariance))
 
 
-def _due(models: TrackingModels, now: TrackerState, rows: IntArray, span_s: float) -> BoolArray:
-    """Return which tracks (n,) are compared with ascents after a slice: those seen in it, every
-    `_EVERY_S` at most.
+def _new_points(
+    models: TrackingModels, state: TrackerState, rows: IntArray, span_s: float
+) -> LaunchPoints:
+    """Return the launch points of tracks by the slice's estimates, unknown between comparisons with
+    ascents.
     """
-    table = now.table.take(rows)
-    is_time = now.time_s // _EVERY_S > (now.time_s - span_s) // _EVERY_S
-    is_slow = models.longest(models.period_s, table) >= _EVERY_S
-    return np.asarray((now.time_s - table.seen_s < span_s) & (is_slow | is_time))
+    young = _young(models, state, rows)
+    points = _followed_back(models, young)
+    is_launch = state.motion.probability[rows, LAUNCH] >= models.config.least_launch_probability
+    is_old = ~(young.middle_s - points.place[:, 2] <= LAW.cubic_s)
+    old = np.flatnonzero(is_old & is_launch & (young.visible.sum(axis=1) >= LAW.sensors))
+    if not len(old):
+        return points
+    due = old[_are_due(models, state, rows[old], span_s)]
+    cubic = LaunchPoints(points.place[due], points.covariance[due])
+    by_ascents = updated_points(cubic, _by_ascents(models, young.take(due)))
+    points.place[old] = np.nan
+    points.covariance[old] = np.nan
+    points.place[due], points.covariance[due] = by_ascents
+    return points
 
 
-def _young(models: TrackingModels, now: TrackerState, rows: IntArray) -> _Young:
-    table = now.table.part(rows)
-    estimates = now.estimates.part(rows)
-    seen = table.reports >= 0
-    shared = models.shared_covariance(now, estimates, table)
-    range_m = models.biases.ranges_m(estimates.likelier_position_m, now.time_s, seen)
+def _are_due(
+    models: TrackingModels, state: TrackerState, rows: IntArray, span_s: float
+) -> BoolArray:
+    """Return which tracks (n,) are compared with ascents after a slice: those seen in it, now and
+    then.
+    """
+    table = state.table.take(rows)
+    is_time = state.time_s // LAW.every_s > (state.time_s - span_s) // LAW.every_s
+    is_slow = models.longest(models.period_s, table) >= LAW.every_s
+    return np.asarray((state.time_s - table.seen_s < span_s) & (is_slow | is_time))
+
+
+def _young(models: TrackingModels, state: TrackerState, rows: IntArray) -> _Young:
+    table = state.table.part(rows)
+    estimates = state.estimates.part(rows)
+    visible = table.reports >= 0
+    shared = models.shared_covariance(state, estimates, table)
+    range_m = models.biases.ranges_m(estimates.likelier_position_m, state.time_s, visible)
     return _Young(
-        path=models.path(estimates, now.time_s),
+        path=models.path(estimates, state.time_s),
         first_s=emission_s(table.first_s, range_m, models.light_time),
-        seen=seen,
-        at_once=delays_at_once(models.period_s, models.association.detection_probability, seen),
+        visible=visible,
+        at_once=delays_at_once(models.period_s, models.association.detection_probability, visible),
         biased=None if shared is None else shared[:, :3, :3],
     )
 
@@ -126,7 +148,9 @@ def _followed_back(models: TrackingModels, young: _Young) -> LaunchPoints:
     """Return the launch points of paths that are followed back to rest on the ground."""
     thrust = models.config.thrust
     inland = models.config.hypotheses.inland_share
-    motion = first_motion(young.path, young.first_s, young.seen.sum(axis=1) < _SENSORS, thrust)
+    motion = first_motion(
+        young.path, young.first_s, young.visible.sum(axis=1) < LAW.sensors, thrust
+    )
     prior = LaunchDelayPrior(young.at_once, motion, inland)
     return launches(young.path, young.first_s, prior, thrust.launch_noise_m_s2, young.biased)
 
@@ -136,28 +160,37 @@ def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
     the track.
     """
     when_s = young.middle_s
-    inland = models.config.hypotheses.inland_share
-    if not len(when_s):
-        return LaunchPoints.nowhere(0)
-    place, velocity, covariance = path_moments(
-        young.path, when_s, models.config.thrust.launch_noise_m_s2, young.biased
-    )
     points = LaunchPoints.nowhere(len(when_s))
-    for row, time_s in enumerate(when_s.tolist()):
-        turn = earth_rotated(np.eye(3), np.full(3, -time_s)).T
-        over_ground = np.block([[turn, np.zeros((3, 3))], [-turn @ SPIN, turn]])
-        state = over_ground @ np.concatenate([place[:, row], velocity[:, row]])
-        spread = over_ground @ covariance[:, :, row] @ over_ground.T
-        since_s = time_s - float(young.first_s[row])
-        found = launch_of(
-            models.single.ascents, InFlight(state, spread, since_s, young.at_once[row], inland)
+    if not len(when_s):
+        return points
+    moments = path_moments(young.path, when_s, models.config.thrust.launch_noise_m_s2, young.biased)
+    for row in range(len(when_s)):
+        launch = launch_of(models.single.ascents, _in_flight(models, young, row, moments))
+        if launch is None:
+            continue
+        mean, covariance = launch
+        # The time of launch falls as that since then grows.
+        mean[3] = when_s[row] - mean[3]
+        sign = np.array([1.0, 1.0, 1.0, -1.0])
+        points.place[row : row + 1], points.covariance[row : row + 1] = on_ground(
+            mean[None], (sign[:, None] * covariance * sign)[None]
         )
-        if found is not None:
-            mean, spread = found
-            # The time of launch falls as that since then grows.
-            mean[3] = time_s - mean[3]
-            back = np.diag([1.0, 1.0, 1.0, -1.0])
-            points.place[row : row + 1], points.covariance[row : row + 1] = on_ground(
-                mean[None], (back @ spread @ back)[None]
-            )
     return points
+
+
+def _in_flight(
+    models: TrackingModels,
+    young: _Young,
+    row: int,
+    moments: tuple[FloatArray, FloatArray, FloatArray],
+) -> InFlight:
+    """Return a track in the middle of its lines, relative to the rotating Earth."""
+    position, velocity, covariance = moments
+    time_s = float(young.middle_s[row])
+    turn = earth_rotated(np.eye(3), np.full(3, -time_s)).T
+    change = np.block([[turn, np.zeros((3, 3))], [-turn @ SPIN, turn]])
+    state = change @ np.concatenate([position[:, row], velocity[:, row]])
+    spread = change @ covariance[:, :, row] @ change.T
+    since_s = time_s - float(young.first_s[row])
+    inland = models.config.hypotheses.inland_share
+    return InFlight(state, spread, since_s, young.at_once[row], inland)

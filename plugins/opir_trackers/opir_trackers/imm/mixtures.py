@@ -42,7 +42,7 @@ class Mixtures(Columns):
         time_s: float,
         track: IntArray,
         probability: FloatArray,
-        apart: FloatArray,
+        offset: FloatArray,
     ) -> "Mixtures":
         """Return the mixtures of tracks `number` (n,) with rivals (m,), `apart` (m, 6) from the
         tracks' own states.
@@ -50,12 +50,18 @@ class Mixtures(Columns):
         count = len(number)
         shift = np.zeros((count, 6))
         square = np.zeros((count, 6, 6))
-        np.add.at(shift, track, probability[:, None] * apart)
-        np.add.at(square, track, probability[:, None, None] * apart[:, :, None] * apart[:, None, :])
+        np.add.at(shift, track, probability[:, None] * offset)
+        np.add.at(
+            square, track, probability[:, None, None] * offset[:, :, None] * offset[:, None, :]
+        )
         spread = square - shift[:, :, None] * shift[:, None, :]
-        left = 1.0 - np.bincount(track, probability, count)
+        own_probability = 1.0 - np.bincount(track, probability, count)
         return cls(
-            number, np.full(count, time_s), shift, spread, left.astype(np.float64, copy=False)
+            number,
+            np.full(count, time_s),
+            shift,
+            spread,
+            own_probability.astype(np.float64, copy=False),
         )
 
     def mixed(self, estimates: ModeEstimates, number: IntArray, time_s: float) -> ModeEstimates:
@@ -64,19 +70,19 @@ class Mixtures(Columns):
         """
         if not self.number.size:
             return estimates
-        here = np.flatnonzero(np.isin(self.number, number))
-        rows = np.searchsorted(number, self.number[here])
-        move = np.tile(np.eye(6), (len(here), 1, 1))
-        move[:, range(3), range(3, 6)] = (time_s - self.time_s[here])[:, None]
-        shift = (move @ self.shift[here][:, :, None])[:, :, 0]
-        part = estimates.take(rows)
-        spread = move @ self.spread[here] @ move.transpose(0, 2, 1)
-        boost = part.boost_mean.copy()
-        coast = part.coast_mean.copy()
+        present = np.flatnonzero(np.isin(self.number, number))
+        rows = np.searchsorted(number, self.number[present])
+        move = np.tile(np.eye(6), (len(present), 1, 1))
+        move[:, range(3), range(3, 6)] = (time_s - self.time_s[present])[:, None]
+        shift = (move @ self.shift[present][:, :, None])[:, :, 0]
+        selected = estimates.take(rows)
+        spread = move @ self.spread[present] @ move.transpose(0, 2, 1)
+        boost = selected.boost_mean.copy()
+        coast = selected.coast_mean.copy()
         boost[:, :COAST] += shift
         coast[:, :COAST] += shift
         return estimates.put(
-            rows, widened(evolve(part, boost_mean=boost, coast_mean=coast), spread)
+            rows, widened(evolve(selected, boost_mean=boost, coast_mean=coast), spread)
         )
 
 

@@ -21,10 +21,9 @@ from opir_trackers.imm.crowds import SensorView
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import (
-    UNSTATED,
     TrackTable,
-    clipped,
     longest_silence_s,
+    mean_detection_probability,
     sighting_memory_s,
 )
 from opir_trackers.launch_points import site_height_m
@@ -44,18 +43,18 @@ class Memo:
     """
 
     def __init__(self) -> None:
-        self._last: dict[str, tuple[tuple[Any, ...], Any]] = {}
+        self._results: dict[str, tuple[tuple[Any, ...], Any]] = {}
 
-    def of(self, name: str, function: Callable[..., _Answer], *asked: Any) -> _Answer:
-        """Return what a function returns, or returned if it was last asked with the same objects
-        and numbers.
+    def of(self, name: str, function: Callable[..., _Answer], *arguments: Any) -> _Answer:
+        """Return the value of a function, stored if its last arguments were the same objects and
+        numbers.
         """
-        last = self._last.get(name)
+        result = self._results.get(name)
         # Records are equal to themselves alone.
-        if last is None or last[0] != asked:
-            last = (asked, function(*asked))
-            self._last[name] = last
-        answer: _Answer = last[1]
+        if result is None or result[0] != arguments:
+            result = (arguments, function(*arguments))
+            self._results[name] = result
+        answer: _Answer = result[1]
         return answer
 
 
@@ -84,32 +83,26 @@ class TrackingModels:
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "TrackingModels":
         """Return the models of a scene's sensors."""
-        chance = [
-            np.mean(list(sensor.detection_probability.values()) or [UNSTATED])
-            for sensor in context.sensors
-        ]
-        model = AssociationModel(clipped(chance), config.false_alarms_per_sr)
-        period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
         filter_ = filter_of(config, context)
+        period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
+        detection_probability = mean_detection_probability(context.sensors)
         biases = Biases.of(context.sensors, config.clock_sigma_s)
         outcomes = Outcomes(vehicle_model(config.boost_prior), context.hypotheses)
         clutter = clutter_per_sr(context, config.false_alarms_per_sr)
+        site_m = site_height_m(config.hypotheses.inland_share)
+        slice_s = min(config.slice_s, config.cadence_s)
         return cls(
             config=config,
             needed_scans=config.needed_scans or needed_scans(period_s),
             filter=filter_,
-            association=model,
+            association=AssociationModel(detection_probability, config.false_alarms_per_sr),
             light_time=context.light_time,
             biases=biases,
             period_s=period_s,
-            memory_s=sighting_memory_s(
-                period_s, min(config.slice_s, config.cadence_s), config.recent_scans
-            ),
+            memory_s=sighting_memory_s(period_s, slice_s, config.recent_scans),
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
-            groups=GroupPosterior.of(config.hypotheses, clutter, model.detection_probability),
-            single=SingleSensor(
-                outcomes, filter_, biases, period_s, site_height_m(config.hypotheses.inland_share)
-            ),
+            groups=GroupPosterior.of(config.hypotheses, clutter, detection_probability),
+            single=SingleSensor(outcomes, filter_, biases, period_s, site_m),
         )
 
     def path(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
@@ -125,7 +118,10 @@ class TrackingModels:
         if not registration.corrects:
             return lines
         return self.memo.of(
-            "corrected", lambda known, raw: known.corrected(raw), registration, lines
+            "corrected",
+            lambda registration_, raw: registration_.corrected(raw),
+            registration,
+            lines,
         )
 
     def vantages(self, registration: Registration, time_s: float) -> Vantages:
@@ -149,42 +145,37 @@ class TrackingModels:
 
     def longest(self, time_s: FloatArray, table: TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
-        most: FloatArray = np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
-        return most
+        longest_s: FloatArray = np.max(
+            np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0
+        )
+        return longest_s
 
-    def confirmed(self, now: TrackerState) -> BoolArray:
+    def confirmed(self, state: TrackerState) -> BoolArray:
         """Return which tracks (n,) are reported: those with enough detections that are probably no
         false alarms.
         """
-        return np.asarray((now.table.hits >= 2 * self.needed_scans) & ~now.motion.are_noise)
+        return np.asarray((state.table.hits >= 2 * self.needed_scans) & ~state.motion.are_noise)
 
     def shared_covariance(
-        self, now: TrackerState, estimates: ModeEstimates, table: TrackTable
+        self, state: TrackerState, estimates: ModeEstimates, table: TrackTable
     ) -> FloatArray | None:
         """Return the covariances (n, 6, 6) of tracks due to the errors that sensors share; None for
         none.
         """
-        if not now.registration.has_errors:
+        if not state.registration.has_errors:
             return None
-        vantages = self.vantages(now.registration, now.time_s)
-        return now.registration.covariance(estimates.likelier_state, table.reports >= 0, vantages)
-
-
-#: Scans that a track needs, and the time, s, within which the fastest sensor must make them; else
-#: the fewest.
-_NEEDED = 4
-_SOON_S = 4.0
-_FEWEST = 2
+        vantages = self.vantages(state.registration, state.time_s)
+        return state.registration.covariance(estimates.likelier_state, table.reports >= 0, vantages)
 
 
 def needed_scans(period_s: FloatArray) -> int:
     """Return M of M-of-N track initiation for sensors with scan periods (n,), s.
 
-    A track is reported after 2 M detections. At 10 s per scan four scans are most of a burn: of 30
+    A track is reported after 2 M detections. M is 4 if the fastest sensor makes four scans in 4 s,
+    else 2. At 10 s per scan four scans are most of a burn: of 30
     launches before two sensors 21 were tracked, after 74 s in the median; with M = 2 all, after 31
     s. What it costs: no false track in two hours with sensors that confirm their detections over
     scans. Where every false alarm is reported (two scanners, 17 a scan), 29 tracks of noise have
     enough detections in ten minutes; all are recognised as noise, and none is reported.
     """
-    soon = _NEEDED * float(period_s.min(initial=np.inf)) <= _SOON_S
-    return _NEEDED if soon else _FEWEST
+    return 4 if 4.0 * float(period_s.min(initial=np.inf)) <= 4.0 else 2

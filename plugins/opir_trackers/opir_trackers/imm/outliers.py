@@ -14,7 +14,7 @@ are not reweighted.
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import matvec
@@ -23,8 +23,32 @@ from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs
 from opir_trackers.lines_of_sight import AngleMeasurements
 
-#: Weight of a measurement that is most probably unassigned.
-_LEAST_WEIGHT = 1e-6
+
+@frozen
+class OutlierLaw:
+    """Priors and thresholds of outliers."""
+
+    #: Weight of a measurement that is most probably unassigned.
+    least_weight: float = 1e-6
+
+    #: Prior mean of the outlier fraction, and its weight in lines.
+    prior_share: float = 0.01
+    prior_lines: float = 3.0
+
+    #: Squared distance exceeded with probability 10⁻³.
+    improbable: float = 13.8
+
+    #: The least outlier fraction that is considered.
+    least_share: float = 0.02
+
+    #: EM iterations at most, the change of weights at which they stop, and the least information of
+    #: a slice relative to these.
+    max_iterations: int = 4
+    tolerance: float = 0.02
+    least_information: float = 0.2
+
+
+LAW = OutlierLaw()
 
 
 def predicted_directions(
@@ -35,34 +59,16 @@ def predicted_directions(
         measurements.axes,
         path.positions(measurements.track, measurements.time_s) - measurements.origin_m,
     )
-    seen: FloatArray = local[:, :2] / local[:, 2:]
-    return seen
+    projected: FloatArray = local[:, :2] / local[:, 2:]
+    return projected
 
 
 #: Outlier fractions, evenly spaced in log odds: 0, and from 0.01 to 0.9.
-_STEP = 0.2
-FRACTIONS = np.append(0.0, 1.0 / (1.0 + np.exp(-np.arange(-4.6, 2.3, _STEP))))
-
-#: Prior mean of the outlier fraction, and its weight in lines.
-_SHARE = 0.01
-_BELIEVED = 3.0
-
-#: Squared distance exceeded with probability 10⁻³, and the least outlier fraction that is
-#: considered.
-_IMPROBABLE = 13.8
-_SOME = 0.02
+FRACTIONS = np.append(0.0, 1.0 / (1.0 + np.exp(-np.arange(-4.6, 2.3, 0.2))))
 
 #: Below this fraction, tracks without an improbable line are not counted; so onsets of outliers are
 #: seen.
 FEW = 1e-3
-
-_NONE = np.empty(0, dtype=np.int64)
-
-#: EM iterations at most, the change of weights that is none, and the least information of a slice
-#: relative to these.
-_TURNS = 4
-_SETTLED = 0.02
-_LEAST_TOLD = 0.2
 
 
 class SliceSpan(NamedTuple):
@@ -76,14 +82,15 @@ class SliceSpan(NamedTuple):
 def _prior_log() -> FloatArray:
     """Return the log prior (fractions,) of the outlier fraction: a beta distribution.
 
-    Its density per log odds is proportional to (1 - q)^`_BELIEVED` from the first fraction on; the
+    Its density per log odds is proportional to (1 - q)^`prior_lines` from the first fraction on; the
     rest is at 0.
     """
-    some = _SHARE * _BELIEVED * _STEP * (1.0 - FRACTIONS[1:]) ** _BELIEVED
-    return np.asarray(np.log(np.append(1.0 - some.sum(), some)))
+    lines = LAW.prior_lines
+    prior = LAW.prior_share * lines * 0.2 * (1.0 - FRACTIONS[1:]) ** lines
+    return np.asarray(np.log(np.append(1.0 - prior.sum(), prior)))
 
 
-_BEFORE = _prior_log()
+_LOG_PRIOR = _prior_log()
 _CLEAN = np.log1p(-FRACTIONS)
 
 
@@ -95,7 +102,7 @@ class OutlierFractions(NamedTuple):
     @property
     def share(self) -> FloatArray:
         """Return the posterior mean (n,)."""
-        chance = np.exp(self.log + _BEFORE)
+        chance = np.exp(self.log + _LOG_PRIOR)
         share: FloatArray = np.add.reduce(chance * FRACTIONS, axis=1) / np.add.reduce(
             chance, axis=1
         )
@@ -120,8 +127,10 @@ class ReweightedEstimates(NamedTuple):
 
 def suspect_tracks(assigned: GatedPairs, share: FloatArray) -> IntArray:
     """Return the rows (k,) of tracks that may have outliers, by their outlier fractions (n,)."""
-    some = (assigned.distance > _IMPROBABLE) | (share.take(assigned.track) > _SOME)
-    return np.unique(assigned.track[some]) if np.count_nonzero(some) else _NONE
+    suspicious = (assigned.distance > LAW.improbable) | (
+        share.take(assigned.track) > LAW.least_share
+    )
+    return np.unique(assigned.track[suspicious]) if suspicious.any() else assigned.track[:0]
 
 
 def clean_log_likelihood(
@@ -132,7 +141,7 @@ def clean_log_likelihood(
     Each counts with the probability that an outlier in its place would have been improbable.
     """
     within = (
-        _IMPROBABLE / gate**2 * np.exp(0.5 * assigned.log_volume) / np.square(assigned.sigma_rad)
+        LAW.improbable / gate**2 * np.exp(0.5 * assigned.log_volume) / np.square(assigned.sigma_rad)
     )
     clean: FloatArray = (
         np.bincount(assigned.track, np.maximum(1.0 - within, 0.0), outlier.log.shape[0])[:, None]
@@ -143,43 +152,41 @@ def clean_log_likelihood(
 
 def reweighted(
     filter_: ImmFilter,
-    before: ModeEstimates,
-    after: ModeEstimates,
+    prior: ModeEstimates,
+    posterior: ModeEstimates,
     span: SliceSpan,
     assigned: GatedPairs,
     outlier: OutlierFractions,
 ) -> ReweightedEstimates:
     """Return estimates after a slice with its lines reweighted; the pairs `assigned` led from
-    `before` to `after`.
+    `prior` to `posterior`.
     """
-    weight, _, square = _weights(
-        filter_.predicted_measurements(after, span.end_s), span, assigned, outlier.share
-    )
-    log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
-    doubted = np.zeros(len(before), dtype=np.bool_)
-    doubted[assigned.track[weight < 1.0 - _SETTLED]] = True
+    weight, _, square = _weights(filter_, posterior, span, assigned, outlier.share)
+    log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(prior))
+    doubted = np.zeros(len(prior), dtype=np.bool_)
+    doubted[assigned.track[weight < 1.0 - LAW.tolerance]] = True
     rows = np.flatnonzero(doubted)
     if not len(rows):
-        return ReweightedEstimates(after, log_likelihood)
-    mine = np.flatnonzero(doubted[assigned.track])
-    pairs = assigned.take(mine)
+        return ReweightedEstimates(posterior, log_likelihood)
+    pair_rows = np.flatnonzero(doubted[assigned.track])
+    pairs = assigned.take(pair_rows)
     pairs = evolve(pairs, track=(np.cumsum(doubted) - 1)[pairs.track])
-    part = _reweighted(
+    subset = _maximised(
         filter_,
-        before.take(rows),
+        prior.take(rows),
         span,
         pairs,
         outlier.take(rows),
-        weight[mine],
+        weight[pair_rows],
         log_likelihood[rows],
     )
-    log_likelihood[rows] = part.outliers
-    return ReweightedEstimates(after.put(rows, part.estimates), log_likelihood)
+    log_likelihood[rows] = subset.outliers
+    return ReweightedEstimates(posterior.put(rows, subset.estimates), log_likelihood)
 
 
-def _reweighted(
+def _maximised(
     filter_: ImmFilter,
-    before: ModeEstimates,
+    prior: ModeEstimates,
     span: SliceSpan,
     assigned: GatedPairs,
     outlier: OutlierFractions,
@@ -189,28 +196,34 @@ def _reweighted(
     """Return estimates after a slice by expectation maximisation from first weights (m,) of the
     lines.
     """
-    for _ in range(_TURNS):
-        last = weight
-        after = filter_.updated(
-            before, span.end_s, _weighted(assigned, assigned.measured, weight), span.long_s
-        )
+    for _ in range(LAW.max_iterations):
+        previous = weight
+        looks = _weighted(assigned, assigned.measured, weight)
+        posterior = filter_.updated(prior, span.end_s, looks, span.long_s)
         share = outlier.after(log_likelihood).share
-        weight, place, square = _weights(
-            filter_.predicted_measurements(after, span.end_s), span, assigned, share
-        )
-        log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(before))
-        if np.max(np.abs(weight - last)) < _SETTLED:
+        weight, place, square = _weights(filter_, posterior, span, assigned, share)
+        log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(prior))
+        if np.max(np.abs(weight - previous)) < LAW.tolerance:
             break
-    most = np.bincount(assigned.track, weight, len(before))
-    left = np.bincount(assigned.track, weight * (1.0 - 0.5 * (1.0 - weight) * square), len(before))
-    part = np.maximum(left / np.maximum(most, _LEAST_WEIGHT), _LEAST_TOLD)[assigned.track]
+    information = _information_share(assigned.track, weight, square, len(prior))
     # The rescaled measurements move the estimate as far as the weighted ones, with less
     # information.
-    seen = place + (assigned.measured - place) / part[:, None]
-    after = filter_.updated(
-        before, span.end_s, _weighted(assigned, seen, weight * part), span.long_s
-    )
-    return ReweightedEstimates(after, log_likelihood)
+    rescaled = place + (assigned.measured - place) / information[:, None]
+    looks = _weighted(assigned, rescaled, weight * information)
+    posterior = filter_.updated(prior, span.end_s, looks, span.long_s)
+    return ReweightedEstimates(posterior, log_likelihood)
+
+
+def _information_share(
+    track: IntArray, weight: FloatArray, square: FloatArray, count: int
+) -> FloatArray:
+    """Return for each line (m,) the observed information of its track's lines, as a share of the
+    sum of their weights.
+    """
+    total = np.bincount(track, weight, count)
+    observed = np.bincount(track, weight * (1.0 - 0.5 * (1.0 - weight) * square), count)
+    share = observed / np.maximum(total, LAW.least_weight)
+    return np.maximum(share, LAW.least_information)[track]
 
 
 def fraction_log_likelihood(
@@ -229,23 +242,31 @@ def fraction_log_likelihood(
 
 
 def _weights(
-    path: PredictedMeasurements, span: SliceSpan, assigned: GatedPairs, share: FloatArray
+    filter_: ImmFilter,
+    estimates: ModeEstimates,
+    span: SliceSpan,
+    assigned: GatedPairs,
+    share: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the inlier probabilities (m,) of lines, their predicted directions (m, 2) and squared
     distances (m,).
     """
+    path = filter_.predicted_measurements(estimates, span.end_s)
     measurements = assigned.measurements(assigned.measured, np.zeros((len(assigned), 2, 2)))
     place = predicted_directions(path, measurements)
     sharp = 1.0 / np.square(assigned.sigma_rad)
     outlier = share[assigned.track]
     square = np.sum(np.square(assigned.measured - place), axis=1) * sharp
-    mine = (1.0 - outlier) * np.exp(-0.5 * square) * sharp / (2.0 * np.pi)
-    others = outlier * sharp / (np.pi * span.gate**2)
-    return np.maximum(mine / (mine + others), _LEAST_WEIGHT), place, square
+    inlier_density = (1.0 - outlier) * np.exp(-0.5 * square) * sharp / (2.0 * np.pi)
+    outlier_density = outlier * sharp / (np.pi * span.gate**2)
+    weight = inlier_density / (inlier_density + outlier_density)
+    return np.maximum(weight, LAW.least_weight), place, square
 
 
-def _weighted(assigned: GatedPairs, seen: FloatArray, weight: FloatArray) -> AngleMeasurements:
+def _weighted(
+    assigned: GatedPairs, directions: FloatArray, weight: FloatArray
+) -> AngleMeasurements:
     """Return pairs as measurements at directions (m, 2) with weights (m,)."""
     return assigned.measurements(
-        seen, (np.sqrt(weight) / assigned.sigma_rad)[:, None, None] * np.eye(2)
+        directions, (np.sqrt(weight) / assigned.sigma_rad)[:, None, None] * np.eye(2)
     )

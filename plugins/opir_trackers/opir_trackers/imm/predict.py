@@ -19,30 +19,32 @@ from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.registration import Registration
 
 
-class Ahead(NamedTuple):
+class Prediction(NamedTuple):
     """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are
     those in the slice.
 
     Without tracks or lines no measurements are predicted. `pairs` are the gated pairs of tracks
-    outside crowds, and of crowds' tracks in sensors that do not follow them; `near` are those of
-    the crowds' focal-plane tracks, None without crowds.
+    outside crowds, and of crowds' tracks in sensors that do not follow them; `crowd_pairs` are those
+    of the crowds' focal-plane tracks, None without crowds.
     """
 
     estimates: ModeEstimates
     path: PredictedMeasurements
     pairs: GatedPairs
-    near: CrowdPairs | None
+    crowd_pairs: CrowdPairs | None
     lines: LinesOfSight
     end_s: float
     span_s: float
 
 
-def predict(models: TrackingModels, now: TrackerState, end_s: float, lines: LinesOfSight) -> Ahead:
+def predict(
+    models: TrackingModels, state: TrackerState, end_s: float, lines: LinesOfSight
+) -> Prediction:
     """Return the tracks at the end of a slice with lines; the last prediction is kept, for labels
     need the same.
     """
-    known = now.estimates, now.table, now.crowds, now.registration
-    return models.memo.of("ahead", _predicted, models, *known, now.time_s, end_s, lines)
+    arguments = state.estimates, state.table, state.crowds, state.registration
+    return models.memo.of("prediction", _predicted, models, *arguments, state.time_s, end_s, lines)
 
 
 def _predicted(
@@ -54,11 +56,11 @@ def _predicted(
     start_s: float,
     end_s: float,
     lines: LinesOfSight,
-) -> Ahead:
+) -> Prediction:
     span_s = end_s - start_s
     estimates = models.memo.of("moved", models.filter.predicted_open, estimates, span_s)
     if not table.number.size or not lines.scan.size:
-        return Ahead(estimates, _NO_PATH, GatedPairs.empty(), None, lines, end_s, span_s)
+        return Prediction(estimates, _NO_PATH, GatedPairs.empty(), None, lines, end_s, span_s)
     path = models.path(estimates, end_s)
     if registration.widens_gates:
         vantages = models.vantages(registration, end_s)
@@ -67,12 +69,11 @@ def _predicted(
             bias_covariance=registration.gate_covariance(state, table.reports >= 0, vantages)
         )
     if not crowds.are_there:
-        return Ahead(
-            estimates, path, models.gated_pairs(path, lines, span_s), None, lines, end_s, span_s
-        )
+        pairs = models.gated_pairs(path, lines, span_s)
+        return Prediction(estimates, path, pairs, None, lines, end_s, span_s)
     pairs = _lone_pairs(models, path, lines, span_s, table, crowds)
-    near = crowd.paired(crowds.tracks, start_s, lines, span_s, models.config.gate_sigma)
-    return Ahead(estimates, path, pairs, near, lines, end_s, span_s)
+    crowd_pairs = crowd.paired(crowds.tracks, start_s, lines, span_s, models.config.gate_sigma)
+    return Prediction(estimates, path, pairs, crowd_pairs, lines, end_s, span_s)
 
 
 _NO_PATH = PredictedMeasurements(0.0, np.empty((0, 5, 3)), np.empty((0, BOOST, BOOST)))
@@ -89,11 +90,11 @@ def _lone_pairs(
     follows = crowds.follows(table.number, table.reports.shape[1])
     rows = np.flatnonzero(~follows.all(axis=1))
     bias = path.bias_covariance
-    part = path._replace(
+    subset = path._replace(
         derivative=path.derivative[rows],
         root=path.root[rows],
         bias_covariance=None if bias is None else bias[rows],
     )
-    pairs = models.gated_pairs(part, lines if len(rows) else lines.take(rows), span_s)
+    pairs = models.gated_pairs(subset, lines if len(rows) else lines.take(rows), span_s)
     pairs = evolve(pairs, track=rows[pairs.track])
     return pairs.take(np.flatnonzero(~follows[pairs.track, lines.sensor[pairs.line]]))

@@ -5,7 +5,7 @@ both: two targets are detected in one scan sooner or later, one target never twi
 """
 
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import dot
@@ -21,18 +21,28 @@ from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.brevity import are_brief
 from opir_trackers.triangulation import LOWEST_M
 
-#: Tracks within this distance, m, or within their covariances, are compared as possible duplicates.
-_NEAR_M = 20e3
 
-#: Gate of the squared Mahalanobis distance of position and velocity, 6 degrees of freedom, 99.99 %.
-_DUPLICATE_GATE = 27.9
+@frozen
+class PruningLaw:
+    """Thresholds of duplicate, lost and fallen tracks."""
 
-#: Upper bound on target speeds, m/s, nearly twice the escape velocity.
-_FASTEST_M_S = 20e3
+    #: Tracks within this distance, m, or within their covariances, are compared as possible
+    #: duplicates.
+    near_m: float = 20e3
 
-#: A track below the lowest height has come down; one that is still detected, if below by this many
-#: standard deviations.
-_SURE_SIGMAS = 3.0
+    #: Gate of the squared Mahalanobis distance of position and velocity, 6 degrees of freedom,
+    #: 99.99 %.
+    duplicate_gate: float = 27.9
+
+    #: Upper bound on target speeds, m/s, nearly twice the escape velocity.
+    fastest_m_s: float = 20e3
+
+    #: A track below the lowest height has come down; one that is still detected, if below by this
+    #: many standard deviations.
+    sure_sigmas: float = 3.0
+
+
+LAW = PruningLaw()
 
 #: Codes of ends.
 IMPACT = TRACK_ENDS.index("impact")
@@ -40,84 +50,92 @@ LOST = TRACK_ENDS.index("lost")
 
 
 def prune(
-    models: TrackingModels, now: TrackerState, lines: LinesOfSight, owner: IntArray
+    models: TrackingModels, state: TrackerState, lines: LinesOfSight, owner: IntArray
 ) -> TrackerState:
     """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms.
 
     `owner` (m,) are the tracks of a slice's lines, -1 for none.
     """
-    if not now.table.number.size:
-        return now
-    moments = models.moments(now.estimates)
-    table = now.table
-    silent = now.time_s - table.seen_s > models.config.silence_s
-    drop = silent | (now.motion.is_decided & now.motion.are_noise)
-    now, idle, down = _with_bounds(models, now, *moments)
-    drop |= idle | down
+    if not state.table.number.size:
+        return state
+    moments = models.moments(state.estimates)
+    table = state.table
+    drop = state.time_s - table.seen_s > models.config.silence_s
+    drop |= state.motion.is_decided & state.motion.are_noise
+    state, idle, fallen = _with_bounds(models, state, *moments)
+    drop |= idle | fallen
     if table.number.size > 1:
-        memory_s = models.memory_s
-        now = evolve(
-            now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, memory_s)
-        )
-        drop |= _lesser(models, now, *moments)
+        sightings = state.sightings.after(table.number, owner, lines, state.time_s, models.memory_s)
+        state = evolve(state, sightings=sightings)
+        drop |= _lesser(models, state, *moments)
     if np.count_nonzero(drop):
-        gone = np.flatnonzero(drop & models.confirmed(now))
-        brief = are_brief(now.motion, table.first_s, table.seen_s)[gone]
-        end = np.where(down[gone] & ~brief, IMPACT, LOST).astype(np.uint8)
-        ended = EndedTracks(now.estimates.take(gone), table.take(gone), now.motion.take(gone), end)
-        now = evolve(
-            now.without(drop), ended=ended.and_others(now.ended) if len(gone) else now.ended
-        )
-    if not now.crowds.are_there:
-        return now
-    return evolve(now, crowds=crowd.pruned(now.crowds, now.time_s, models.period_s))
+        state = _without(models, state, drop, fallen)
+    if not state.crowds.are_there:
+        return state
+    return evolve(state, crowds=crowd.pruned(state.crowds, state.time_s, models.period_s))
+
+
+def _without(
+    models: TrackingModels, state: TrackerState, drop: BoolArray, fallen: BoolArray
+) -> TrackerState:
+    """Return the state without some tracks (n,); the confirmed ones among them have ended."""
+    remaining = state.without(drop)
+    rows = np.flatnonzero(drop & models.confirmed(state))
+    if not len(rows):
+        return remaining
+    table = state.table.take(rows)
+    motion = state.motion.take(rows)
+    brief = are_brief(motion, table.first_s, table.seen_s)
+    end = np.where(fallen[rows] & ~brief, IMPACT, LOST).astype(np.uint8)
+    ended = EndedTracks(state.estimates.take(rows), table, motion, end)
+    return evolve(remaining, ended=ended.and_others(state.ended))
 
 
 def _with_bounds(
-    models: TrackingModels, now: TrackerState, state: FloatArray, covariance: FloatArray
+    models: TrackingModels, state: TrackerState, mean: FloatArray, covariance: FloatArray
 ) -> tuple[TrackerState, BoolArray, BoolArray]:
     """Return the state with uncertain speeds and heights bounded, and which tracks are idle and
     which came down.
     """
-    table = now.table
+    table = state.table
     needed = 3 * models.needed_scans
     uncertain = are_uncertain(covariance, models.config.lost_sigma_m)
-    below_ground = are_below_ground(state[:, :3])
-    fast_uncertain = (
-        covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
-    )
-    none = np.zeros(len(table), dtype=np.bool_)
-    if table.hits.min() >= needed and not np.count_nonzero(
-        uncertain | below_ground | fast_uncertain
-    ):
-        return now, none, none
-    rows = fast_uncertain.nonzero()[0]
+    below_ground = are_below_ground(mean[:, :3])
+    variance = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5]
+    is_vague = variance > SPEED_SIGMA_M_S**2
+    is_plain = not np.count_nonzero(uncertain | below_ground | is_vague)
+    if is_plain and table.hits.min() >= needed:
+        nowhere = np.zeros(len(table), dtype=np.bool_)
+        return state, nowhere, nowhere
+    rows = is_vague.nonzero()[0]
     rows = rows[have_uncertain_velocity(covariance[rows])] if len(rows) else rows
     if len(rows):
-        now = evolve(now, estimates=models.filter.with_velocity_prior(now.estimates, rows))
-    rows = (below_ground & (now.estimates.weight[:, 0] > 0.5)).nonzero()[0]
+        state = evolve(state, estimates=models.filter.with_velocity_prior(state.estimates, rows))
+    rows = (below_ground & (state.estimates.weight[:, 0] > 0.5)).nonzero()[0]
     if len(rows):
-        now = evolve(now, estimates=models.filter.above_ground(now.estimates, rows))
-    unseen = now.time_s - table.seen_s > models.longest(models.silence_limit_s, table)
+        state = evolve(state, estimates=models.filter.above_ground(state.estimates, rows))
+    unseen = state.time_s - table.seen_s > models.longest(models.silence_limit_s, table)
     idle = (uncertain | (table.hits < needed)) & unseen
-    return now, idle, below_ground & have_come_down(state[:, :3], covariance, unseen)
+    return state, idle, below_ground & have_come_down(mean[:, :3], covariance, unseen)
 
 
 def _lesser(
-    models: TrackingModels, now: TrackerState, state: FloatArray, covariance: FloatArray
+    models: TrackingModels, state: TrackerState, mean: FloatArray, covariance: FloatArray
 ) -> BoolArray:
     """Return which tracks follow a target that another one follows, or no target: lines of several
     moved them.
     """
-    table = now.table
-    added = models.shared_covariance(now, now.estimates, now.table)
+    table = state.table
+    added = models.shared_covariance(state, state.estimates, state.table)
     wider = covariance.copy() if added is None else covariance + added
-    fast = ~(dot(state[:, 3:], state[:, 3:]) <= _FASTEST_M_S**2)
+    fast = ~(dot(mean[:, 3:], mean[:, 3:]) <= LAW.fastest_m_s**2)
     # The covariance of a track that is nowhere may be nothing that can be solved with.
     wider[fast] = np.eye(6)
-    are_fresh = table.begun_s == now.time_s
-    seen = table.reports >= 0
-    return fast | duplicates(table.number, state, wider, now.sightings, table.hits, seen, are_fresh)
+    are_fresh = table.begun_s == state.time_s
+    visible = table.reports >= 0
+    return fast | duplicates(
+        table.number, mean, wider, state.sightings, table.hits, visible, are_fresh
+    )
 
 
 def duplicates(
@@ -138,29 +156,33 @@ def duplicates(
     lesser = np.zeros(len(number), dtype=bool)
     if len(number) < 2:
         return lesser
-    near = _near(state[:, :3], np.sqrt(np.trace(covariance[:, :3, :3], axis1=1, axis2=2)))
-    beside = np.bincount(near.ravel(), minlength=len(number))
-    near = near[_never_seen_together(near, number, sightings)] if len(near) else near
-    if not len(near):
+    pairs = _near(state[:, :3], np.sqrt(np.trace(covariance[:, :3, :3], axis1=1, axis2=2)))
+    neighbours = np.bincount(pairs.ravel(), minlength=len(number))
+    pairs = pairs[_never_seen_together(pairs, number, sightings)] if len(pairs) else pairs
+    if not len(pairs):
         return lesser
-    apart = state[near[:, 0]] - state[near[:, 1]]
-    both = covariance[near[:, 0]] + covariance[near[:, 1]]
-    distance = np.sum(apart * np.linalg.solve(both, apart[:, :, None])[:, :, 0], axis=1)
-    alike = near[distance < _DUPLICATE_GATE]
-    for first, second in alike[~_are_spared(alike, beside, seen, fresh)].tolist():
-        if not lesser[first] and not lesser[second]:
-            lesser[second if (hits[first], second) >= (hits[second], first) else first] = True
+    row, other_row = pairs.T
+    difference = state[row] - state[other_row]
+    joint = covariance[row] + covariance[other_row]
+    distance = np.sum(difference * np.linalg.solve(joint, difference[:, :, None])[:, :, 0], axis=1)
+    pairs = pairs[distance < LAW.duplicate_gate]
+    pairs = pairs[~_are_spared(pairs, neighbours, seen, fresh)]
+    for older, newer in pairs.tolist():
+        if not lesser[older] and not lesser[newer]:
+            lesser[newer if (hits[older], newer) >= (hits[newer], older) else older] = True
     return lesser
 
 
-def _are_spared(alike: IntArray, beside: IntArray, seen: BoolArray, fresh: BoolArray) -> BoolArray:
+def _are_spared(
+    pairs: IntArray, beside: IntArray, visible: BoolArray, is_new: BoolArray
+) -> BoolArray:
     """Return which pairs (k,) have others near, `beside` (n,) in all, and are fresh or seen by no
     common sensor.
     """
-    one, other = alike.T
-    crowded = np.maximum(beside[one], beside[other]) > 1
+    row, other_row = pairs.T
+    crowded = np.maximum(beside[row], beside[other_row]) > 1
     spared: BoolArray = crowded & (
-        fresh[one] | fresh[other] | ~np.any(seen[one] & seen[other], axis=1)
+        is_new[row] | is_new[other_row] | ~np.any(visible[row] & visible[other_row], axis=1)
     )
     return spared
 
@@ -172,35 +194,36 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
     from scipy.spatial import cKDTree
 
     tree = cKDTree(position)
-    near = tree.query_pairs(_NEAR_M, output_type="ndarray")
-    reach_m = np.sqrt(2.0 * _DUPLICATE_GATE) * sigma_m
-    wide = np.flatnonzero(reach_m > _NEAR_M)
+    close = tree.query_pairs(LAW.near_m, output_type="ndarray")
+    reach_m = np.sqrt(2.0 * LAW.duplicate_gate) * sigma_m
+    wide = np.flatnonzero(reach_m > LAW.near_m)
     if len(wide):
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
         neighbours = tree.query_ball_point(position[wide], reach_m[wide], return_sorted=True)
-        other = np.concatenate([np.array(rows, dtype=np.int64) for rows in neighbours])
+        neighbour = np.concatenate([np.array(rows, dtype=np.int64) for rows in neighbours])
         pairs = np.sort(
-            np.stack([np.repeat(wide, [len(rows) for rows in neighbours]), other], axis=1), axis=1
+            np.stack([np.repeat(wide, [len(rows) for rows in neighbours]), neighbour], axis=1),
+            axis=1,
         )
-        near = np.unique(np.concatenate([near, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
-    ordered: IntArray = near[np.lexsort((near[:, 1], near[:, 0]))]
+        close = np.unique(np.concatenate([close, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
+    ordered: IntArray = close[np.lexsort((close[:, 1], close[:, 0]))]
     return ordered
 
 
 def _never_seen_together(
-    near: IntArray, number: IntArray, sightings: SharedDetections
+    pairs: IntArray, number: IntArray, sightings: SharedDetections
 ) -> BoolArray:
     """Return which pairs (k,) have enough scans with a detection, none of both."""
     row = np.searchsorted(number, sightings.number)
-    here = np.flatnonzero(np.append(number, -1)[row] == sightings.number)
-    scan = scan_numbers(sightings.sensor, sightings.scan)[here]
-    seen = np.zeros((len(number), int(scan.max(initial=-1)) + 1), dtype=bool)
-    seen[row[here], scan] = True
-    one = seen[near[:, 0]]
-    other = seen[near[:, 1]]
-    apart: BoolArray = np.any(one & other, axis=1)
-    enough: BoolArray = np.count_nonzero(one | other, axis=1) >= ENOUGH_SCANS
-    return np.logical_and(enough, ~apart)
+    tracked = np.flatnonzero(np.append(number, -1)[row] == sightings.number)
+    scan = scan_numbers(sightings.sensor, sightings.scan)[tracked]
+    detected = np.zeros((len(number), int(scan.max(initial=-1)) + 1), dtype=bool)
+    detected[row[tracked], scan] = True
+    row_detected = detected[pairs[:, 0]]
+    other_detected = detected[pairs[:, 1]]
+    detected_together: BoolArray = np.any(row_detected & other_detected, axis=1)
+    enough: BoolArray = np.count_nonzero(row_detected | other_detected, axis=1) >= ENOUGH_SCANS
+    return np.logical_and(enough, ~detected_together)
 
 
 def are_uncertain(covariance: FloatArray, sigma_m: float) -> BoolArray:
@@ -227,6 +250,6 @@ def have_come_down(position: FloatArray, covariance: FloatArray, unseen: BoolArr
     Along a single line of sight the estimate of a flying target may lie below the ground.
     """
     sigma = np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2])
-    lowest = LOWEST_M - np.where(unseen, 0.0, _SURE_SIGMAS * sigma)
+    lowest = LOWEST_M - np.where(unseen, 0.0, LAW.sure_sigmas * sigma)
     down: BoolArray = ecef_to_geodetic(position).height_m < lowest
     return down

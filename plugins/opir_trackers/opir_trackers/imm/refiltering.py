@@ -8,7 +8,7 @@ the present.
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
@@ -16,6 +16,7 @@ from opir_core.estimation import COAST
 from opir_trackers.association import hard_measurements
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.measurement_updates import Gaussian
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import gated
 from opir_trackers.initiation import TrackCandidates
@@ -24,71 +25,81 @@ from opir_trackers.pairing import Directions, intersections
 from opir_trackers.track_priors import prior_estimates
 from opir_trackers.triangulation import FAR_M
 
-#: Length of a step of the stretch, s: its directions move little off the Taylor series of the path.
-_STEP_S = 2.0
 
-#: Standard deviations of position, m, velocity, m/s, and force, m/s², about the cubic at the start
-#: of the stretch.
-_PLACE_M = 3e3
-_SPEED_M_S = 300.0
-_FORCE_M_S2 = 20.0
+@frozen
+class RefilteringLaw:
+    """How a stretch of directions is filtered."""
 
-#: A track whose first line came within this time before its stretch, s, begins there.
-_FRESH_S = 5.0
+    #: Length of a step of the stretch, s: its directions move little off the Taylor series of the
+    #: path.
+    step_s: float = 2.0
 
-#: Instants that a cubic needs; else the track starts as a new one.
-_LEAST_INSTANTS = 8
+    #: Standard deviations of position, m, velocity, m/s, and force, m/s², about the cubic at the
+    #: start of the stretch.
+    sigmas: tuple[float, float, float] = (3e3, 300.0, 20.0)
 
-#: A gate that all directions pass.
-_EVERY = 1e9
+    #: A track whose first line came within this time before its stretch, s, begins there.
+    young_s: float = 5.0
+
+    #: Instants that a cubic needs; else the track starts as a new one.
+    least_instants: int = 8
+
+    #: A gate that all directions pass.
+    gate: float = 1e9
+
+
+LAW = RefilteringLaw()
+
+
+class FilterModels(NamedTuple):
+    """The filter, the settings of the tracker, and whether light takes time."""
+
+    filter: ImmFilter
+    config: ImmConfig
+    light_time: bool
+
+
+class Crossings(NamedTuple):
+    """Normal equations (n, instants, 12) of tracks' directions about a point `centre` (3,)."""
+
+    sums: FloatArray
+    centre: FloatArray
 
 
 def refiltered(
-    filter_: ImmFilter,
-    config: ImmConfig,
+    models: FilterModels,
     directions: Directions,
     track: IntArray,
-    sums: FloatArray,
-    centre: FloatArray,
-    before: ModeEstimates,
+    crossings: Crossings,
+    estimates_before: ModeEstimates,
     begun_s: FloatArray,
     now_s: float,
-    light_time: bool,
 ) -> ModeEstimates:
     """Return the estimates at `now_s` of tracks (n,) from their kept directions.
 
-    `track` (m,) is that of each direction; `sums` (n, instants, 12) are the tracks' normal
-    equations about `centre`; `before` are the old estimates, of which the mode probabilities and
-    rates stay; `begun_s` (n,) the first detections.
+    `track` (m,) is that of each direction; of `estimates_before` the mode probabilities and rates
+    stay; `begun_s` (n,) are the first detections.
     """
-    instants = np.unique(directions.time_s)
-    place = intersections(sums) + centre
-    there = sums[..., 11] > 1.5
-    first_s = instants[np.argmax(there, axis=1)]
-    prior = _Priors(place, there, instants, first_s, begun_s, config, light_time)
-    awake = float(instants[0]) - _STEP_S
-    estimates = before
-    for end_s in [*np.arange(awake + _STEP_S, now_s - 1e-6, _STEP_S).tolist(), now_s]:
-        step_s = end_s - awake
-        mine = np.flatnonzero((directions.time_s > awake) & (directions.time_s <= end_s))
-        estimates = filter_.predicted_open(estimates, step_s)
-        enter = np.flatnonzero((first_s > awake) & (first_s <= end_s))
-        if len(enter):
-            estimates = estimates.put(enter, prior.at(enter, end_s))
-        # What has not entered is not looked at.
-        mine = mine[first_s[track[mine]] <= end_s]
-        path = filter_.predicted_measurements(estimates, end_s)
-        pairs = gated(
-            path,
-            _lines(directions.take(mine)),
-            track[mine],
-            np.arange(len(mine)),
-            _EVERY,
-            light_time,
-        )
-        estimates = filter_.updated(estimates, end_s, hard_measurements(pairs), step_s)
-        awake = end_s
-    return evolve(estimates, weight=before.weight, detection_rate=before.detection_rate)
+    prior = _Priors.of(models, np.unique(directions.time_s), crossings, begun_s)
+    start_s = float(prior.instants[0]) - LAW.step_s
+    estimates = estimates_before
+    ends_s = np.arange(start_s + LAW.step_s, now_s - 1e-6, LAW.step_s).tolist()
+    for end_s in [*ends_s, now_s]:
+        estimates = models.filter.predicted_open(estimates, end_s - start_s)
+        entering = np.flatnonzero((prior.first_s > start_s) & (prior.first_s <= end_s))
+        if len(entering):
+            estimates = estimates.put(entering, prior.at(entering, end_s))
+        is_due = (directions.time_s > start_s) & (directions.time_s <= end_s)
+        # Tracks that have not entered have no looks.
+        rows = np.flatnonzero(is_due & (prior.first_s[track] <= end_s))
+        path = models.filter.predicted_measurements(estimates, end_s)
+        lines = _lines(directions.take(rows))
+        pairs = gated(path, lines, track[rows], np.arange(len(rows)), LAW.gate, models.light_time)
+        looks = hard_measurements(pairs)
+        estimates = models.filter.updated(estimates, end_s, looks, end_s - start_s)
+        start_s = end_s
+    rate = estimates_before.detection_rate
+    return evolve(estimates, weight=estimates_before.weight, detection_rate=rate)
 
 
 def _lines(directions: Directions) -> LinesOfSight:
@@ -105,56 +116,66 @@ def _lines(directions: Directions) -> LinesOfSight:
 
 
 class _Priors(NamedTuple):
-    """What tracks (n,) at places (n, instants, 3), in ECEF, where `there` (n, instants), start
-    from.
+    """Starts of tracks (n,), at crossings (n, instants, 3), in ECEF, where `is_crossing` (n,
+    instants).
     """
 
-    place: FloatArray
-    there: BoolArray
+    crossing_m: FloatArray
+    is_crossing: BoolArray
     instants: FloatArray
     first_s: FloatArray
     begun_s: FloatArray
-    config: ImmConfig
-    light_time: bool
+    models: FilterModels
+
+    @classmethod
+    def of(
+        cls,
+        models: FilterModels,
+        instants: FloatArray,
+        crossings: Crossings,
+        begun_s: FloatArray,
+    ) -> "_Priors":
+        """Return the starts of tracks whose first detections were at times (n,)."""
+        position_m = intersections(crossings.sums) + crossings.centre
+        is_crossing = crossings.sums[..., 11] > 1.5
+        first_s = instants[np.argmax(is_crossing, axis=1)]
+        return cls(position_m, is_crossing, instants, first_s, begun_s, models)
 
     def at(self, rows: IntArray, time_s: float) -> ModeEstimates:
         """Return the prior of tracks `rows` at a time."""
-        first = np.argmax(self.there[rows], axis=1)
-        begins = TrackCandidates(self.place[rows, first], self.first_s[rows], np.full(len(rows), 2))
-        estimates = prior_estimates(begins, time_s, self.config)
-        emitted_s = self.instants - FAR_M / SPEED_OF_LIGHT_M_S * self.light_time
-        old = self.begun_s[rows] < self.first_s[rows] - _FRESH_S
-        for number in np.flatnonzero(
-            (self.there[rows].sum(axis=1) >= _LEAST_INSTANTS) & old
-        ).tolist():
-            used = np.flatnonzero(self.there[rows[number]])
-            path = earth_rotated(self.place[rows[number], used], emitted_s[used])
-            powers = np.vander(emitted_s[used] - time_s, 4, increasing=True)
-            fit = np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
-            one = np.array([number])
-            estimates = estimates.put(
-                one, _about(fit.astype(np.float64, copy=False), estimates.take(one))
-            )
+        start = np.argmax(self.is_crossing[rows], axis=1)
+        candidates = TrackCandidates(
+            self.crossing_m[rows, start], self.first_s[rows], np.full(len(rows), 2)
+        )
+        estimates = prior_estimates(candidates, time_s, self.models.config)
+        is_old = self.begun_s[rows] < self.first_s[rows] - LAW.young_s
+        is_long = self.is_crossing[rows].sum(axis=1) >= LAW.least_instants
+        for number in np.flatnonzero(is_long & is_old).tolist():
+            row = np.array([number])
+            cubic = self._cubic(int(rows[number]), time_s)
+            estimates = estimates.put(row, _about(cubic, estimates.take(row)))
         return estimates
 
+    def _cubic(self, row: int, time_s: float) -> FloatArray:
+        """Return the coefficients (4, 3) of a cubic through a track's crossings, of the time since
+        `time_s`.
+        """
+        selected = np.flatnonzero(self.is_crossing[row])
+        delay_s = FAR_M / SPEED_OF_LIGHT_M_S * self.models.light_time
+        emitted_s = (self.instants - delay_s)[selected]
+        path = earth_rotated(self.crossing_m[row, selected], emitted_s)
+        powers = np.vander(emitted_s - time_s, 4, increasing=True)
+        cubic: FloatArray = np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
+        return cubic
 
-def _about(fit: FloatArray, prior: ModeEstimates) -> ModeEstimates:
+
+def _about(cubic: FloatArray, prior: ModeEstimates) -> ModeEstimates:
     """Return the prior of one track about a cubic (4, 3) of the time since."""
-    place = fit[0]
-    force = 2.0 * fit[2] + EARTH_MU_M3_S2 * place / np.sqrt(place @ place) ** 3
+    place = cubic[0]
+    force = 2.0 * cubic[2] + EARTH_MU_M3_S2 * place / np.sqrt(place @ place) ** 3
     mean = prior.boost_mean.copy()
-    mean[0, :3] = place
-    mean[0, 3:6] = fit[1]
-    mean[0, 6:9] = force
-    sigma = np.append(
-        np.repeat([_PLACE_M, _SPEED_M_S, _FORCE_M_S2], 3), 1.0 / prior.boost_root[0, -1, -1]
-    )
+    mean[0, :9] = np.concatenate([place, cubic[1], force])
+    sigma = np.append(np.repeat(LAW.sigmas, 3), 1.0 / prior.boost_root[0, -1, -1])
     root = np.diag(1.0 / sigma)[None]
-    return ModeEstimates(
-        prior.weight,
-        mean,
-        root,
-        mean[:, :COAST].copy(),
-        root[:, :COAST, :COAST].copy(),
-        prior.detection_rate,
-    )
+    coast = Gaussian(mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy())
+    return ModeEstimates(prior.weight, mean, root, *coast, prior.detection_rate)

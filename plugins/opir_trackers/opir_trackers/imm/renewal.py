@@ -5,20 +5,18 @@ undecided.
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.assignment import ranks
-from opir_trackers.configs import ImmConfig
-from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.imm.crowds import Crowds, SensorView, directions_at
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures, widened
-from opir_trackers.imm.refiltering import refiltered
+from opir_trackers.imm.refiltering import Crossings, FilterModels, refiltered
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.pairing import (
-    RENEWED_S,
+    LAW as PAIRING,
     Directions,
     Rivals,
     SetModel,
@@ -31,14 +29,30 @@ from opir_trackers.pairing import (
     set_sums,
 )
 
-#: Least probability of a rival that is part of a mixture.
-_LEAST_DOUBT = 0.01
 
-#: Directions that a focal-plane track needs before it is paired anew.
-_LEAST_DIRECTIONS = 3
+@frozen
+class RenewalLaw:
+    """What is paired anew, and what follows."""
 
-#: Baseline of the velocity of crossings, s.
-_BASELINE_S = 2.0
+    #: Least probability of a rival that is part of a mixture.
+    least_probability: float = 0.01
+
+    #: Directions that a focal-plane track needs before it is paired anew.
+    least_directions: int = 3
+
+    #: Baseline of the velocity of crossings, s.
+    baseline_s: float = 2.0
+
+    #: Standard deviations of position, m, and velocity, m/s, of a track that has lost its partners,
+    #: as of new tracks.
+    lost_m: float = 30e3
+    lost_m_s: float = 300.0
+
+    #: A crossing of one instant is definite if its largest standard deviation is below this, m.
+    least_fix_m: float = 10e3
+
+
+LAW = RenewalLaw()
 
 
 class _Stretch(NamedTuple):
@@ -46,7 +60,7 @@ class _Stretch(NamedTuple):
     these.
     """
 
-    kept: Directions
+    stored: Directions
     row: IntArray
     table: FloatArray
     centre: FloatArray
@@ -54,63 +68,76 @@ class _Stretch(NamedTuple):
     def of(self, rows: IntArray) -> "_Stretch":
         """Return that of some focal-plane tracks, ascending."""
         place = _places(rows, self.row)
-        mine = np.flatnonzero(place >= 0)
-        return _Stretch(self.kept.take(mine), place[mine], self.table[rows], self.centre)
-
-
-def renewed(
-    now: TrackerState, view: SensorView, filter_: ImmFilter, config: ImmConfig
-) -> TrackerState:
-    """Return the state with the crowd's focal-plane tracks paired anew, if that is due."""
-    tracks = now.crowds.tracks
-    if (
-        now.time_s - now.crowds.paired_s < RENEWED_S - 1e-6
-        or len(tracks) < 2
-        or np.ptp(tracks.sensor) == 0
-    ):
-        return now
-    stretch = _stretch(now.crowds)
-    if not len(stretch.row):
-        return now
-    ready = _ready(tracks, stretch)
-    ready = ready[are_open(stretch.table[ready], ranks(tracks.number[ready]))]
-    table = stretch.table[ready]
-    sensor = tracks.sensor[ready]
-    if len(ready) < 2 or np.ptp(sensor) == 0:
-        return evolve(
-            now, crowds=evolve(now.crowds, mixtures=Mixtures.empty(), paired_s=now.time_s)
+        direction_rows = np.flatnonzero(place >= 0)
+        return _Stretch(
+            self.stored.take(direction_rows), place[direction_rows], self.table[rows], self.centre
         )
-    model = SetModel(stretch.centre, present=ranks(tracks.number[ready]))
-    group = cheapest_pairing(table, sensor, model)
+
+
+def renewed(state: TrackerState, view: SensorView, models: FilterModels) -> TrackerState:
+    """Return the state with the crowd's focal-plane tracks paired anew, if that is due."""
+    tracks = state.crowds.tracks
+    if state.time_s - state.crowds.paired_s < PAIRING.renewed_s - 1e-6 or not _are_several(tracks):
+        return state
+    stretch = _stretch(state.crowds)
+    if not len(stretch.row):
+        return state
+    ready = _ready(tracks, stretch)
+    mixtures = Mixtures.empty()
+    if _are_several(tracks.take(ready)):
+        state, mixtures = _paired(state, stretch, ready, view, models)
+    return evolve(state, crowds=evolve(state.crowds, mixtures=mixtures, paired_s=state.time_s))
+
+
+def _are_several(tracks: FocalPlaneTracks) -> bool:
+    """Whether there are focal-plane tracks of several sensors."""
+    return len(tracks) > 1 and bool(np.ptp(tracks.sensor) > 0)
+
+
+def _paired(
+    state: TrackerState,
+    stretch: _Stretch,
+    ready: IntArray,
+    view: SensorView,
+    models: FilterModels,
+) -> tuple[TrackerState, Mixtures]:
+    """Return the state with the focal-plane tracks `ready` paired anew, and what stays undecided."""
+    tracks = state.crowds.tracks
+    table = stretch.table[ready]
+    ready_tracks = tracks.take(ready)
+    set_model = SetModel(stretch.centre, present=ranks(ready_tracks.number))
+    group = cheapest_pairing(table, ready_tracks.sensor, set_model)
     number = tracks.number.copy()
-    number[ready] = _numbers(group, tracks.take(ready))
-    doubt = rivals(table, sensor, group, model, _LEAST_DOUBT)
+    number[ready] = _numbers(group, ready_tracks)
+    alternatives = rivals(table, ready_tracks.sensor, group, set_model, LAW.least_probability)
     if not np.array_equal(number, tracks.number):
-        now = _repaired(now, number, stretch, filter_, config, view.light_time)
-    ready_tracks = evolve(tracks.take(ready), number=number[ready])
-    mixtures = _mixtures(ready_tracks, group, doubt, now.time_s, view)
-    return evolve(now, crowds=evolve(now.crowds, mixtures=mixtures, paired_s=now.time_s))
+        state = _repaired(state, number, stretch, models)
+    ready_tracks = evolve(ready_tracks, number=number[ready])
+    return state, _mixtures(ready_tracks, group, alternatives, state.time_s, view)
 
 
 def _ready(tracks: FocalPlaneTracks, stretch: _Stretch) -> IntArray:
-    """Return the focal-plane tracks of tracks all of which have enough kept directions."""
-    few = np.count_nonzero(stretch.table[..., 11], axis=1) < _LEAST_DIRECTIONS
-    return np.flatnonzero(~np.isin(tracks.number, tracks.number[few]))
+    """Return the focal-plane tracks to pair: of tracks all of which have enough kept directions,
+    and whose pairing is open.
+    """
+    sparse = np.count_nonzero(stretch.table[..., 11], axis=1) < LAW.least_directions
+    ready = np.flatnonzero(~np.isin(tracks.number, tracks.number[sparse]))
+    return ready[are_open(stretch.table[ready], ranks(tracks.number[ready]))]
 
 
 def _stretch(crowds: Crowds) -> _Stretch:
     """Return the kept directions of the focal-plane tracks that there are."""
     tracks = crowds.tracks
-    kept = crowds.kept
-    sensors = int(max(tracks.sensor.max(), kept.sensor.max(initial=0))) + 1
+    stored = crowds.stored
+    sensors = int(max(tracks.sensor.max(), stored.sensor.max(initial=0))) + 1
     key = tracks.number * sensors + tracks.sensor
-    sought = kept.number * sensors + kept.sensor
+    stored_key = stored.number * sensors + stored.sensor
     order = np.argsort(key)
-    row = order[np.minimum(np.searchsorted(key[order], sought), len(key) - 1)]
-    here = np.flatnonzero(key[row] == sought)
-    kept = kept.take(here)
-    row = row[here]
-    return _Stretch(kept, row, *normal_equations(kept, row, len(tracks), tracks.range_m[row]))
+    row = order[np.minimum(np.searchsorted(key[order], stored_key), len(key) - 1)]
+    present = np.flatnonzero(key[row] == stored_key)
+    stored = stored.take(present)
+    row = row[present]
+    return _Stretch(stored, row, *normal_equations(stored, row, len(tracks), tracks.range_m[row]))
 
 
 def _numbers(group: IntArray, tracks: FocalPlaneTracks) -> IntArray:
@@ -121,167 +148,139 @@ def _numbers(group: IntArray, tracks: FocalPlaneTracks) -> IntArray:
     fits nothing, and is begun anew.
     """
     number = np.full(int(group.max()) + 1, -1, dtype=np.int64)
-    taken = set()
+    taken = set[int]()
     size = np.bincount(group)
     for row in np.lexsort((tracks.number, tracks.sensor, -size[group])).tolist():
-        one = int(tracks.number[row])
-        if number[group[row]] < 0 and one not in taken:
-            number[group[row]] = one
-            taken.add(one)
+        candidate = int(tracks.number[row])
+        if number[group[row]] < 0 and candidate not in taken:
+            number[group[row]] = candidate
+            taken.add(candidate)
     return number[group]
 
 
 def _repaired(
-    now: TrackerState,
-    number: IntArray,
-    stretch: _Stretch,
-    filter_: ImmFilter,
-    config: ImmConfig,
-    light_time: bool,
+    state: TrackerState, number: IntArray, stretch: _Stretch, models: FilterModels
 ) -> TrackerState:
     """Return the state with focal-plane tracks given to the tracks `number` (n,), and the states
     that follow.
     """
-    before = now.crowds.tracks.number
-    changed = _changed(now.crowds.tracks, number)
-    if np.count_nonzero(number < 0):
-        left = np.flatnonzero(number >= 0)
-        now = evolve(now, crowds=evolve(now.crowds, tracks=now.crowds.tracks.take(left)))
-        stretch = stretch.of(left)
-        number = number[left]
-    tracks = now.crowds.tracks
-    now = _with_rows(now, number, before)
-    kept = evolve(stretch.kept, number=number[stretch.row])
-    crowds = evolve(now.crowds, tracks=evolve(tracks, number=number), kept=kept)
-    now = evolve(now, crowds=crowds)
-    held_by, rows_of = np.unique(number, return_counts=True)
-    now = _without_range(now, np.intersect1d(changed, held_by[rows_of == 1]))
-    several = np.intersect1d(changed, held_by[rows_of > 1])
-    return (
-        _filtered_anew(now, several, number, stretch, filter_, config, light_time)
-        if len(several)
-        else now
+    tracks = state.crowds.tracks
+    state = _with_rows(state, number)
+    changed = _changed(tracks, number)
+    rows = np.flatnonzero(number >= 0)
+    stretch = stretch.of(rows)
+    number = number[rows]
+    crowds = evolve(
+        state.crowds,
+        tracks=evolve(tracks.take(rows), number=number),
+        stored=evolve(stretch.stored, number=number[stretch.row]),
     )
+    state = evolve(state, crowds=crowds)
+    numbers, sensors = np.unique(number, return_counts=True)
+    state = _without_range(state, np.intersect1d(changed, numbers[sensors == 1]))
+    shared = np.intersect1d(changed, numbers[sensors > 1])
+    return _filtered_anew(state, shared, stretch, models) if len(shared) else state
 
 
 def _filtered_anew(
-    now: TrackerState,
-    several: IntArray,
-    number: IntArray,
-    stretch: _Stretch,
-    filter_: ImmFilter,
-    config: ImmConfig,
-    light_time: bool,
+    state: TrackerState, shared: IntArray, stretch: _Stretch, models: FilterModels
 ) -> TrackerState:
-    """Return the state with tracks `several` (k,) filtered anew, where their directions cross at a
-    definite place.
+    """Return the state with tracks `shared` (k,) by several sensors filtered anew, where their
+    directions cross at a definite place.
     """
-    kept = now.crowds.kept
-    which = _places(several, number)
-    held = np.flatnonzero(which >= 0)
-    sums = np.zeros((len(several), *stretch.table.shape[1:]))
-    np.add.at(sums, which[held], stretch.table[held])
-    instants = np.unique(stretch.kept.time_s)
+    stored = state.crowds.stored
+    instants = np.unique(stretch.stored.time_s)
+    set_of = _places(shared, state.crowds.tracks.number)
+    paired = np.flatnonzero(set_of >= 0)
+    sums = np.zeros((len(shared), *stretch.table.shape[1:]))
+    np.add.at(sums, set_of[paired], stretch.table[paired])
     first_s = instants[first_instants(sums)]
     sums[instants < first_s[:, None]] = 0.0
     fixed = np.flatnonzero(_are_fixed(sums))
-    whose = _places(several[fixed], kept.number)
-    mine = np.flatnonzero((whose >= 0) & (kept.time_s >= np.append(first_s[fixed], np.inf)[whose]))
-    if not len(mine):
-        return now
-    some = np.isin(instants, kept.time_s[mine])
-    rows = np.searchsorted(now.table.number, several[fixed])
-    after = refiltered(
-        filter_,
-        config,
-        kept.take(mine),
-        whose[mine],
-        sums[fixed][:, some],
-        stretch.centre,
-        now.estimates.take(rows),
-        now.table.first_s[rows],
-        now.time_s,
-        light_time,
+    track = _places(shared[fixed], stored.number)
+    is_recent = stored.time_s >= np.append(first_s[fixed], np.inf)[track]
+    directions = np.flatnonzero((track >= 0) & is_recent)
+    if not len(directions):
+        return state
+    is_looked_at = np.isin(instants, stored.time_s[directions])
+    rows = np.searchsorted(state.table.number, shared[fixed])
+    crossings = Crossings(sums[fixed][:, is_looked_at], stretch.centre)
+    estimates = refiltered(
+        models,
+        stored.take(directions),
+        track[directions],
+        crossings,
+        state.estimates.take(rows),
+        state.table.first_s[rows],
+        state.time_s,
     )
-    return evolve(now, estimates=now.estimates.put(rows, after))
+    return evolve(state, estimates=state.estimates.put(rows, estimates))
 
 
-def _places(some: IntArray, number: IntArray) -> IntArray:
-    """Return the index of each number (n,) in `some`, ascending; -1 for none."""
-    place = np.searchsorted(some, number)
-    found: IntArray = np.where(np.append(some, -1)[place] == number, place, -1)
-    return found
+def _places(numbers: IntArray, number: IntArray) -> IntArray:
+    """Return the index of each number (n,) in `numbers`, ascending; -1 for none."""
+    place = np.searchsorted(numbers, number)
+    places: IntArray = np.where(np.append(numbers, -1)[place] == number, place, -1)
+    return places
 
 
-def _without_range(now: TrackerState, number: IntArray) -> TrackerState:
+def _without_range(state: TrackerState, number: IntArray) -> TrackerState:
     """Return the state with the information from other sensors removed from tracks `number` (k,):
     range above all.
     """
     if not len(number):
-        return now
-    rows = np.searchsorted(now.table.number, number)
-    lost = np.diag(np.square([_LOST_M] * 3 + [_LOST_M_S] * 3))
-    return evolve(
-        now,
-        estimates=now.estimates.put(
-            rows, widened(now.estimates.take(rows), lost[None].repeat(len(rows), 0))
-        ),
-    )
-
-
-#: Standard deviations of position, m, and velocity, m/s, of a track that has lost its partners, as
-#: of new tracks.
-_LOST_M = 30e3
-_LOST_M_S = 300.0
+        return state
+    rows = np.searchsorted(state.table.number, number)
+    lost = np.diag(np.square([LAW.lost_m] * 3 + [LAW.lost_m_s] * 3))
+    estimates = widened(state.estimates.take(rows), lost[None].repeat(len(rows), 0))
+    return evolve(state, estimates=state.estimates.put(rows, estimates))
 
 
 def _are_fixed(sums: FloatArray) -> BoolArray:
     """Return which sets, of sums of normal equations (n, instants, 12), have lines that cross at a
     definite place.
     """
-    there = sums[..., 11] > 1.5
-    mean = (sums[..., :6] * there[..., None]).sum(axis=1) / np.maximum(there.sum(axis=1), 1)[
+    crossing = sums[..., 11] > 1.5
+    mean = (sums[..., :6] * crossing[..., None]).sum(axis=1) / np.maximum(crossing.sum(axis=1), 1)[
         :, None
     ]
     least = np.linalg.eigvalsh(mean[:, _SQUARE].reshape(-1, 3, 3))[:, 0]
-    return np.asarray(there.any(axis=1) & (least > _LEAST_FIX_M**-2))
+    return np.asarray(crossing.any(axis=1) & (least > LAW.least_fix_m**-2))
 
 
 #: The elements of a symmetric matrix (9) among its six.
 _SQUARE = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
-#: A crossing of one instant is definite if its largest standard deviation is below this, m.
-_LEAST_FIX_M = 10e3
-
 
 def _changed(tracks: FocalPlaneTracks, number: IntArray) -> IntArray:
     """Return the sorted numbers of tracks that lost or gained a focal-plane track."""
     moved = np.flatnonzero(tracks.number != number)
-    every = np.concatenate([number[moved], tracks.number[moved]])
-    return np.intersect1d(every, number[number >= 0])
+    candidates = np.concatenate([number[moved], tracks.number[moved]])
+    return np.intersect1d(candidates, number[number >= 0])
 
 
-def _with_rows(now: TrackerState, number: IntArray, before: IntArray) -> TrackerState:
-    """Return the state without tracks that no focal-plane track, now of tracks `number` (n,), has
-    any more.
+def _with_rows(state: TrackerState, number: IntArray) -> TrackerState:
+    """Return the state without tracks that no focal-plane track, now of tracks `number` (n,) or -1
+    for none, has any more.
 
-    `before` are the tracks that had any. Sensors report of a track what they reported of its
-    focal-plane tracks.
+    Sensors report of a track what they reported of its focal-plane tracks.
     """
-    tracks = now.crowds.tracks
-    table = now.table
+    tracks = state.crowds.tracks
+    table = state.table
     reports = table.reports[np.searchsorted(table.number, tracks.number), tracks.sensor]
-    kept = np.flatnonzero(np.isin(table.number, number) | ~np.isin(table.number, before))
-    after = table.take(kept)
-    row = np.searchsorted(after.number, number)
-    seen = after.reports.copy()
-    seen[np.unique(row)] = -1
-    seen[row, tracks.sensor] = reports
+    remaining = np.isin(table.number, number) | ~np.isin(table.number, tracks.number)
+    rows = np.flatnonzero(remaining)
+    table = table.take(rows)
+    owned = number >= 0
+    row = np.searchsorted(table.number, number[owned])
+    new_reports = table.reports.copy()
+    new_reports[np.unique(row)] = -1
+    new_reports[row, tracks.sensor[owned]] = reports[owned]
     return evolve(
-        now,
-        table=evolve(after, reports=seen),
-        estimates=now.estimates.take(kept),
-        motion=now.motion.take(kept),
+        state,
+        table=evolve(table, reports=new_reports),
+        estimates=state.estimates.take(rows),
+        motion=state.motion.take(rows),
     )
 
 
@@ -291,21 +290,23 @@ def _mixtures(
     """Return the mixtures of sets with rivals, by where they cross and how fast that moves."""
     if not len(doubt.set):
         return Mixtures.empty()
-    every = np.arange(len(tracks))
-    parts = [directions_at(tracks, every, time_s - back_s, view) for back_s in (_BASELINE_S, 0.0)]
-    directions = Directions.concatenate(parts)
-    table, centre = normal_equations(
-        directions, np.tile(every, 2), len(tracks), np.tile(tracks.range_m, 2)
+    row = np.arange(len(tracks))
+    baseline_s = (LAW.baseline_s, 0.0)
+    directions = Directions.concatenate(
+        [directions_at(tracks, row, time_s - back_s, view) for back_s in baseline_s]
     )
-    own = set_sums(table, group)[doubt.set]
-    crossings = [
-        intersections(each) + centre for each in (own, own - table[doubt.own] + table[doubt.other])
-    ]
-    met = np.flatnonzero((own[:, 0, 11] > 1.5) & (tracks.number[doubt.own] >= 0))
-    apart = (crossings[1] - crossings[0])[met]
-    inertial = [earth_rotated(apart[:, column], np.full(len(met), time_s)) for column in (0, 1)]
-    moved = np.concatenate([inertial[1], (inertial[1] - inertial[0]) / _BASELINE_S], axis=1)
-    which, place = np.unique(doubt.set[met], return_inverse=True)
-    number = tracks.number[[int(np.argmax(group == one)) for one in which]] if len(which) else which
+    table, centre = normal_equations(
+        directions, np.tile(row, 2), len(tracks), np.tile(tracks.range_m, 2)
+    )
+    sums = set_sums(table, group)[doubt.set]
+    rival_sums = sums - table[doubt.present] + table[doubt.rival]
+    crossing = np.flatnonzero((sums[:, 0, 11] > 1.5) & (tracks.number[doubt.present] >= 0))
+    offset = (intersections(rival_sums) + centre - (intersections(sums) + centre))[crossing]
+    start, end = (
+        earth_rotated(offset[:, column], np.full(len(crossing), time_s)) for column in (0, 1)
+    )
+    shift = np.concatenate([end, (end - start) / LAW.baseline_s], axis=1)
+    sets, place = np.unique(doubt.set[crossing], return_inverse=True)
+    number = tracks.number[np.unique(group, return_index=True)[1][sets]]
     order = np.argsort(number)
-    return Mixtures.of(number, time_s, place, doubt.probability[met], moved).take(order)
+    return Mixtures.of(number, time_s, place, doubt.probability[crossing], shift).take(order)

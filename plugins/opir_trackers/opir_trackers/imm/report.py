@@ -1,8 +1,8 @@
 """Reported tracks of `imm`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import cos, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import evolve
@@ -32,9 +32,14 @@ class ReportedTracks(NamedTuple):
     end: NDArray[np.uint8]
 
 
-def with_launches(reported: ReportedTracks, found: LaunchForecasts, launched: BoolArray) -> Tracks:
-    """Return tracks with their forecasts; those that are not `launched` (n,) have no launch point
-    and no impact.
+def with_launches(
+    reported: ReportedTracks,
+    forecasts: LaunchForecasts,
+    launched: BoolArray,
+    hypotheses: Mapping[str, Any],
+) -> Tracks:
+    """Return tracks with their forecasts and columns of hypotheses; those that are not `launched`
+    (n,) have no launch point and no impact.
     """
     tracks = reported.tracks
     no_launch = np.flatnonzero(~launched)
@@ -49,13 +54,14 @@ def with_launches(reported: ReportedTracks, found: LaunchForecasts, launched: Bo
         tracks,
         launch=launch,
         launch_covariance=covariance,
-        impact=found.impact,
-        impact_covariance=found.impact_covariance,
-        impact_sigmas=found.impact_sigmas,
-        impact_regions=found.impact_regions,
-        probability_burning=found.probability_burning,
-        probability_relights=found.probability_relights,
-        end=np.where(reported.end > 0, reported.end, found.end).astype(np.uint8),
+        impact=forecasts.impact,
+        impact_covariance=forecasts.impact_covariance,
+        impact_sigmas=forecasts.impact_sigmas,
+        impact_regions=forecasts.impact_regions,
+        probability_burning=forecasts.probability_burning,
+        probability_relights=forecasts.probability_relights,
+        end=np.where(reported.end > 0, reported.end, forecasts.end).astype(np.uint8),
+        **hypotheses,
     )
 
 
@@ -64,51 +70,54 @@ def with_glides(tracks: Tracks, estimates: ModeEstimates, share: FloatArray) -> 
     (n,) is P(glide).
     """
     share = share * estimates.weight[:, 1]
-    rows = (share > _LEAST_GLIDE).nonzero()[0]
+    # A less probable glide does not count.
+    rows = (share > 0.01).nonzero()[0]
     if not len(rows):
         return tracks
-    other = glided(
+    gliding = glided(
         tracks.state[rows], tracks.state_covariance[rows], estimates.detection_rate[rows, 2]
     )
-    state, covariance = mixed_with(tracks.state, tracks.state_covariance, rows, other, share[rows])
+    state, covariance = mixed_with(
+        tracks.state, tracks.state_covariance, rows, gliding, share[rows]
+    )
     return evolve(tracks, state=state, state_covariance=covariance)
-
-
-#: Least probability of a glide that counts.
-_LEAST_GLIDE = 0.01
 
 
 def mixed_with(
     state: FloatArray,
     covariance: FloatArray,
     rows: IntArray,
-    other: tuple[FloatArray, FloatArray],
+    alternative: tuple[FloatArray, FloatArray],
     share: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return states (n, 6) and covariances (n, 6, 6), of rows those of mixtures with others in
-    shares (m,).
+    """Return states (n, 6) and covariances (n, 6, 6), of rows those of mixtures with alternatives
+    in shares (m,).
     """
-    apart = other[0] - state[rows]
-    both = share[:, None, None]
+    difference = alternative[0] - state[rows]
+    weight = share[:, None, None]
     state = state.copy()
     covariance = covariance.copy()
-    state[rows] += share[:, None] * apart
-    spread = both * (1.0 - both) * apart[:, :, None] * apart[:, None, :]
-    mixed = both * other[1] + (1.0 - both) * covariance[rows] + spread
+    state[rows] += share[:, None] * difference
+    spread = weight * (1.0 - weight) * difference[:, :, None] * difference[:, None, :]
+    mixed = weight * alternative[1] + (1.0 - weight) * covariance[rows] + spread
     covariance[rows] = 0.5 * (mixed + mixed.transpose(0, 2, 1))
     return state, covariance
 
 
 def tracks_of(
-    state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float
+    mean: FloatArray,
+    covariance: FloatArray,
+    table: TrackTable,
+    time_s: float,
+    is_brief: BoolArray,
 ) -> Tracks:
     """Return tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without
     type and impact.
     """
-    count = len(state)
+    count = len(mean)
     impact = _unknown(count, 6, 3)
     burnout = _unknown(count, 8, 7)
-    state, covariance = earth_fixed(state, covariance, time_s)
+    state, covariance = earth_fixed(mean, covariance, time_s)
     return Tracks(
         tick_s=np.array([time_s] * count),
         track=table.number,
@@ -124,6 +133,7 @@ def tracks_of(
         burnout=burnout[:, 7],
         burnout_covariance=burnout[:, :7],
         seen_s=table.seen_s - table.first_s,
+        is_brief=is_brief,
     )
 
 
@@ -142,10 +152,11 @@ def type_log_likelihoods(sensors: Sequence[Sensor]) -> FloatArray:
     table = np.zeros((len(sensors), len(REPORTED_TYPES) + 1, len(TARGET_TYPES)))
     for number, sensor in enumerate(sensors):
         for column, true in enumerate(TARGET_TYPES):
-            for row, reported in enumerate(REPORTED_TYPES):
-                if true in sensor.confusion:
-                    chance = sensor.confusion[true].get(reported, 0.0)
-                    table[number, row, column] = np.log(max(chance, _LEAST_CHANCE))
+            if true in sensor.confusion:
+                chances = sensor.confusion[true]
+                # A report that the matrix excludes is next to impossible.
+                stated = [max(chances.get(name, 0.0), 1e-6) for name in REPORTED_TYPES]
+                table[number, :-1, column] = np.log(stated)
     return table
 
 
@@ -169,10 +180,6 @@ def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
     share /= share.sum(axis=1, keepdims=True)
     silent = np.all((reports < 0) | (reports == UNKNOWN_TYPE), axis=1)[:, None]
     return np.concatenate([np.where(silent, 0.0, share), silent], axis=1)
-
-
-#: Probability of a report that a confusion matrix excludes.
-_LEAST_CHANCE = 1e-6
 
 
 def earth_fixed(

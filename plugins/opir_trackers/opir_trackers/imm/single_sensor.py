@@ -3,6 +3,7 @@ boosts says of it.
 """
 
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
@@ -22,17 +23,33 @@ from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.sensors import Biases
 from opir_trackers.triangulation import are_low_orbits
 
-#: A track is compared with ascents at its first detection after each interval of this length, s,
-#: since the first one: the state along the line of sight changes little in it, and a comparison
-#: takes milliseconds.
-EVERY_S = 5.0
 
-#: Sine of the least elevation of the sensor, 10°: there a height that is off moves the place by six
-#: times as much.
-_LEAST_SINE = 0.17
+@frozen
+class SingleSensorLaw:
+    """When tracks of one sensor are compared with ascents."""
 
-#: A free burn more probable than this is no ascent of the law.
-_FREE = 0.5
+    #: A track is compared at its first detection after each interval of this length, s, since the
+    #: first one: the state along the line of sight changes little in it, and a comparison takes
+    #: milliseconds.
+    every_s: float = 5.0
+
+    #: Sine of the least elevation of the sensor, 10°: there a height that is off moves the place by
+    #: six times as much.
+    least_sine: float = 0.17
+
+    #: A free burn more probable than this is no ascent of the law.
+    free: float = 0.5
+
+
+LAW = SingleSensorLaw()
+
+
+class _View(NamedTuple):
+    """What a sensor sees of a track, its inertial line of sight (3,), and the sensor's number."""
+
+    sighting: Sighting
+    axis: FloatArray
+    sensor: int
 
 
 @frozen(eq=False)
@@ -61,32 +78,27 @@ class SingleSensor:
         `seen_before_s` (n,) are the times of the last detections before the slice.
         """
         rows = self._due(estimates, table, motion, seen_before_s).nonzero()[0]
-        rows = rows[self._far(table, motion, rows, time_s)] if rows.size else rows
-        if not rows.size:
-            return estimates
-        found = []
-        axes = []
+        rows = rows[self._are_far(table, motion, rows, time_s)] if rows.size else rows
+        compared = list[int]()
+        axes = list[FloatArray]()
+        moments = list[AlongSight]()
         # A track is compared with thousands of ascents.
         for row in rows.tolist():
-            sighting, axis, sensor = self._sighting(estimates, table, motion, row, time_s)
-            found.append(along_sight(self.ascents, sighting, self._ignitions_s(sensor)))
-            axes.append(axis)
-        known = [number for number, each in enumerate(found) if each is not None]
-        if not known:
+            view = self._view(estimates, table, motion, row, time_s)
+            along = along_sight(self.ascents, view.sighting, self._ignitions_s(view.sensor))
+            if along is not None:
+                compared.append(row)
+                axes.append(view.axis)
+                moments.append(along)
+        if not compared:
             return estimates
-        moments: list[AlongSight] = [each for each in found if each is not None]
-        mean = np.array([each.mean for each in moments])
-        axis = np.array(axes)[known]
+        mean = np.array([along.mean for along in moments])
+        covariance = np.array([along.covariance for along in moments])
+        axis = np.array(axes)
         # Ascents move relative to the Earth, and the part of its rotation along the line is the
         # same at all distances.
-        mean[:, 1] += dot(axis, estimates.boost_mean[rows[known], :3] @ SPIN.T)
-        return self.filter.replaced_along(
-            estimates,
-            rows[known],
-            axis,
-            mean,
-            np.array([each.covariance for each in moments]),
-        )
+        mean[:, 1] += dot(axis, estimates.boost_mean[compared, :3] @ SPIN.T)
+        return self.filter.replaced_along(estimates, np.array(compared), axis, mean, covariance)
 
     @cached_property
     def ascents(self) -> BoostAscents:
@@ -103,14 +115,15 @@ class SingleSensor:
         """Return which tracks (n,) are compared: those of one sensor that burn and were detected in
         the slice.
         """
-        interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // EVERY_S
-        alone = np.count_nonzero(table.reports >= 0, axis=1) == 1
-        burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < _FREE)
-        return np.asarray(
-            (interval[0] > interval[1]) & alone & burns & (motion.probability[:, LAUNCH] > 0.5)
-        )
+        is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
+        if not np.count_nonzero(is_single):
+            return is_single
+        interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
+        burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < LAW.free)
+        is_launch = motion.probability[:, LAUNCH] > 0.5
+        return np.asarray((interval[0] > interval[1]) & is_single & burns & is_launch)
 
-    def _far(
+    def _are_far(
         self, table: TrackTable, motion: MotionStatistics, rows: IntArray, time_s: float
     ) -> BoolArray:
         """Return which tracks (m,) a sensor sees that is neither low nor near their horizon.
@@ -126,57 +139,45 @@ class SingleSensor:
         place = motion.reference_m[rows]
         line = origin[number] - place
         sine = dot(line, place) / np.sqrt(dot(line, line) * dot(place, place))
-        return np.asarray(~are_low_orbits(origin)[number] & (sine > _LEAST_SINE))
+        return np.asarray(~are_low_orbits(origin)[number] & (sine > LAW.least_sine))
 
-    def _sighting(
+    def _view(
         self,
         estimates: ModeEstimates,
         table: TrackTable,
         motion: MotionStatistics,
         row: int,
         time_s: float,
-    ) -> tuple[Sighting, FloatArray, int]:
-        """Return what the sensor of a track sees, its inertial line of sight (3,), and its
-        number.
-        """
-        number = int(np.flatnonzero(table.reports[row] >= 0)[0])
-        orbit = self.biases.sensors[number].orbit
+    ) -> _View:
+        """Return what the sensor of a track sees at a time."""
+        sensor = int(np.flatnonzero(table.reports[row] >= 0)[0])
         first_s = float(table.first_s[row])
-        then, before, now, after = orbit.position_ecef_m(
-            np.array([first_s, time_s - 0.5, time_s, time_s + 0.5])
-        )
+        times_s = np.array([first_s, time_s - 0.5, time_s, time_s + 0.5])
+        places = self.biases.sensors[sensor].orbit.position_ecef_m(times_s)
         mean = estimates.boost_mean[row]
         back = np.full(3, -time_s)
-        state = earth_rotated(
-            np.stack([mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]), back
-        )
-        axes = _image_axes(state[0] - now, state[0])
-        first_axes = _image_axes(motion.reference_m[row] - then, motion.reference_m[row])
-        turned = earth_rotated(axes, -back)
-        seen = (
-            _image_rows(turned[:2])
-            @ square_root.inverse_root(estimates.boost_root[row : row + 1])[0, : COAST + 3]
-        )
-        ground, first, spread = motion.part(np.array([row])).first_motion(first_axes[:2])
-        noise = np.zeros((8, 8))
-        noise[:6, :6] = seen @ seen.T
-        noise[:2, :2] += spread[:2, :2]
-        noise[6:, 6:] = spread[2:, 2:]
+        vectors = [mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]
+        state = earth_rotated(np.stack(vectors), back)
+        axes = _image_axes(state[0] - places[2], state[0])
+        inertial_axes = earth_rotated(axes, -back)
+        reference = motion.reference_m[row]
+        first_axes = _image_axes(reference - places[0], reference)[:2]
+        ground, first, spread = motion.part(np.array([row])).first_motion(first_axes)
         sighting = Sighting(
-            first_sensor_m=then,
-            first_m=ground + first[:2] @ first_axes[:2],
+            first_sensor_m=places[0],
+            first_m=ground + first[:2] @ first_axes,
             first_sigma_m=float(np.hypot(np.sqrt(spread[1, 1]), self.site_m)),
             ground_radius_m=float(np.linalg.norm(ground)),
             since_s=time_s - first_s,
-            sensor_m=now,
-            sensor_m_s=after - before,
+            sensor_m=places[2],
+            sensor_m_s=places[3] - places[1],
             state=state.ravel(),
             axes=axes[:2],
-            first_axes=first_axes[:2],
+            first_axes=first_axes,
             first_m_s=first[2:],
-            noise=noise,
+            noise=_noise(estimates.boost_root[row : row + 1], inertial_axes[:2], spread),
         )
-        return sighting, turned[2], number
+        return _View(sighting, inertial_axes[2], sensor)
 
     def _ignitions_s(self, sensor: int) -> FloatArray:
         """Return times (2, n), s, from the ignition of each ascent to its first detection: at once,
@@ -184,6 +185,18 @@ class SingleSensor:
         """
         uniform = _uniform(len(self.ascents.log_weight))
         return uniform * np.array([[self.period_s[sensor]], [BEFORE_S]])
+
+
+def _noise(root: FloatArray, axes: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the covariance (8, 8) of a burn's motion in the image plane, and of the first motion,
+    which has the covariance `spread` (4, 4).
+    """
+    image = _image_rows(axes) @ square_root.inverse_root(root)[0, : COAST + 3]
+    noise = np.zeros((8, 8))
+    noise[:6, :6] = image @ image.T
+    noise[:2, :2] += spread[:2, :2]
+    noise[6:, 6:] = spread[2:, 2:]
+    return noise
 
 
 def _image_axes(line: FloatArray, beside: FloatArray) -> FloatArray:

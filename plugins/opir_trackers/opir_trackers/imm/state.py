@@ -28,15 +28,15 @@ class EndedTracks:
             self.estimates.take(rows), self.table.take(rows), self.motion.take(rows), self.end[rows]
         )
 
-    def and_others(self, others: "EndedTracks | None") -> "EndedTracks":
+    def and_others(self, earlier: "EndedTracks | None") -> "EndedTracks":
         """Return these tracks after others."""
-        if others is None:
+        if earlier is None:
             return self
         return EndedTracks(
-            ModeEstimates.concatenate([others.estimates, self.estimates]),
-            TrackTable.concatenate([others.table, self.table]),
-            MotionStatistics.concatenate([others.motion, self.motion]),
-            np.concatenate([others.end, self.end]),
+            ModeEstimates.concatenate([earlier.estimates, self.estimates]),
+            TrackTable.concatenate([earlier.table, self.table]),
+            MotionStatistics.concatenate([earlier.motion, self.motion]),
+            np.concatenate([earlier.end, self.end]),
         )
 
 
@@ -71,21 +71,23 @@ class TrackerState:
         motion: MotionStatistics | None = None,
     ) -> "TrackerState":
         """Return the state at a time with its tracks updated."""
-        known = (
+        columns = (
             self.crowds,
             self.next_number,
             self.sightings,
             self.motion if motion is None else motion,
         )
-        kept = self.unclaimed, self.reported, *known, self.ended
-        return TrackerState(time_s, estimates, table, *kept, registration=self.registration)
+        columns_ = self.unclaimed, self.reported, *columns, self.ended
+        return TrackerState(time_s, estimates, table, *columns_, registration=self.registration)
 
     def without(self, drop: BoolArray) -> "TrackerState":
         """Return the state without some tracks (n,)."""
         keep = np.flatnonzero(~drop)
         crowds = self.crowds.without(self.table.number[drop])
-        kept = self.estimates.take(keep), self.table.take(keep), self.motion.take(keep)
-        return evolve(self, estimates=kept[0], table=kept[1], motion=kept[2], crowds=crowds)
+        columns_ = self.estimates.take(keep), self.table.take(keep), self.motion.take(keep)
+        return evolve(
+            self, estimates=columns_[0], table=columns_[1], motion=columns_[2], crowds=crowds
+        )
 
     @property
     def is_empty(self) -> bool:

@@ -7,7 +7,7 @@ both: two targets are detected in one scan sooner or later, one target never twi
 from collections.abc import Sequence
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
@@ -48,12 +48,14 @@ class SharedDetections(Columns):
 
         `owner` (m,) is the row, in `number`, of the track of each line, -1 for none.
         """
-        mine = np.flatnonzero(owner >= 0)
-        fresh = SharedDetections(
-            number[owner[mine]], lines.sensor[mine], lines.scan[mine], lines.time_s[mine]
+        owned = np.flatnonzero(owner >= 0)
+        detections = SharedDetections(
+            number[owner[owned]], lines.sensor[owned], lines.scan[owned], lines.time_s[owned]
         )
         old = np.flatnonzero(self.time_s > time_s - memory_s[self.sensor])
-        return SharedDetections.concatenate([self.take(old), fresh]) if len(old) else fresh
+        return (
+            SharedDetections.concatenate([self.take(old), detections]) if len(old) else detections
+        )
 
 
 def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> FloatArray:
@@ -64,13 +66,7 @@ def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> Float
     return long_s
 
 
-#: A track is lost once the probability of that many consecutive misses is below this, for the type
-#: with the lowest detection probability.
-_LOST_CHANCE = 1e-4
-
-#: Stated detection probabilities are clipped to these; the last is for sensors that state none.
-_LEAST_STATED = 0.05
-_MOST_STATED = 0.98
+#: Detection probability of sensors that state none.
 UNSTATED = 0.8
 
 
@@ -118,66 +114,55 @@ class TrackTable(Columns):
 
     def with_outliers(self, outliers: FloatArray) -> "TrackTable":
         """Return the table with other log likelihoods (n, fractions) of outlier fractions."""
-        launches = self.launch, self.launch_covariance
-        return TrackTable(
-            self.number,
-            self.begun_s,
-            self.first_s,
-            self.seen_s,
-            self.hits,
-            outliers,
-            self.reports,
-            *launches,
-        )
+        return evolve(self, outliers=outliers)
 
     def with_launches(self, launch: FloatArray, covariance: FloatArray) -> "TrackTable":
         """Return the table with other launches (n, 3) and covariances (n, 3, 3)."""
-        seen = self.begun_s, self.first_s, self.seen_s
-        return TrackTable(
-            self.number, *seen, self.hits, self.outliers, self.reports, launch, covariance
-        )
+        return evolve(self, launch=launch, launch_covariance=covariance)
 
     def with_detections(
         self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray
     ) -> "TrackTable":
         """Return the table after lines (m,), in order of time, of rows `owner`, -1 for none."""
-        known = owner >= 0
-        if np.count_nonzero(known) < len(known):
-            mine = np.flatnonzero(known)
-            owner = owner[mine]
-            time_s = time_s[mine]
-            sensor = sensor[mine]
-            reported = reported[mine]
-        first_s = self.first_s
-        seen_s = self.seen_s
+        has_track = owner >= 0
+        if np.count_nonzero(has_track) < len(has_track):
+            rows = np.flatnonzero(has_track)
+            owner = owner[rows]
+            time_s = time_s[rows]
+            sensor = sensor[rows]
+            reported = reported[rows]
+        first_s = self.first_s.copy()
+        seen_s = self.seen_s.copy()
+        np.minimum.at(first_s, owner, time_s)
+        np.maximum.at(seen_s, owner, time_s)
+        hits = self.hits + np.bincount(owner, minlength=len(self))
         reports = self.reports
-        if len(first_s) == 1 and len(owner):
-            first_s = np.minimum(first_s, time_s[0])
-            seen_s = np.maximum(seen_s, time_s[-1])
-            hits = self.hits + len(owner)
-        else:
-            first_s = first_s.copy()
-            seen_s = seen_s.copy()
-            np.minimum.at(first_s, owner, time_s)
-            np.maximum.at(seen_s, owner, time_s)
-            hits = self.hits + np.bincount(owner, minlength=len(self))
         if np.count_nonzero(reports[owner, sensor] != reported):
             reports = reports.copy()
             reports[owner, sensor] = reported
-        launches = self.launch, self.launch_covariance
-        return TrackTable(
-            self.number, self.begun_s, first_s, seen_s, hits, self.outliers, reports, *launches
-        )
+        return evolve(self, first_s=first_s, seen_s=seen_s, hits=hits, reports=reports)
+
+
+def mean_detection_probability(sensors: Sequence[Sensor]) -> FloatArray:
+    """Return detection probabilities (sensors,), means over the types."""
+    stated = [
+        np.mean(list(sensor.detection_probability.values()) or [UNSTATED]) for sensor in sensors
+    ]
+    return clipped(stated)
 
 
 def clipped(stated: ArrayLike) -> FloatArray:
     """Return stated detection probabilities (n,), neither certain nor hopeless."""
-    return np.clip(np.asarray(stated, dtype=np.float64), _LEAST_STATED, _MOST_STATED)
+    return np.clip(np.asarray(stated, dtype=np.float64), 0.05, 0.98)
 
 
 def longest_silence_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
-    """Return the longest time (sensors,) without detection that is probable for a track in view."""
+    """Return the longest time (sensors,) without detection that is probable for a track in view, of
+    the type with the lowest detection probability.
+    """
     seldom = [min(sensor.detection_probability.values(), default=UNSTATED) for sensor in sensors]
     chance = clipped(seldom)
     period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
-    return np.asarray(np.maximum(scans, np.log(_LOST_CHANCE) / np.log1p(-chance)) * period_s)
+    # So many consecutive misses have a probability of 1e-4.
+    misses = np.log(1e-4) / np.log1p(-chance)
+    return np.asarray(np.maximum(scans, misses) * period_s)

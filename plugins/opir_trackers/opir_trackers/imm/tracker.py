@@ -13,6 +13,7 @@ from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.report import with_glides, with_launches
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
+from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.registration.health import sensor_health
@@ -26,13 +27,13 @@ class ImmTracker(Tracker):
         self.cadence_s: float | None = tracking.config.cadence_s
         self._tracking = tracking
         self._context = context
-        self._now = tracking.start()
+        self._state = tracking.start()
         self._past: deque[tuple[TrackerState, float, Detections]] = deque()
-        self._early = Detections.empty()
-        self._rays = LineOfSightCache(tracking.lines_of_sight)
+        self._waiting = Detections.empty()
+        self._rays = LineOfSightCache(LinesOfSight.of)
         self._composition = Composition.of(context.hypotheses)
         self._glides = np.array(
-            [one.group == "glide" for one in context.hypotheses], dtype=np.bool_
+            [hypothesis.group == "glide" for hypothesis in context.hypotheses], dtype=np.bool_
         )
         model = vehicle_model(tracking.config.boost_prior)
         every_s = tracking.config.regions_every_s
@@ -42,7 +43,7 @@ class ImmTracker(Tracker):
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
         unchanged.
         """
-        return self._tracking.track_numbers(self._now, self._rays.of(detections))
+        return self._tracking.track_numbers(self._state, self._rays.of(detections))
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at this tick, after the detections since the last one and late ones.
@@ -51,35 +52,41 @@ class ImmTracker(Tracker):
         which they belong.
         """
         if self._tracking.config.late_s:
-            detections = self._due(tick_s, detections)
-        late = self._rays.of(detections).time_s < self._now.time_s
-        if np.count_nonzero(late):
-            self._go_back(detections.take(np.flatnonzero(late)))
-            detections = detections.take(np.flatnonzero(~late))
+            detections = self._waited(tick_s, detections)
+        is_late = self._rays.of(detections).time_s < self._state.time_s
+        if np.count_nonzero(is_late):
+            self._go_back(detections.take(np.flatnonzero(is_late)))
+            detections = detections.take(np.flatnonzero(~is_late))
         self._advance(tick_s, detections)
-        reported = self._tracking.reported_tracks(self._now)
-        launched = reported.groups[:, LAUNCH] >= self._tracking.config.least_launch_probability
+        return self._reported()
+
+    def _reported(self) -> Tracks:
+        """Return the tracks with forecasts and probabilities of hypotheses."""
+        reported = self._tracking.reported_tracks(self._state)
+        launch_probability = reported.groups[:, LAUNCH]
+        launched = launch_probability >= self._tracking.config.least_launch_probability
         launched &= ~reported.tracks.is_brief
-        found = self._forecaster.launch_forecasts(
+        forecasts = self._forecaster.launch_forecasts(
             reported.tracks, reported.estimates, reported.reports, launched
         )
-        glides = reported.groups[:, LAUNCH] * found.given_launch[:, self._glides].sum(axis=1)
-        tracks = with_glides(with_launches(reported, found, launched), reported.estimates, glides)
-        if np.count_nonzero(found.end):
+        glides = launch_probability * forecasts.given_launch[:, self._glides].sum(axis=1)
+        hypotheses = self._composition.columns(reported.groups, forecasts.given_launch)
+        tracks = with_launches(reported, forecasts, launched, hypotheses)
+        tracks = with_glides(tracks, reported.estimates, glides)
+        if np.count_nonzero(forecasts.end):
             # Nothing new can come of them.
-            self._now = self._now.without(
-                np.isin(self._now.table.number, tracks.track[found.end > 0])
-            )
-        return self._composition.composed(tracks, reported.groups, found.given_launch)
+            ended = tracks.track[forecasts.end > 0]
+            self._state = self._state.without(np.isin(self._state.table.number, ended))
+        return tracks
 
     def is_idle(self) -> bool:
         """Return whether there is neither a track nor a line of sight that may begin one."""
-        return self._now.is_empty and not len(self._early)
+        return self._state.is_empty and not len(self._waiting)
 
     def sensor_health(self) -> SensorHealth:
         """Return the sensors' biases, clocks and noise as far as their lines of sight show them."""
         return sensor_health(
-            self._now.registration, tuple(sensor.id for sensor in self._context.sensors)
+            self._state.registration, tuple(sensor.id for sensor in self._context.sensors)
         )
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
@@ -90,57 +97,61 @@ class ImmTracker(Tracker):
         share = expected_detection_rate(sensors) / expected_detection_rate(self._context.sensors)
         self._context = evolve(self._context, sensors=sensors)
         self._tracking = ImmTracking.of(self._tracking.config, self._context)
-        self._rays = LineOfSightCache(self._tracking.lines_of_sight)
-        pace = self._now.estimates.detection_rate * [share, 1.0, 1.0]
-        self._now = evolve(self._now, estimates=evolve(self._now.estimates, detection_rate=pace))
+        self._rays = LineOfSightCache(LinesOfSight.of)
+        pace = self._state.estimates.detection_rate * [share, 1.0, 1.0]
+        self._state = evolve(
+            self._state, estimates=evolve(self._state.estimates, detection_rate=pace)
+        )
 
-    def _due(self, tick_s: float, detections: Detections) -> Detections:
+    def _waited(self, tick_s: float, detections: Detections) -> Detections:
         """Return the detections before a tick, once each and in order, of these and the waiting
         ones.
         """
-        every = _once_in_order(Detections.concatenate([self._early, detections]))
-        due = int(np.searchsorted(every.time_s, tick_s))
-        self._early = every.take(slice(due, None))
-        return every.take(slice(due))
+        waiting = _once_in_order(Detections.concatenate([self._waiting, detections]))
+        count = int(np.searchsorted(waiting.time_s, tick_s))
+        self._waiting = waiting.take(slice(count, None))
+        return waiting.take(slice(count))
 
     def _advance(self, tick_s: float, detections: Detections) -> None:
         late_s = self._tracking.config.late_s
         if late_s:
-            self._past.append((self._now, tick_s, detections))
+            self._past.append((self._state, tick_s, detections))
             while self._past and self._past[0][1] <= tick_s - late_s:
                 self._past.popleft()
-        self._now = self._tracking.stepped(self._now, tick_s, detections, self._rays.of(detections))
+        self._state = self._tracking.stepped(
+            self._state, tick_s, detections, self._rays.of(detections)
+        )
 
-    def _go_back(self, late: Detections) -> None:
+    def _go_back(self, late_detections: Detections) -> None:
         """Step again from before the late detections; those older than the stored states are
         dropped.
         """
         steps = [
-            (before, tick_s, _with_late(before_late, late, before.time_s, tick_s))
-            for before, tick_s, before_late in self._past
+            (state, tick_s, _with_late(before_late, late_detections, state.time_s, tick_s))
+            for state, tick_s, before_late in self._past
         ]
         changed = (
-            len(whole.time_ns) > len(before_late.time_ns)
-            for (_, _, whole), (_, _, before_late) in zip(steps, self._past, strict=True)
+            len(detections.time_ns) > len(before_late.time_ns)
+            for (_, _, detections), (_, _, before_late) in zip(steps, self._past, strict=True)
         )
-        first = next((number for number, more in enumerate(changed) if more), None)
-        if first is None:
+        first_step = next((number for number, more in enumerate(changed) if more), None)
+        if first_step is None:
             return
-        while len(self._past) > first:
+        while len(self._past) > first_step:
             self._past.pop()
-        self._now = steps[first][0]
-        for _, tick_s, whole in steps[first:]:
-            self._advance(tick_s, whole)
+        self._state = steps[first_step][0]
+        for _, tick_s, detections in steps[first_step:]:
+            self._advance(tick_s, detections)
 
 
 def _with_late(
-    before_late: Detections, late: Detections, start_s: float, end_s: float
+    before_late: Detections, late_detections: Detections, start_s: float, end_s: float
 ) -> Detections:
     """Return a tick's detections with the late ones of its time."""
-    mine = np.flatnonzero((late.time_s >= start_s) & (late.time_s < end_s))
+    rows = np.flatnonzero((late_detections.time_s >= start_s) & (late_detections.time_s < end_s))
     return (
-        _once_in_order(Detections.concatenate([before_late, late.take(mine)]))
-        if len(mine)
+        _once_in_order(Detections.concatenate([before_late, late_detections.take(rows)]))
+        if len(rows)
         else before_late
     )
 

@@ -5,7 +5,7 @@ and stepping again, so the result is the same as if they had arrived in time.
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from itertools import pairwise
 from math import ceil
 
 import numpy as np
@@ -22,6 +22,7 @@ from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
 from opir_trackers.imm.prune import prune
+from opir_trackers.imm.refiltering import FilterModels
 from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
@@ -62,13 +63,9 @@ class ImmTracking:
         """Return the state before the first detection."""
         return TrackerState.first(len(self.models.period_s), self.registration)
 
-    def lines_of_sight(self, detections: Detections) -> LinesOfSight:
-        """Return the lines of sight of detections."""
-        return LinesOfSight.of(detections)
-
     def stepped(
         self,
-        now: TrackerState,
+        state: TrackerState,
         tick_s: float,
         detections: Detections,
         cached: LinesOfSight | None = None,
@@ -76,74 +73,76 @@ class ImmTracking:
         """Return the state at a tick, after the detections since the last one; `cached` are their
         lines of sight.
         """
-        lines = self.lines_of_sight(detections) if cached is None else cached
-        now = now if now.ended is None else evolve(now, ended=None)
-        is_idle = now.is_empty
-        step_s = tick_s - now.time_s
-        if is_idle and not len(lines.time_s):
-            return evolve(now, time_s=tick_s)
-        reported = detections.reported_type.astype(np.int64)
-        ends = list(
-            _slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s))
-        )
-        if is_idle:
+        lines = LinesOfSight.of(detections) if cached is None else cached
+        if state.ended is not None:
+            state = evolve(state, ended=None)
+        step_s = tick_s - state.time_s
+        slice_s = min(self.config.slice_s, self.config.cadence_s)
+        ends = _slice_ends(state.time_s, tick_s, slice_s)
+        if state.is_empty:
+            if not len(lines.time_s):
+                return evolve(state, time_s=tick_s)
+            # Slices before the first line change nothing.
             idle = bisect_right(ends, lines.time_s.min())
-            now = evolve(now, time_s=[now.time_s, *ends][idle])
+            state = evolve(state, time_s=[state.time_s, *ends][idle])
             ends = ends[idle:]
-        if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
-            return self._standing(
-                self._assessed(self._after_slice(now, tick_s, lines, reported), step_s)
-            )
-        cuts = np.searchsorted(lines.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
-        for end, first, last in zip(ends, cuts[:-1], cuts[1:], strict=True):
-            now = self._after_slice(now, end, lines.take(slice(first, last)), reported[first:last])
-        return self._standing(self._assessed(now, step_s))
+        reported = detections.reported_type.astype(np.int64)
+        if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= state.time_s):
+            state = self._after_slice(state, tick_s, lines, reported)
+            return self._standing(self._assessed(state, step_s))
+        cuts = np.searchsorted(lines.time_s, [state.time_s, *ends[:-1], np.inf]).tolist()
+        for end_s, (start, stop) in zip(ends, pairwise(cuts), strict=True):
+            rows = slice(start, stop)
+            state = self._after_slice(state, end_s, lines.take(rows), reported[rows])
+        return self._standing(self._assessed(state, step_s))
 
     def _after_slice(
-        self, now: TrackerState, end_s: float, raw: LinesOfSight, reported: IntArray
+        self, state: TrackerState, end_s: float, raw: LinesOfSight, reported: IntArray
     ) -> TrackerState:
         """Return the state after a slice with lines of sight and their reported types (m,).
 
         Crowds are paired anew every few seconds.
         """
         models = self.models
-        lines = self.models.corrected(now.registration, raw)
-        ahead = predict(models, now, end_s, lines)
-        found = associate(models, now, ahead)
-        then = update(models, now, ahead, found, reported)
-        then = initiate(models, then, ahead, found.owner, raw, reported)
-        then = prune(models, with_launch_points(models, then, ahead.span_s), lines, found.owner)
-        if not then.crowds.are_there:
-            return then
-        return renewed(then, models.view(then.registration), models.filter, models.config)
+        lines = models.corrected(state.registration, raw)
+        prediction = predict(models, state, end_s, lines)
+        association = associate(models, state, prediction)
+        state = update(models, state, prediction, association, reported)
+        state = initiate(models, state, prediction, association.owner, raw, reported)
+        state = with_launch_points(models, state, prediction.span_s)
+        state = prune(models, state, lines, association.owner)
+        if not state.crowds.are_there:
+            return state
+        filter_models = FilterModels(models.filter, models.config, models.light_time)
+        return renewed(state, models.view(state.registration), filter_models)
 
-    def _assessed(self, now: TrackerState, step_s: float) -> TrackerState:
+    def _assessed(self, state: TrackerState, step_s: float) -> TrackerState:
         """Return the state with the probabilities of what each track is, a tick of a length after
         the last one.
         """
-        table = now.table
-        motion = now.motion
+        table = state.table
+        motion = state.motion
         if not len(motion) or motion.is_decided.all():
-            return now
+            return state
         pause_s = self.models.longest(self.models.period_s, table)
         motion = self.models.groups.assessed(
-            motion, now.time_s, table.first_s, table.seen_s, pause_s, step_s
+            motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s
         )
-        return now.after(now.time_s, now.estimates, table, motion)
+        return state.after(state.time_s, state.estimates, table, motion)
 
-    def _standing(self, now: TrackerState) -> TrackerState:
+    def _standing(self, state: TrackerState) -> TrackerState:
         """Return the state with the tracks that are ground sources for good where they stand,
         whatever the filter says.
 
         Lines of what rises from there leave their gate and initiate a track of their own.
         """
-        rows = np.flatnonzero(now.motion.is_decided & now.motion.stands)
+        rows = np.flatnonzero(state.motion.is_decided & state.motion.stands)
         if not len(rows):
-            return now
-        where = self._static_estimates(now.motion.take(rows), now.time_s)
+            return state
+        where = self._static_estimates(state.motion.take(rows), state.time_s)
         drift_m_s = self.config.hypotheses.ground_drift_m_s
-        still = standing_estimates(now.estimates.take(rows), *where, drift_m_s, self.config)
-        return evolve(now, estimates=now.estimates.put(rows, still))
+        still = standing_estimates(state.estimates.take(rows), *where, drift_m_s, self.config)
+        return evolve(state, estimates=state.estimates.put(rows, still))
 
     def _static_estimates(
         self, motion: MotionStatistics, time_s: float
@@ -156,64 +155,58 @@ class ImmTracking:
         turn = earth_rotated(np.eye(3), np.full(3, time_s)).T
         return position @ turn.T, turn @ covariance @ turn.T
 
-    def confirmed(self, now: TrackerState) -> BoolArray:
-        """Return which tracks (n,) are reported."""
-        return self.models.confirmed(now)
-
-    def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
+    def track_numbers(self, state: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight of the next tick, -1 for none."""
-        return track_numbers(self.models, now, lines)
+        return track_numbers(self.models, state, lines)
 
-    def reported_tracks(self, now: TrackerState) -> ReportedTracks:
+    def reported_tracks(self, state: TrackerState) -> ReportedTracks:
         """Return the confirmed tracks, without impacts, and what their forecast and composition
         need.
         """
-        last = self.confirmed_and_ended(now)
-        estimates = last.estimates
-        table = last.table
-        motion = last.motion
-        state, covariance = self.models.moments(estimates)
-        added = self.models.shared_covariance(now, estimates, table)
+        tracks = self.confirmed_and_ended(state)
+        mean, covariance = self.models.moments(tracks.estimates)
+        added = self.models.shared_covariance(state, tracks.estimates, tracks.table)
         if added is not None:
             covariance = covariance + added
-        tracks = tracks_of(state, covariance, table, now.time_s)
-        tracks = evolve(tracks, is_brief=self.are_brief(last, now.time_s))
-        types = type_evidence(table.reports, self.type_log_likelihood)
-        reports = hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
-        return ReportedTracks(tracks, estimates, reports, motion.probability, last.end)
+        is_brief = self.are_brief(tracks, state.time_s)
+        types = type_evidence(tracks.table.reports, self.type_log_likelihood)
+        return ReportedTracks(
+            tracks_of(mean, covariance, tracks.table, state.time_s, is_brief),
+            tracks.estimates,
+            hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES),
+            tracks.motion.probability,
+            tracks.end,
+        )
 
-    def are_brief(self, last: EndedTracks, time_s: float) -> BoolArray:
+    def are_brief(self, ended: EndedTracks, time_s: float) -> BoolArray:
         """Return which tracks (n,) went out, or are silent for too long, before their looks could
         tell a launch.
         """
-        table = last.table
+        table = ended.table
         silent = time_s - table.seen_s > self.models.longest(self.models.silence_limit_s, table)
-        return ((last.end > 0) | silent) & are_brief(last.motion, table.first_s, table.seen_s)
+        return ((ended.end > 0) | silent) & are_brief(ended.motion, table.first_s, table.seen_s)
 
-    def confirmed_and_ended(self, now: TrackerState) -> EndedTracks:
+    def confirmed_and_ended(self, state: TrackerState) -> EndedTracks:
         """Return the confirmed tracks and those that ended since the last tick, by number; `end` is
         0 if not yet.
         """
-        confirmed = self.confirmed(now)
-        table = now.table
-        motion = now.motion
-        estimates = now.estimates
-        if now.crowds.are_there:
-            estimates = now.crowds.mixtures.mixed(estimates, table.number, now.time_s)
+        estimates = state.estimates
+        table = state.table
+        if state.crowds.are_there:
+            estimates = state.crowds.mixtures.mixed(estimates, table.number, state.time_s)
+        end = np.zeros(len(table), dtype=np.uint8)
+        tracks = EndedTracks(estimates, table, state.motion, end)
+        confirmed = self.models.confirmed(state)
         if np.count_nonzero(confirmed) < len(confirmed):
-            estimates = estimates.take(confirmed)
-            table = table.take(confirmed)
-            motion = motion.take(confirmed)
-        last = EndedTracks(estimates, table, motion, np.zeros(len(table), dtype=np.uint8))
-        if now.ended is not None:
-            last = now.ended.and_others(last)
-            last = last.take(np.argsort(last.table.number, kind="stable"))
-        return last
+            tracks = tracks.take(np.flatnonzero(confirmed))
+        if state.ended is None:
+            return tracks
+        tracks = state.ended.and_others(tracks)
+        return tracks.take(np.argsort(tracks.table.number, kind="stable"))
 
 
-def _slice_ends(start_s: float, end_s: float, slice_s: float) -> Iterator[float]:
-    """Yield the ends of equal slices no longer than `slice_s`."""
-    count = max(1, ceil((end_s - start_s) / slice_s - 1e-9))
-    for number in range(1, count):
-        yield start_s + (end_s - start_s) * number / count
-    yield end_s
+def _slice_ends(start_s: float, end_s: float, slice_s: float) -> list[float]:
+    """Return the ends of equal slices no longer than `slice_s`."""
+    span_s = end_s - start_s
+    count = max(1, ceil(span_s / slice_s - 1e-9))
+    return [start_s + span_s * number / count for number in range(1, count)] + [end_s]

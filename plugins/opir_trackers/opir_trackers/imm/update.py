@@ -21,9 +21,9 @@ from opir_trackers.imm.outliers import (
     reweighted,
     suspect_tracks,
 )
-from opir_trackers.imm.predict import Ahead
+from opir_trackers.imm.predict import Prediction
 from opir_trackers.imm.state import TrackerState
-from opir_trackers.lines_of_sight import no_measurements
+from opir_trackers.lines_of_sight import LinesOfSight, no_measurements
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.onset.posterior import DARK_S, GONE_SCANS
 from opir_trackers.registration.registration import Followed, registered, shifted
@@ -31,162 +31,210 @@ from opir_trackers.registration.shared_errors import ERRORS
 
 
 def update(
-    models: TrackingModels, now: TrackerState, ahead: Ahead, found: Associated, reported: IntArray
+    models: TrackingModels,
+    state: TrackerState,
+    prediction: Prediction,
+    association: Associated,
+    reported: IntArray,
 ) -> TrackerState:
     """Return the state after a slice's lines, of reported types (m,), as far as they have
     tracks.
     """
-    if not now.table.number.size:
-        return evolve(now, time_s=ahead.end_s)
-    lines = ahead.lines
-    table = now.table
+    table = state.table
+    if not table.number.size:
+        return evolve(state, time_s=prediction.end_s)
+    lines = prediction.lines
+    estimates, outliers = _updated_estimates(models, prediction, association, table.outliers)
+    estimates = models.filter.with_open_coast(
+        estimates, prediction.estimates, state.estimates, prediction.span_s
+    )
+    if outliers is not None:
+        table = table.with_outliers(outliers)
+    next_state = state.after(prediction.end_s, estimates, table)
     if not lines.scan.size:
-        after = models.filter.updated(ahead.estimates, ahead.end_s, no_measurements(), ahead.span_s)
-        after = models.filter.with_open_coast(after, ahead.estimates, now.estimates, ahead.span_s)
-        return now.after(ahead.end_s, after, table)
-    after, outliers = _with_outliers(
-        models, _updated(models, ahead, found), ahead, found, table.outliers
-    )
-    after = models.filter.with_open_coast(after, ahead.estimates, now.estimates, ahead.span_s)
-    then = now.after(
-        ahead.end_s, after, table if outliers is None else table.with_outliers(outliers)
-    )
-    then = then if found.crowds is now.crowds else evolve(then, crowds=found.crowds)
-    then = _registered(models, then, ahead, found)
-    table = then.table.with_detections(found.owner, lines.time_s, lines.sensor, reported)
-    motion = _lit_again(models, then, found.owner, lines.time_s)
-    motion = motion.with_lines(found.owner, lines, models.groups.log_clutter)
+        return next_state
+    if association.crowds is not state.crowds:
+        next_state = evolve(next_state, crowds=association.crowds)
+    next_state = _registered(models, next_state, prediction, association)
+    return _with_detections(models, next_state, association.owner, lines, reported)
+
+
+def _with_detections(
+    models: TrackingModels,
+    state: TrackerState,
+    owner: IntArray,
+    lines: LinesOfSight,
+    reported: IntArray,
+) -> TrackerState:
+    """Return the state with lines of rows `owner` (m,) in its table and motion, and single sensors'
+    tracks as ascents say.
+    """
+    table = state.table.with_detections(owner, lines.time_s, lines.sensor, reported)
+    motion = _relit_motion(models, state, owner, lines.time_s)
+    motion = motion.with_lines(owner, lines, models.groups.log_clutter)
     estimates = models.single.with_ascents(
-        then.estimates, table, motion, then.table.seen_s, ahead.end_s
+        state.estimates, table, motion, state.table.seen_s, state.time_s
     )
-    return then.after(ahead.end_s, estimates, table, motion)
+    return state.after(state.time_s, estimates, table, motion)
 
 
-def _lit_again(
-    models: TrackingModels, now: TrackerState, owner: IntArray, time_s: FloatArray
+def _relit_motion(
+    models: TrackingModels, state: TrackerState, owner: IntArray, time_s: FloatArray
 ) -> MotionStatistics:
     """Return the motion before lines of rows `owner` (m,) at times, begun anew where an undecided
     track was dark.
 
     What shines there again may be another source: two flashes would make one fast motion.
     """
-    count = len(now.table)
-    mine = owner >= 0
+    motion = state.motion
+    if motion.is_decided.all():
+        return motion
+    count = len(state.table)
+    rows = owner >= 0
     first_s = np.full(count, np.inf)
-    np.minimum.at(first_s, owner[mine], time_s[mine])
-    silent_s = first_s - now.table.seen_s
-    limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, now.table))
-    is_seen = np.isfinite(first_s)
-    rows = (is_seen & ~now.motion.is_decided & (silent_s > limit_s)).nonzero()[0]
+    np.minimum.at(first_s, owner[rows], time_s[rows])
+    silent_s = first_s - state.table.seen_s
+    limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, state.table))
+    rows = (np.isfinite(first_s) & ~motion.is_decided & (silent_s > limit_s)).nonzero()[0]
     if not len(rows):
-        return now.motion
-    place = now.estimates.likelier_position_m[rows]
-    fresh = MotionStatistics.fresh(place, now.time_s, first_s[rows], models.groups.prior)
+        return motion
+    position_m = state.estimates.likelier_position_m[rows]
+    begun = MotionStatistics.fresh(position_m, state.time_s, first_s[rows], models.groups.prior)
     order = np.arange(count)
     order[rows] = count + np.arange(len(rows))
-    return MotionStatistics.concatenate([now.motion, fresh]).take(order)
+    return MotionStatistics.concatenate([motion, begun]).take(order)
 
 
-def _updated(models: TrackingModels, ahead: Ahead, found: Associated) -> ModeEstimates:
+def _updated_estimates(
+    models: TrackingModels, prediction: Prediction, association: Associated, log: FloatArray
+) -> tuple[ModeEstimates, FloatArray | None]:
+    """Return the estimates after a slice's lines, and the log likelihoods of outlier fractions as
+    of `_with_outliers`.
+    """
+    if not prediction.lines.scan.size:
+        estimates = prediction.estimates
+        nothing = no_measurements()
+        return (
+            models.filter.updated(estimates, prediction.end_s, nothing, prediction.span_s),
+            None,
+        )
+    posterior = _updated(models, prediction, association)
+    return _with_outliers(models, posterior, prediction, association, log)
+
+
+def _updated(
+    models: TrackingModels, prediction: Prediction, association: Associated
+) -> ModeEstimates:
     """Return the estimates after pairs, many of which count as few; all their looks count as
     detections.
 
     Tracks that were silent, whose burns may begin at the first look, are updated with each look,
     and few tracks too.
     """
-    estimates = ahead.estimates
-    end_s = ahead.end_s
-    span_s = ahead.span_s
-    used = found.used
-    if used.track.size <= FEW_PAIRS:
-        return models.filter.updated(estimates, end_s, hard_measurements(used), span_s)
-    raw = (estimates.detection_rate[:, 2] > span_s)[used.track]
-    each = np.flatnonzero(raw)
-    some = np.flatnonzero(~raw)
-    few = merged(used.take(some), found.sensor[some], ahead.path)
-    pairs = few if not len(each) else GatedPairs.concatenate([few, used.take(each)])
-    after = models.filter.updated(estimates, end_s, hard_measurements(pairs), span_s)
+    estimates = prediction.estimates
+    end_s = prediction.end_s
+    pairs = association.updating
+    if pairs.track.size <= FEW_PAIRS:
+        looks = hard_measurements(pairs)
+        return models.filter.updated(estimates, end_s, looks, prediction.span_s)
+    was_silent = (estimates.detection_rate[:, 2] > prediction.span_s)[pairs.track]
+    rows = np.flatnonzero(~was_silent)
+    means = merged(pairs.take(rows), association.sensor[rows], prediction.path)
+    if np.count_nonzero(was_silent):
+        means = GatedPairs.concatenate([means, pairs.take(np.flatnonzero(was_silent))])
+    looks = hard_measurements(means)
+    posterior = models.filter.updated(estimates, end_s, looks, prediction.span_s)
     count = len(estimates)
-    owner = found.owner
-    more = np.bincount(owner[owner >= 0], minlength=count) - np.bincount(
-        pairs.track, minlength=count
-    )
+    owner = association.owner
     last_s = np.full(count, -np.inf)
-    np.maximum.at(last_s, used.track, used.time_s)
-    rate = after.detection_rate.copy()
-    rate[:, 0] += more
+    np.maximum.at(last_s, pairs.track, pairs.time_s)
+    rate = posterior.detection_rate.copy()
+    rate[:, 0] += np.bincount(owner[owner >= 0], minlength=count) - np.bincount(
+        means.track, minlength=count
+    )
     rate[:, 2] = np.minimum(rate[:, 2], end_s - last_s)
-    return evolve(after, detection_rate=rate)
+    return evolve(posterior, detection_rate=rate)
 
 
 def _with_outliers(
-    models: TrackingModels, after: ModeEstimates, ahead: Ahead, found: Associated, log: FloatArray
+    models: TrackingModels,
+    posterior: ModeEstimates,
+    prediction: Prediction,
+    association: Associated,
+    log: FloatArray,
 ) -> tuple[ModeEstimates, FloatArray | None]:
     """Return estimates with outliers weighted down, but for tracks that share lines, and the log
     likelihoods.
 
-    `log` (n, fractions) are those of the outlier fractions before; after None where all tracks have
-    next to none.
+    `log` (n, fractions) are those of the outlier fractions before the slice; None follows where all
+    tracks have next to none.
     """
     fractions = OutlierFractions(log)
-    span = SliceSpan(ahead.end_s, ahead.span_s, models.config.gate_sigma)
+    assigned = association.assigned
+    gate = models.config.gate_sigma
     share = fractions.share
-    suspects = suspect_tracks(found.assigned, share)
-    if suspects.size and found.shared.size:
-        suspects = np.setdiff1d(suspects, found.shared, assume_unique=True)
+    suspects = suspect_tracks(assigned, share)
+    if suspects.size and association.shared.size:
+        suspects = np.setdiff1d(suspects, association.shared, assume_unique=True)
+    if not suspects.size and not np.count_nonzero(share > FEW):
+        return posterior, None
+    outliers = clean_log_likelihood(assigned, fractions, gate)
     if not suspects.size:
-        if not np.count_nonzero(share > FEW):
-            return after, None
-        return after, log + clean_log_likelihood(found.assigned, fractions, span.gate)
-    outliers = clean_log_likelihood(found.assigned, fractions, span.gate)
-    place = np.full(len(after), -1, dtype=np.int64)
-    place[suspects] = np.arange(len(suspects))
-    mine = found.assigned.take(np.flatnonzero(place[found.assigned.track] >= 0))
-    mine = evolve(mine, track=place[mine.track])
-    before = ahead.estimates.take(suspects)
-    weighed = reweighted(
-        models.filter, before, after.take(suspects), span, mine, fractions.take(suspects)
+        return posterior, log + outliers
+    number = np.full(len(posterior), -1, dtype=np.int64)
+    number[suspects] = np.arange(len(suspects))
+    pairs = assigned.take(np.flatnonzero(number[assigned.track] >= 0))
+    weighted = reweighted(
+        models.filter,
+        prediction.estimates.take(suspects),
+        posterior.take(suspects),
+        SliceSpan(prediction.end_s, prediction.span_s, gate),
+        evolve(pairs, track=number[pairs.track]),
+        fractions.take(suspects),
     )
-    outliers[suspects] = weighed.outliers
-    return after.put(suspects, weighed.estimates), fractions.after(outliers).log
+    outliers[suspects] = weighted.outliers
+    return posterior.put(suspects, weighted.estimates), fractions.after(outliers).log
 
 
 def _registered(
-    models: TrackingModels, now: TrackerState, ahead: Ahead, found: Associated
+    models: TrackingModels, state: TrackerState, prediction: Prediction, association: Associated
 ) -> TrackerState:
     """Return the state with the registration after a slice's pairs, and its tracks and crowds
     shifted by the change.
 
     Tracks that share a line with others do not count, nor those of crowds.
     """
-    is_due = now.registration.is_due(now.time_s, len(now.table))
-    if not is_due and not now.registration.has_outliers:
-        return now
-    assigned = _unshared(found.assigned, found.pairs)
+    is_due = state.registration.is_due(state.time_s, len(state.table))
+    if not is_due and not state.registration.has_outliers:
+        return state
+    assigned = _unshared(association.assigned, association.pairs)
     if not len(assigned):
-        return now
-    sensor = ahead.lines.sensor[assigned.line].astype(np.int64)
-    if not is_due:
-        return evolve(
-            now,
-            registration=now.registration.counted(
-                now.time_s, now.table.number, assigned.track, sensor
-            ),
-        )
-    before = evolve(now.registration.at(now.time_s), compared_s=now.time_s)
-    vantages = models.vantages(before, now.time_s)
-    tracks = Followed.of(now.table.number, models.moments(now.estimates), now.table.reports >= 0)
-    left = _with_residuals(assigned, models.path(now.estimates, now.time_s))
-    after = registered(before, left, sensor, tracks, vantages)
-    change = after.known.mean - before.known.mean
-    now = evolve(
-        now, registration=after, estimates=shifted(now.estimates, change, tracks, vantages)
-    )
-    if not now.crowds.are_there or not change.any():
-        return now
-    return evolve(
-        now, crowds=corrected_crowds(now.crowds, change.reshape(-1, ERRORS), models.view(after))
-    )
+        return state
+    sensor = prediction.lines.sensor[assigned.line].astype(np.int64)
+    if is_due:
+        return _with_registration(models, state, assigned, sensor)
+    counted = state.registration.counted(state.time_s, state.table.number, assigned.track, sensor)
+    return evolve(state, registration=counted)
+
+
+def _with_registration(
+    models: TrackingModels, state: TrackerState, assigned: GatedPairs, sensor: IntArray
+) -> TrackerState:
+    """Return the state with the registration after pairs of sensors (m,), and all that follows."""
+    prior = evolve(state.registration.at(state.time_s), compared_s=state.time_s)
+    vantages = models.vantages(prior, state.time_s)
+    visible = state.table.reports >= 0
+    tracks = Followed.of(state.table.number, models.moments(state.estimates), visible)
+    residuals = _with_residuals(assigned, models.path(state.estimates, state.time_s))
+    registration = registered(prior, residuals, sensor, tracks, vantages)
+    change = registration.known.mean - prior.known.mean
+    estimates = shifted(state.estimates, change, tracks, vantages)
+    state = evolve(state, registration=registration, estimates=estimates)
+    if not state.crowds.are_there or not change.any():
+        return state
+    view = models.view(registration)
+    crowds = corrected_crowds(state.crowds, change.reshape(-1, ERRORS), view)
+    return evolve(state, crowds=crowds)
 
 
 def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedPairs:

@@ -11,14 +11,6 @@ from opir_core.arrays import BoolArray, FloatArray
 from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.onset.posterior import SURE
 
-#: Speed of sound, m/s (ISO 2533, sea level): launches pass it 50 to 70 s after lift-off, where
-#: clouds end.
-_SOUND_M_S = 340.3
-
-#: Log odds that are strong evidence: 20 to 1 (Kass and Raftery, Journal of the American Statistical
-#: Association, 1995).
-_STRONG = np.log(20.0)
-
 
 def are_brief(statistics: MotionStatistics, first_s: FloatArray, last_s: FloatArray) -> BoolArray:
     """Return which tracks (n,) have looks that cannot tell the speed of sound from none.
@@ -28,6 +20,10 @@ def are_brief(statistics: MotionStatistics, first_s: FloatArray, last_s: FloatAr
     been seen for long.
     """
     place = 0.5 * np.trace(statistics.static_information, axis1=1, axis2=2)
-    log_odds = 0.5 * _SOUND_M_S**2 * place * np.square(last_s - first_s) / 12.0
+    # The speed of sound, m/s (ISO 2533, sea level): launches pass it 50 to 70 s after lift-off,
+    # where clouds end.
+    log_odds = 0.5 * 340.3**2 * place * np.square(last_s - first_s) / 12.0
     are_open = (statistics.probability[:, LAUNCH] < SURE) & (statistics.epoch_s <= last_s)
-    return np.asarray((log_odds < _STRONG) & are_open)
+    # Odds of 20 to 1 are strong evidence (Kass and Raftery, Journal of the American Statistical
+    # Association, 1995).
+    return np.asarray((log_odds < np.log(20.0)) & are_open)

@@ -3,12 +3,13 @@ given a launch.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.plugin import REPORTED_TYPES, Hypothesis, Tracks
+from opir_core.plugin import REPORTED_TYPES, Hypothesis
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NOISE, NONE
 
 #: Columns of group probabilities by the groups of hypotheses other than launches.
@@ -33,13 +34,17 @@ class Composition:
     @classmethod
     def of(cls, hypotheses: Sequence[Hypothesis]) -> "Composition":
         """Return the composition of a scene's hypotheses."""
-        kind = np.array([REPORTED_TYPES.index(one.reported_type) for one in hypotheses])
+        kind = np.array(
+            [REPORTED_TYPES.index(hypothesis.reported_type) for hypothesis in hypotheses]
+        )
         of_groups = np.zeros((len(_COLUMNS) + 1, len(hypotheses)))
-        for place, one in enumerate(hypotheses):
-            if not one.is_launch:
-                of_groups[_COLUMNS[one.group], place] = 1.0
+        for place, hypothesis in enumerate(hypotheses):
+            if not hypothesis.is_launch:
+                of_groups[_COLUMNS[hypothesis.group], place] = 1.0
         sums = [kind == code for code in range(len(REPORTED_TYPES))]
-        sums += [np.array([one.group == group for one in hypotheses]) for group in _SUMMED]
+        sums += [
+            np.array([hypothesis.group == group for hypothesis in hypotheses]) for group in _SUMMED
+        ]
         return cls(of_groups, np.array(sums, dtype=np.float64).T)
 
     def probabilities(self, groups: FloatArray, given_launch: FloatArray) -> FloatArray:
@@ -51,23 +56,22 @@ class Composition:
         """
         return _products(groups, self.of_groups) + groups[:, LAUNCH, None] * given_launch
 
-    def composed(self, tracks: Tracks, groups: FloatArray, given_launch: FloatArray) -> Tracks:
-        """Return tracks with the probabilities of hypotheses, their sums, and the types that these
-        are reported as.
+    def columns(self, groups: FloatArray, given_launch: FloatArray) -> dict[str, Any]:
+        """Return the columns of tracks with the probabilities of hypotheses, their sums, and the
+        types that these are reported as.
 
         That of a launch includes what was launched and is none of the known classes.
         """
         probability = self.probabilities(groups, given_launch)
         sums = _products(probability, self.sums)
         types = len(REPORTED_TYPES)
-        return evolve(
-            tracks,
-            hypothesis_probability=probability,
-            probability_launch=groups[:, LAUNCH],
-            probability_missile=sums[:, types],
-            probability_orbit=sums[:, types + 1],
-            type_probability=sums[:, :types],
-        )
+        return {
+            "hypothesis_probability": probability,
+            "probability_launch": groups[:, LAUNCH],
+            "probability_missile": sums[:, types],
+            "probability_orbit": sums[:, types + 1],
+            "type_probability": sums[:, :types],
+        }
 
 
 def _products(rows: FloatArray, matrix: FloatArray) -> FloatArray:

@@ -34,20 +34,12 @@ _POWERS = 2 * ORDERS - 1
 _SUM_OF_ORDERS = np.add.outer(np.arange(ORDERS), np.arange(ORDERS))
 _FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
-#: Snap that a cubic leaves out, m/s⁴: 30 m/s² that grow by 3 % a second; notional.
-_SNAP_M_S4 = 0.03
-
-#: A term s τ⁴ / 24 differs from its best cubic over [0, T] by at most s T⁴ / 24 / 128 (Chebyshev).
-_LEFT_OUT = _SNAP_M_S4 / (24.0 * 128.0)
+#: A cubic leaves out a snap of 0.03 m/s⁴: 30 m/s² that grow by 3 % a second; notional. A term s τ⁴ /
+#: 24 differs from its best cubic over [0, T] by at most s T⁴ / 24 / 128 (Chebyshev).
+_LEFT_OUT = 0.03 / (24.0 * 128.0)
 
 #: Information of a prior of any motion: 1000 km, 100 km/s, 10 km/s², 10 km/s³.
 _ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
-
-#: Misfit a line, and in addition, above which lines are not of one motion. Chance gives 2 a line,
-#: and biases of two sensors less than the rest up to 3.5 standard deviations; 12 degrees of freedom
-#: exceed 30 in 0.3 % of cases.
-_MISFIT_A_LINE = 6.0
-_MISFIT = 30.0
 
 #: The columns that are sums over lines.
 _SUMS = ("information", "pull", "misfit", "lines", "noise_log", "static_information", "static_pull")
@@ -144,41 +136,48 @@ class MotionStatistics(Columns):
         Of what is decided to move nothing more is taken in.
         """
         settled = np.append(self.is_decided & ~self.stands, True)
-        mine = (~settled[owner]).nonzero()[0]
-        if not len(mine):
+        rows = (~settled[owner]).nonzero()[0]
+        if not len(rows):
             return self
-        mine = mine[owner[mine].argsort(kind="stable")]
-        of = owner[mine]
-        used = lines.take(mine)
-        starts = np.flatnonzero(np.diff(of, prepend=-1))
-        since_s = used.time_s - self.epoch_s[of]
+        rows = rows[owner[rows].argsort(kind="stable")]
+        track = owner[rows]
+        terms = self._terms(track, lines.take(rows), log_clutter)
+        starts = np.flatnonzero(np.diff(track, prepend=-1))
+        changed = {}
+        for name, term in terms.items():
+            column = getattr(self, name).copy()
+            sums = np.add.reduceat(term, starts, axis=0)
+            column[track[starts]] += sums.reshape(-1, *column.shape[1:])
+            changed[name] = column
+        return evolve(self, **changed)
+
+    def _terms(
+        self, track: IntArray, lines: LinesOfSight, log_clutter: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Return the terms (m, ...) of each column that is a sum over lines, of rows `track`
+        (m,).
+        """
+        since_s = lines.time_s - self.epoch_s[track]
         # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same
         # at the horizon.
-        near = np.where(
-            self.is_decided[of], 0.0, 1.0 / (1.0 + (since_s / self.horizon_s()[of]) ** 8)
-        )
-        weight, foot, square = _line_terms(used, self.reference_m[of], self.axes[of])
-        powers = near[:, None] * since_s[:, None] ** np.arange(_POWERS)
-        pulled = np.sum(weight * foot[:, None, :], axis=2)
+        share = 1.0 / (1.0 + (since_s / self.horizon_s()[track]) ** 8)
+        share = np.where(self.is_decided[track], 0.0, share)
+        weight, foot, square = _line_terms(lines, self.reference_m[track], self.axes[track])
+        pull = np.sum(weight * foot[:, None, :], axis=2)
         weight = weight.reshape(-1, 9)
-        of_each = np.array([square, np.ones(len(mine)), _noise_log(used, log_clutter)])
+        powers = share[:, None] * since_s[:, None] ** np.arange(_POWERS)
+        sums = np.array([square, np.ones(len(track)), _noise_log(lines, log_clutter)])
         # No clutter has the log density -inf.
-        weighed = np.multiply(near, of_each, where=near > 0.0, out=np.zeros_like(of_each))
-        terms = {
+        sums = np.multiply(share, sums, where=share > 0.0, out=np.zeros_like(sums))
+        return {
             "information": powers[:, :, None] * weight[:, None, :],
-            "pull": powers[:, :ORDERS, None] * pulled[:, None, :],
-            **dict(zip(("misfit", "lines", "noise_log"), weighed, strict=True)),
+            "pull": powers[:, :ORDERS, None] * pull[:, None, :],
+            "misfit": sums[0],
+            "lines": sums[1],
+            "noise_log": sums[2],
             "static_information": weight,
-            "static_pull": pulled,
+            "static_pull": pull,
         }
-        changed = {}
-        for name, each in terms.items():
-            column = getattr(self, name).copy()
-            changed[name] = column
-            column[of[starts]] += np.add.reduceat(each, starts, axis=0).reshape(
-                -1, *column.shape[1:]
-            )
-        return evolve(self, **changed)
 
     def restarted(self, rows: IntArray, time_s: float) -> "MotionStatistics":
         """Return the statistics with those of some rows begun anew at a time, without lines."""
@@ -192,11 +191,14 @@ class MotionStatistics(Columns):
     def are_unlike_any_motion(self) -> BoolArray:
         """Return which tracks (n,) have lines that no cubic explains: some of them are of something
         else.
+
+        Chance gives a misfit of 2 a line, and biases of two sensors less than the remainder up to
+        3.5 standard deviations; 12 degrees of freedom exceed 30 in 0.3 % of cases.
         """
         information, pull, misfit = self.of_motion()
         fitted = np.linalg.solve(information + _ANY_MOTION, pull[:, :, None])[:, :, 0]
         least = misfit - np.sum(pull * fitted, axis=1)
-        return np.asarray(least > _MISFIT_A_LINE * self.lines + _MISFIT)
+        return np.asarray(least > 6.0 * self.lines + 30.0)
 
     def of_motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return information (n, 12, 12), pull (n, 12) and misfit (n,) of the coefficients of a
@@ -246,23 +248,26 @@ class MotionStatistics(Columns):
         pull = np.repeat(self.static_pull[:, None], len(grounds), axis=1)
         raised = mean_m - self.height_m[:, None]
         pull[..., 2] += precision * raised
-        inverse = np.linalg.inv(information)
-        each = np.sum(inverse * pull[..., None, :], axis=3)
-        fit = (
-            np.sum(pull * each, axis=2)
-            - precision * np.square(raised)
-            + np.log(np.linalg.det(inverse))
-        )
+        inverse = np.linalg.inv(information).astype(np.float64, copy=False)
+        place = np.sum(inverse * pull[..., None, :], axis=3)
+        fit = np.sum(pull * place, axis=2) - precision * np.square(raised)
+        fit = fit + np.log(np.linalg.det(inverse))
         weight = share / sigma_m * np.exp(0.5 * (fit - fit.max(axis=1, keepdims=True)))
-        weight = (weight / weight.sum(axis=1, keepdims=True))[..., None]
-        local = np.sum(weight * each, axis=1)
-        apart = each - local[:, None]
-        spread = inverse + apart[..., :, None] * apart[..., None, :]
-        covariance = np.sum(weight[..., None] * spread, axis=1)
+        weight = weight / weight.sum(axis=1, keepdims=True)
+        local, covariance = _mixture(weight[..., None], place, inverse)
         turned = self.axes.transpose(0, 2, 1)
-        return self.reference_m + np.sum(
-            turned * local[:, None, :], axis=2
-        ), turned @ covariance @ self.axes
+        position_m = self.reference_m + np.sum(turned * local[:, None, :], axis=2)
+        return position_m, turned @ covariance @ self.axes
+
+
+def _mixture(
+    weight: FloatArray, place: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the moments (n, 3) and (n, 3, 3) of mixtures of k components with weights (n, k, 1)."""
+    mean = np.sum(weight * place, axis=1)
+    offset = place - mean[:, None]
+    spread = covariance + offset[..., :, None] * offset[..., None, :]
+    return mean, np.sum(weight[..., None] * spread, axis=1)
 
 
 def _line_terms(
@@ -271,13 +276,13 @@ def _line_terms(
     """Return W (m, 3, 3), 1/m², d (m, 3), m, and dᵀ W d (m,) of lines, in local axes about
     reference points (m, 3).
     """
-    apart = reference_m - lines.origin_ecef_m
-    square = dot(apart, apart)
-    towards = apart / np.sqrt(square)[:, None]
+    view = reference_m - lines.origin_ecef_m
+    square = dot(view, view)
+    unit = view / np.sqrt(square)[:, None]
     # The point of the line in the plane through the reference point across the view.
-    depth = square / dot(apart, lines.direction_ecef)
-    off = depth[:, None] * lines.direction_ecef - apart
-    along = np.sum(axes * towards[:, None, :], axis=2)
+    depth = square / dot(view, lines.direction_ecef)
+    off = depth[:, None] * lines.direction_ecef - view
+    along = np.sum(axes * unit[:, None, :], axis=2)
     foot = np.sum(axes * off[:, None, :], axis=2)
     scale = 1.0 / (np.square(lines.sigma_rad) * square)
     weight = scale[:, None, None] * (np.eye(3) - along[:, :, None] * along[:, None, :])

@@ -15,28 +15,41 @@ from opir_trackers.configs import HypothesesConfig
 from opir_trackers.onset.motion_priors import LOG_IN_VIEW, MotionPriors
 from opir_trackers.onset.motion_statistics import GROUND, LAUNCH, NOISE, MotionStatistics
 
-_DAY_S = 86400.0
-
 #: A track is decided once ground and noise together are less probable than the first and a launch
 #: more than the second.
 RARE = 1e-4
 SURE = 0.999
 
-#: A ground source is decided after one horizon, once P(launch) is below this: 1/1000 of the prior.
-#: Of fires it is 1e-9 by then, of real space launches seen by scanners of 10 s it was at least
-#: 4e-5.
-_NO_LAUNCH = 1e-6
-
-#: All else is decided after this number of horizons, where a line has 1/257 of its weight.
-_HORIZONS = 2.0
-
-#: Mean time of a burn, s, notional, and scan periods without a detection after which what shone has
-#: gone out.
-_BURN_S = 100.0
+#: Scan periods without a detection after which what shone has gone out.
 GONE_SCANS = 5.0
 
 #: A silence longer than this, s, in the first lines is no look or two that were missed; notional.
 DARK_S = 3.0
+
+
+@frozen
+class DecisionLaw:
+    """When tracks are decided and assessed."""
+
+    #: A ground source is decided after one horizon, once P(launch) is below this: 1/1000 of the
+    #: prior. Of fires it is 1e-9 by then, of real space launches seen by scanners of 10 s it was at
+    #: least 4e-5.
+    no_launch: float = 1e-6
+
+    #: All else is decided after this number of horizons, where a line has 1/257 of its weight.
+    horizons: float = 2.0
+
+    #: Mean time of a burn, s, notional.
+    burn_s: float = 100.0
+
+    #: What was first seen longer ago than this, s, and is less probably a launch than before is
+    #: assessed again after the second time, s: fires, which are many. Slow launches are by then
+    #: more probable: they are recognised no later for it.
+    young_s: float = 20.0
+    again_s: float = 5.0
+
+
+LAW = DecisionLaw()
 
 
 @frozen(eq=False)
@@ -68,7 +81,7 @@ class GroupPosterior:
         with np.errstate(divide="ignore"):
             return cls(
                 priors=MotionPriors.of(config),
-                log_rate=np.log(np.array(per_day) / _DAY_S),
+                log_rate=np.log(np.array(per_day) / 86400.0),
                 bolide_s=config.bolide_s,
                 log_clutter=np.log(clutter_per_sr / detection_probability),
             )
@@ -97,36 +110,25 @@ class GroupPosterior:
         Lines that are not of one motion say nothing of it: these statistics begin anew. So do those
         of a source that is still seen and likeliest stands, but may be a launch.
         """
-        steady = (time_s - first_s > _YOUNG_S) & (time_s - seen_s < pause_s + step_s)
+        age_s = time_s - first_s
+        is_seen = time_s - seen_s < pause_s + step_s
+        steady = (age_s > LAW.young_s) & is_seen
         steady &= statistics.probability[:, LAUNCH] < self.prior[LAUNCH]
-        rests = np.floor((time_s - first_s) / _AGAIN_S) == np.floor(
-            (time_s - step_s - first_s) / _AGAIN_S
-        )
-        open_ = (~statistics.is_decided & ~(steady & rests)).nonzero()[0]
-        if not len(open_):
+        rests = np.floor(age_s / LAW.again_s) == np.floor((time_s - step_s - first_s) / LAW.again_s)
+        rows = (~statistics.is_decided & ~(steady & rests)).nonzero()[0]
+        if not len(rows):
             return statistics
-        mine = statistics.part(open_)
-        pause_s = pause_s[open_]
-        age_s = np.maximum(seen_s[open_] - mine.epoch_s, 0.0)
-        gone = time_s - seen_s[open_] > GONE_SCANS * pause_s
+        open_tracks = statistics.part(rows)
+        bright_s = np.maximum(seen_s[rows] - open_tracks.epoch_s, 0.0)
+        gone = time_s - seen_s[rows] > GONE_SCANS * pause_s[rows]
+        result = self.probabilities(open_tracks, bright_s, pause_s[rows], gone)
+        is_decided, restarts = _decisions(open_tracks, result, time_s, is_seen[rows])
         probability = statistics.probability.copy()
         decided = statistics.is_decided.copy()
-        found = self.probabilities(mine, age_s, pause_s, gone)
-        probability[open_] = found
-        still = found[:, GROUND] + found[:, NOISE]
-        launched = (still < RARE) & (found[:, LAUNCH] > SURE)
-        horizons = (time_s - mine.epoch_s) / mine.horizon_s()
-        stands = found.argmax(axis=1) == GROUND
-        # The track of a ground source has a narrow gate: a launch that was decided to be one would
-        # leave it.
-        no_launch = found[:, LAUNCH] < _NO_LAUNCH
-        over = horizons > _HORIZONS
-        decided[open_] = launched | np.where(stands, no_launch & (horizons > 1.0), over)
-        is_seen = time_s - seen_s[open_] < pause_s + step_s
-        anew = mine.are_unlike_any_motion() | (over & stands & ~no_launch & is_seen)
-        decided[open_[anew]] = False
+        probability[rows] = result
+        decided[rows] = is_decided
         statistics = evolve(statistics, probability=probability, is_decided=decided)
-        return statistics.restarted(open_[anew], time_s) if np.count_nonzero(anew) else statistics
+        return statistics.restarted(rows[restarts], time_s) if restarts.any() else statistics
 
     def probabilities(
         self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray, gone: BoolArray
@@ -141,18 +143,31 @@ class GroupPosterior:
         log = np.empty((len(evidence), 1 + len(self.log_rate)))
         log[:, NOISE] = statistics.noise_log - np.log(pause_s) - LOG_IN_VIEW
         for group in range(GROUND, log.shape[1]):
-            own = evidence[:, self.priors.group == group]
-            log[:, group] = np.logaddexp.reduce(own, axis=1) + self.log_rate[group - GROUND]
-        log[gone, LAUNCH] += min(np.log(self.bolide_s / _BURN_S), 0.0)
+            of_group = evidence[:, self.priors.group == group]
+            log[:, group] = np.logaddexp.reduce(of_group, axis=1) + self.log_rate[group - GROUND]
+        log[gone, LAUNCH] += min(np.log(self.bolide_s / LAW.burn_s), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
         return np.asarray(share / share.sum(axis=1, keepdims=True))
 
 
-#: What was first seen longer ago than this, s, and is less probably a launch than before is
-#: assessed again after the second time, s: fires, which are many. Slow launches are by then more
-#: probable: they are recognised no later for it.
-_YOUNG_S = 20.0
-_AGAIN_S = 5.0
+def _decisions(
+    statistics: MotionStatistics, probability: FloatArray, time_s: float, is_seen: BoolArray
+) -> tuple[BoolArray, BoolArray]:
+    """Return which tracks (n,) are decided by probabilities (n, 5), and whose statistics begin
+    anew.
+
+    The track of a ground source has a narrow gate: a launch that was decided to be one would leave
+    it.
+    """
+    still = probability[:, GROUND] + probability[:, NOISE]
+    launched = (still < RARE) & (probability[:, LAUNCH] > SURE)
+    horizons = (time_s - statistics.epoch_s) / statistics.horizon_s()
+    stands = probability.argmax(axis=1) == GROUND
+    no_launch = probability[:, LAUNCH] < LAW.no_launch
+    over = horizons > LAW.horizons
+    restarts = statistics.are_unlike_any_motion() | (over & stands & ~no_launch & is_seen)
+    decided = launched | np.where(stands, no_launch & (horizons > 1.0), over)
+    return decided & ~restarts, restarts
 
 
 def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArray:
@@ -165,20 +180,26 @@ def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArr
     """
     information, pull, misfit = statistics.of_motion()
     mean = priors.mean
-    root = priors.root
-    drawn = information @ mean.T
-    off = pull[:, :, None] - drawn
+    off = pull[:, :, None] - information @ mean.T
     least = misfit[:, None] - np.sum(mean.T * (pull[:, :, None] + off), axis=1)
-    count, kinds, size = len(misfit), *root.shape[:2]
-    bordered = np.empty((count, kinds, size + 1, size + 1))
-    turned = root.transpose(0, 2, 1)
-    bordered[:, :, :size, :size] = (turned @ information[:, None]) @ root + np.eye(size)
-    bordered[:, :, size, :size] = bordered[:, :, :size, size] = (
-        turned @ off.transpose(0, 2, 1)[..., None]
-    )[..., 0]
-    bordered[:, :, size, size] = least + 1.0
-    factor = np.linalg.cholesky(bordered)
+    size = mean.shape[1]
+    factor = np.linalg.cholesky(_bordered(priors.root, information, off, least))
     pivots = np.diagonal(factor, axis1=2, axis2=3)
-    return np.asarray(
-        -np.log(pivots[:, :, :size]).sum(axis=2) - 0.5 * (np.square(pivots[:, :, size]) - 1.0)
-    )
+    log_determinant = -np.log(pivots[:, :, :size]).sum(axis=2)
+    return np.asarray(log_determinant - 0.5 * (np.square(pivots[:, :, size]) - 1.0))
+
+
+def _bordered(
+    root: FloatArray, information: FloatArray, off: FloatArray, least: FloatArray
+) -> FloatArray:
+    """Return A = I + Sᵀ J S (n, c, 12, 12), bordered by v = Sᵀ (b - J m) and `least` + 1."""
+    count, kinds = least.shape
+    size = root.shape[1]
+    turned = root.transpose(0, 2, 1)
+    bordered = np.empty((count, kinds, size + 1, size + 1))
+    bordered[:, :, :size, :size] = (turned @ information[:, None]) @ root + np.eye(size)
+    border = (turned @ off.transpose(0, 2, 1)[..., None])[..., 0]
+    bordered[:, :, size, :size] = border
+    bordered[:, :, :size, size] = border
+    bordered[:, :, size, size] = least + 1.0
+    return bordered

@@ -7,8 +7,8 @@ import pytest
 from opir_testing.doubles import stub_sensor
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import impacts, latency_s, launches, states_at, trajectory_parameters
-from opir_trackers.arc.fit import ArcFits
-from opir_trackers.arc.range_types import class_codes, type_probabilities
+from opir_trackers.arc.fit import ArcFits, AssumedHeights
+from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.sensors import SensorSchedule
 from scipy.optimize import least_squares
@@ -70,7 +70,14 @@ def both(times):
 def begun(rays, climb_m_s2=15.0, light_time=True, launch_s=0.0):
     owner = np.zeros(len(rays), dtype=np.int64)
     arcs = ArcFits.unfitted(np.zeros(1, dtype=np.int64), 2)
-    return arc_fit.initialised(arcs, rays, owner, np.full(1, launch_s), climb_m_s2, light_time)
+    heights = AssumedHeights(np.full(1, launch_s), climb_m_s2)
+    return arc_fit.initialised(arcs, rays, owner, heights, light_time)
+
+
+def followed(arcs, rays):
+    """Return one arc after more rays."""
+    owner = np.zeros(len(rays), dtype=np.int64)
+    return arc_fit.updated(arcs, rays, owner, AssumedHeights(np.zeros(1), 15.0), True)
 
 
 def true_impact():
@@ -119,9 +126,7 @@ def test_an_arc_that_is_followed_is_the_arc_of_all_its_rays():
     arcs = begun(rays.take(slice(0, 20)))
     for first in range(20, len(rays), 10):
         part = rays.take(slice(first, first + 10))
-        arcs = arc_fit.updated(
-            arcs, part, np.zeros(len(part), dtype=np.int64), np.zeros(1), 15.0, True
-        )
+        arcs = followed(arcs, part)
     at = np.array([91.0])
     apart = states_at(arcs, at)[0] - states_at(whole, at)[0]
     sigma = np.sqrt(np.diagonal(states_at(whole, at)[1], axis1=1, axis2=2))
@@ -141,9 +146,9 @@ def test_errors_of_an_arc_are_as_its_covariance_says():
     sight = rays_at(time_s, sensor)
     rays = LinesOfSight.concatenate([rays_at(time_s, sensor, rng) for _ in range(count)])
     owner = np.repeat(np.arange(count), len(sight))
-    arcs = arc_fit.initialised(
-        ArcFits.unfitted(np.arange(count), 2), rays, owner, np.zeros(count), 15.0, True
-    )
+    heights = AssumedHeights(np.zeros(count), 15.0)
+    unfitted = ArcFits.unfitted(np.arange(count), 2)
+    arcs = arc_fit.initialised(unfitted, rays, owner, heights, True)
     state, covariance = states_at(arcs, np.repeat(at, count))
     error = state[:, :3] - truth
     squares = np.sum(
@@ -181,9 +186,7 @@ def test_a_second_sensor_ends_the_assumption_of_heights():
     rays = rays_at(later, sensor)
     arcs = alone
     for _ in range(3):
-        arcs = arc_fit.updated(
-            arcs, rays, np.zeros(len(rays), dtype=np.int64), np.zeros(1), 15.0, True
-        )
+        arcs = followed(arcs, rays)
     # What was linearised about the assumed heights stays so: no longer to the metre, but the
     # heights are gone.
     before, after = (
@@ -285,7 +288,6 @@ def test_parameters_of_a_shot_are_those_it_was_made_of():
 
 def test_types_follow_from_the_range():
     range_m = np.array([200e3, 3000e3, 9000e3])
-    assert class_codes(range_m).tolist() == [2, 1, 0]
     sure = type_probabilities(range_m, np.full(3, 1.0))
     assert sure == pytest.approx(np.eye(4)[[2, 1, 0]])
     # On the edge between two classes each is as likely; an error of the range of 1000 km reaches

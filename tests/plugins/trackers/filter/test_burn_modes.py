@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from opir_trackers.filter import burn_modes
 from opir_trackers.filter.burn_modes import BurnModes, NewStage
-from opir_trackers.filter.estimates import BURN_SHARE, in_parts
+from opir_trackers.filter.estimates import BURN_SHARE, Burns, in_parts
 from opir_trackers.filter.iterated_update import Updated, log_likelihoods
+from opir_trackers.filter.measurement_updates import Gaussian
 from opir_trackers.filter.thrust import Thrust
 
 from opir_core.estimation.square_root import covariance
@@ -22,7 +23,7 @@ SIGMA = np.array([100.0] * 3 + [20.0] * 3 + [2.0] * 3 + [0.002])
 
 def burns(share=BURN_SHARE):
     root = np.diag(1.0 / SIGMA)[None]
-    return in_parts(STATE[None]), in_parts(root), share
+    return Burns(in_parts(STATE[None]), in_parts(root), share)
 
 
 def predicted(known, step_s):
@@ -32,7 +33,7 @@ def predicted(known, step_s):
 
 def test_a_new_stage_has_the_prior_of_force_and_growth_and_the_position_and_velocity_of_the_old():
     mean, root, _ = burns()
-    after, begun = STAGE.begun(mean[:, 0], root[:, 0])
+    after, begun = STAGE.begun(Gaussian(mean[:, 0], root[:, 0]))
     assert after[0, :6] == pytest.approx(STATE[:6])
     assert np.linalg.norm(after[0, 6:9]) == pytest.approx(20.0, rel=2e-3)
     assert after[0, 6:9] @ [1.0, 1.0, 0.0] == pytest.approx(20.0 * np.sqrt(2.0), rel=2e-3)
@@ -46,7 +47,7 @@ def test_a_new_stage_has_the_prior_of_force_and_growth_and_the_position_and_velo
 def test_the_force_of_a_new_stage_turns_with_the_velocity_and_is_off_it_by_the_tilt():
     mean, root, _ = burns()
     root[:, 0, 5, 5] = 1.0 / 600.0
-    spread = covariance(STAGE.begun(mean[:, 0], root[:, 0])[1])[0]
+    spread = covariance(STAGE.begun(Gaussian(mean[:, 0], root[:, 0])).root)[0]
     turn = 20.0 / 1980.0
     assert spread[8, 5] / spread[5, 5] == pytest.approx(turn, rel=1e-2)
     left = spread[8, 8] - spread[8, 5] ** 2 / spread[5, 5]
@@ -57,7 +58,7 @@ def test_what_is_known_of_the_velocity_with_the_force_is_kept_and_of_the_force_i
     mean, root, _ = burns()
     root[:, 0, 3, 6] = 0.04
     before = covariance(root[:, 0])[0]
-    _, begun = STAGE.begun(mean[:, 0], root[:, 0])
+    _, begun = STAGE.begun(Gaussian(mean[:, 0], root[:, 0]))
     assert covariance(begun)[0, :6, :6] == pytest.approx(before[:6, :6], rel=1e-9)
     assert covariance(begun)[0, :6, 6:9] @ ALONG / (20.0 * 10.0) == pytest.approx(0.0, abs=1e-3)
 
@@ -122,9 +123,9 @@ def _seen(mode, place_m, sigma_m):
 
 def test_without_stages_a_burn_has_no_parts():
     alone = BurnModes(MODES.motion, None)
-    boost = (STATE[None], np.diag(1.0 / SIGMA)[None])
+    boost = Gaussian(STATE[None], np.diag(1.0 / SIGMA)[None])
     (mean, root), _ = alone.predicted(boost, burns(), 1.0)
-    after = burn_modes.carried(MODES.motion, *boost, np.ones(1))
+    after = burn_modes.carried(MODES.motion, boost, np.ones(1))
     assert np.array_equal(mean, after[0])
     assert np.array_equal(root, after[1])
     assert len(alone.modes(boost, burns())) == 1
@@ -132,7 +133,8 @@ def test_without_stages_a_burn_has_no_parts():
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_the_boost_of_a_burn_is_the_moments_of_its_parts(count):
-    known = tuple(column.repeat(count, axis=0) for column in burns(np.array([[0.7, 0.3, 0.0]])))
+    doubtful = burns(np.array([[0.7, 0.3, 0.0]]))
+    known = Burns(*(column.repeat(count, axis=0) for column in doubtful))
     boost, parts = MODES.predicted(burn_modes.moments(known), known, 1.0)
     for reported, own in zip(boost, burn_modes.moments(parts), strict=True):
         assert np.array_equal(reported, own)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from opir_trackers.filter import burn_modes
 from opir_trackers.filter.burn_modes import BurnModes, FreeBurn, NewStage
-from opir_trackers.filter.estimates import BURN_SHARE, in_parts
+from opir_trackers.filter.estimates import BURN_SHARE, Burns, in_parts
 from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.iterated_update import Updated, log_likelihoods
-from opir_trackers.filter.measurement_updates import least_squares
+from opir_trackers.filter.measurement_updates import Gaussian, least_squares
 from opir_trackers.filter.thrust import Thrust
 
 from opir_core.estimation.square_root import covariance
@@ -83,11 +83,13 @@ def old_burns(count=1):
     state = np.concatenate([COAST, [19.0, 35.0, 0.0, 0.01]])
     sigma = np.concatenate([COAST_SIGMA, [2.0] * 3, [0.002]])
     root = np.tile(np.diag(1.0 / sigma), (count, 1, 1))
-    return in_parts(np.tile(state, (count, 1))), in_parts(root), BURN_SHARE.repeat(count, axis=0)
+    share = BURN_SHARE.repeat(count, axis=0)
+    return Burns(in_parts(np.tile(state, (count, 1))), in_parts(root), share)
 
 
 def lit(count=1):
-    coast = np.tile(COAST, (count, 1)), np.tile(np.diag(1.0 / COAST_SIGMA), (count, 1, 1))
+    root = np.tile(np.diag(1.0 / COAST_SIGMA), (count, 1, 1))
+    coast = Gaussian(np.tile(COAST, (count, 1)), root)
     return MODES.lit(coast, old_burns(count))
 
 
@@ -190,15 +192,15 @@ def test_a_burn_that_began_before_the_first_look_has_moved_its_target():
     spread = covariance(root[:, 1])[0]
     known = 30.0**2 + (2.0 * 10.0) ** 2 + (0.5 * force[1]) ** 2
     assert spread[4, 4] == pytest.approx(known, rel=1e-9)
-    assert boost[0] == pytest.approx(burn_modes.moments((mean, root, burns[2]))[0])
+    assert boost[0] == pytest.approx(burn_modes.moments(Burns(mean, root, burns.share)).mean)
 
 
 def test_tracks_with_and_without_a_free_burn_are_moved_as_if_alone():
     known = [old_burns(2), lit(2)[1], old_burns(1)]
-    burns = tuple(np.concatenate(columns) for columns in zip(*known, strict=True))
+    burns = Burns(*(np.concatenate(columns) for columns in zip(*known, strict=True)))
     _, whole = MODES.predicted(burn_modes.moments(burns), burns, 1.0)
     for row in range(5):
-        part = tuple(column[[row]] for column in burns)
+        part = Burns(*(column[[row]] for column in burns))
         _, alone = MODES.predicted(burn_modes.moments(part), part, 1.0)
         used = 3 if burns[2][row, 2] else 2
         assert whole[0][row, :used] == pytest.approx(alone[0][0, :used], rel=1e-9, abs=1e-9)

@@ -5,7 +5,7 @@ follows.
 import numpy as np
 import pytest
 from opir_trackers.filter.hidden_marginal import replaced
-from opir_trackers.filter.measurement_updates import information_root
+from opir_trackers.filter.measurement_updates import Gaussian, information_root
 
 from opir_core.estimation.square_root import covariance
 
@@ -36,14 +36,14 @@ SPREAD = np.diag([1e9, 1e5, 20.0])[None] + 1e2
 @pytest.mark.parametrize("seed", [2, 4])
 def test_what_is_along_the_axis_has_the_given_moments(seed):
     mean, root, axis, rows = estimate(seed)
-    after, held = replaced(mean, root, axis, MEAN, SPREAD)
+    after, held = replaced(Gaussian(mean, root), axis, MEAN, SPREAD)
     assert rows @ after[0] == pytest.approx(MEAN[0], rel=1e-8)
     assert rows @ covariance(held)[0] @ rows.T == pytest.approx(SPREAD[0], rel=1e-6)
 
 
 def test_the_rest_is_as_likely_as_before_given_what_is_along_the_axis():
     mean, root, axis, rows = estimate(6)
-    after, held = replaced(mean, root, axis, MEAN, SPREAD)
+    after, held = replaced(Gaussian(mean, root), axis, MEAN, SPREAD)
     gains = []
     left = []
     for each in (covariance(root)[0], covariance(held)[0]):
@@ -62,6 +62,6 @@ def test_the_rest_is_as_likely_as_before_given_what_is_along_the_axis():
 def test_its_own_moments_change_nothing():
     mean, root, axis, rows = estimate(8)
     own = (rows @ mean[0])[None], (rows @ covariance(root)[0] @ rows.T)[None]
-    after, held = replaced(mean, root, axis, *own)
+    after, held = replaced(Gaussian(mean, root), axis, *own)
     assert after == pytest.approx(mean, rel=1e-8)
     assert covariance(held) == pytest.approx(covariance(root), rel=1e-5, abs=1e-6)

@@ -3,6 +3,7 @@
 import numpy as np
 from attrs import evolve
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.iterated_update import Mode, log_likelihoods, updated
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import THRUST, Thrust
 from opir_trackers.lines_of_sight import AngleMeasurements, no_measurements
@@ -108,13 +109,8 @@ def test_looks_of_a_second_do_not_tell_a_boost_from_one_just_ended() -> None:
     """
     whole = FILTER.predicted(burning(1e-4), 1.0)
     looks = looks_at(whole, np.arange(COUNT))
-    log = [
-        FILTER.mode_updated(motion, mean, root, END_S, looks)[2]
-        for motion, mean, root in (
-            (FILTER.boost, whole.boost_mean, whole.boost_root),
-            (FILTER.coast, whole.coast_mean, whole.coast_root),
-        )
-    ]
+    modes = [Mode(FILTER.boost, *whole.boost), Mode(FILTER.coast, *whole.coast)]
+    log = [log_likelihoods(mode, updated([mode], END_S, looks, FILTER.rounds)[0]) for mode in modes]
     assert np.all(np.abs(log[0] - log[1]) < 0.5)
 
 

@@ -10,7 +10,7 @@ from opir_trackers.filter.measurement_updates import (
     measurement_update,
     moment_matched,
 )
-from opir_trackers.filter.mode_mixing import mode_update, mode_update_alone
+from opir_trackers.filter.mode_mixing import mode_update
 from opir_trackers.filter.switching import ImmFilter
 
 from opir_core.arrays import FloatArray
@@ -139,8 +139,9 @@ def test_silence_makes_a_burn_as_improbable_as_poissons_law_says() -> None:
     assert after[1] == pytest.approx([0.9, 0.1])
     assert counted[1] == pytest.approx([2.0 + 30.0 * kept, step_s + 10.0 * kept, 0.1])
     for row in range(2):
-        alone = mode_update_alone(
-            estimates.take([row]), int(hits[row]), silent_s[row], (0.0, 0.0), step_s, 10.0
+        rows = [row]
+        alone = mode_update(
+            estimates.take(rows), hits[rows], silent_s[rows], np.zeros((1, 2)), step_s, 10.0
         )
         assert alone[0][0] == pytest.approx(after[row])
         assert alone[1][0] == pytest.approx(counted[row])

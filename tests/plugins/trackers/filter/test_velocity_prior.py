@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from opir_scoring.containments import nees
 from opir_scoring.evidence import true_states_ecef
-from opir_trackers.filter.measurement_updates import information_root
+from opir_trackers.filter.measurement_updates import Gaussian, information_root
 from opir_trackers.filter.mode_mixing import (
     SPEED_SIGMA_M_S,
     have_uncertain_velocity,
@@ -26,7 +26,7 @@ def test_only_what_is_too_long_of_a_velocity_shrinks() -> None:
     """
     sigma = np.array([3e3, 2e3, 1e3, 5000.0, 1000.0, 10.0, 20.0, 20.0, 20.0, 0.01])
     mean = np.array([6.4e6, 1e5, 2e5, 8000.0, 3000.0, -20.0, 30.0, 0.0, 5.0, 0.01])
-    after, root = with_velocity_prior(mean[None], np.diag(1.0 / sigma)[None])
+    after, root = with_velocity_prior(Gaussian(mean[None], np.diag(1.0 / sigma)[None]))
     share = (SPEED_SIGMA_M_S / 5000.0) ** 2
     ground = -EARTH_ROTATION_RAD_S * mean[1]
     expected = mean.copy()
@@ -44,7 +44,7 @@ def test_what_goes_with_a_velocity_goes_with_it() -> None:
     side = rng.normal(size=(6, 6)) * np.repeat([1e4, 4000.0], 3)[:, None]
     covariance = side @ side.T
     mean = np.concatenate([[7e6, 0.0, 0.0], rng.normal(size=3) * 3000.0])
-    after, root = with_velocity_prior(mean[None], information_root(side[None]))
+    after, root = with_velocity_prior(Gaussian(mean[None], information_root(side[None])))
     variance, axes = np.linalg.eigh(covariance[3:, 3:])
     for long in np.flatnonzero(variance > SPEED_SIGMA_M_S**2):
         row = np.concatenate([np.zeros(3), axes[:, long]])

@@ -74,9 +74,9 @@ def test_crowds_follow_a_change_of_the_errors_that_are_taken_off_their_lines() -
         # Less an error to the east, nadir moves west: a turn about north. Less one to the north: a
         # turn against east.
         turn = Rotation.from_rotvec(change[row, 0] * axes[1] - change[row, 1] * axes[0])
-        assert after.kept.direction_ecef[row] == pytest.approx(turn.apply(unit[row]), abs=2e-8)
+        assert after.stored.direction_ecef[row] == pytest.approx(turn.apply(unit[row]), abs=2e-8)
         one = np.array([row])
         before = tracks.directions(one, tracks.places(one, np.array([3.0 + change[row, 2]]))[0])[0]
         now = after.tracks.directions(one, after.tracks.places(one, np.array([3.0]))[0])[0]
         assert now == pytest.approx(turn.apply(before), abs=2e-8)
-    assert after.kept.time_s.tolist() == [0.0, 0.0]
+    assert after.stored.time_s.tolist() == [0.0, 0.0]

@@ -117,7 +117,9 @@ def test_two_lines_of_metres_may_be_of_one_target_whichever_is_asked() -> None:
         assert fixes(table).misfit.tolist() == [[0.0], [0.0]]
         one = table[:1]
         other = table[1:]
-        assert SetModel(centre).may_be_one(one, other) == SetModel(centre).may_be_one(other, one)
+        assert SetModel(centre).may_share_target(one, other) == SetModel(centre).may_share_target(
+            other, one
+        )
 
 
 def test_what_geometry_cannot_tell_is_a_rival_and_what_it_can_is_none() -> None:

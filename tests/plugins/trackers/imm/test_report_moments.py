@@ -58,7 +58,7 @@ def test_tracks_have_the_numbers_and_launches_of_their_rows() -> None:
     table = TrackTable.fresh(np.array([3, 5, 8]), 12.0, 2)
     launch = np.arange(9.0).reshape(3, 3)
     table = table.with_launches(launch, covariances(3, 3))
-    tracks = tracks_of(np.ones((3, 6)), covariances(3, 6), table, 20.0)
+    tracks = tracks_of(np.ones((3, 6)), covariances(3, 6), table, 20.0, np.zeros(3, dtype=np.bool_))
     assert tracks.track.tolist() == [3, 5, 8]
     assert np.array_equal(tracks.launch, launch)
     assert np.array_equal(tracks.launch_covariance, covariances(3, 3))

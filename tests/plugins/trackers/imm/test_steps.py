@@ -12,6 +12,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.predict import predict
 from opir_trackers.imm.tracker import imm_tracker
 from opir_trackers.imm.tracking import ImmTracking
+from opir_trackers.lines_of_sight import LinesOfSight
 from stepped_trackers import context_of, last, portions, stepped
 from symmetric_scenes import scene, simulated
 from tracks_alike import DRAWN, assert_alike, assert_states_alike, moved
@@ -253,7 +254,7 @@ def test_lines_are_predicted_where_tracks_are_at_the_end_of_a_slice() -> None:
     parts = portions(seen(), [18.0, 20.0])
     state = tracking.start()
     state = tracking.stepped(state, 18.0, parts[0])
-    ahead = predict(tracking.models, state, 20.0, tracking.lines_of_sight(parts[1]))
+    ahead = predict(tracking.models, state, 20.0, LinesOfSight.of(parts[1]))
     rows = np.arange(len(state.table))
     there = ahead.path.positions(rows, np.full(len(rows), 20.0))
     assert there == pytest.approx(ahead.estimates.likelier_position_m, abs=1e-3)
