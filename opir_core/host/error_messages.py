@@ -22,7 +22,8 @@ _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 #: The packages of this project and what they advertise, for messages about what is not installed. A
 #: test compares this table with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
-    "opir-coverage": ("commands.coverage", "commands.physics", "metrics.coverage"),
+    "opir-bench": ("commands.physics",),
+    "opir-coverage": ("commands.coverage", "metrics.coverage"),
     "opir-dask": ("executors.dask",),
     "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
     "opir-export": (

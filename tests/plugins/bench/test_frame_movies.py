@@ -88,7 +88,7 @@ def test_a_target_beside_the_frame_has_no_label(tmp_path):
 
 
 def test_without_astropy_clips_are_arrays(tmp_path, monkeypatch):
-    monkeypatch.setattr("opir_coverage.bench.movie_files.find_spec", lambda _: None)
+    monkeypatch.setattr("opir_bench.movie_files.find_spec", lambda _: None)
     assert main(["physics", "frame", *WORDS, "-o", str(tmp_path / "SET")]) == 0
     with np.load(tmp_path / "SET" / "clips" / "clip000.npz") as arrays:
         assert arrays["electrons"].shape == arrays["mask"].shape == (3, 48, 48)
