@@ -183,7 +183,7 @@ def _spot_shares(pixels: int, spread: PointSpread, shift: FloatArray) -> FloatAr
 
     The transform is over a finer grid, which resolves all that the aperture passes.
     """
-    fine = math.ceil(spread.most / math.pi)
+    fine = math.ceil(spread.limit / math.pi)
     band_limit = 2.0 * math.pi * fine
     wavenumber = np.fft.fftfreq(pixels * fine)
     rows, columns = (np.exp(-1j * band_limit * wavenumber * by) for by in shift.tolist())

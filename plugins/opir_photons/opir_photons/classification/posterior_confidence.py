@@ -44,7 +44,6 @@ def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Con
     if classifier is None or not has_own(Classifier, classifier, "log_posterior"):
         raise ModelError(
             "confidence: posterior reports type probabilities, which the scene's classifier does"
-            " not compute; choose"
-            " classification: spectral, or confidence: weighted"
+            " not compute; choose classification: spectral, or confidence: weighted"
         )
     return PosteriorConfidence(classifier, context.reported_types)

@@ -27,8 +27,7 @@ def launch_shares(prior: Mapping[str, float], hypotheses: Sequence[Hypothesis]) 
     if unknown is not None:
         raise ModelError(
             f"classification: prior: {unknown!r} is no target class{nearest(unknown, classes)};"
-            f" these are"
-            f" {', '.join(classes)}"
+            f" these are {', '.join(classes)}"
         )
     if prior:
         return np.array([prior.get(hypothesis.name, 0.0) for hypothesis in hypotheses])

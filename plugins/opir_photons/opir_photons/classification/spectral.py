@@ -153,8 +153,7 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     if not isinstance(detection, SnrDetection):
         raise ModelError(
             "classification: spectral uses measured band intensities, which the scene's detection"
-            " model does not"
-            " measure; choose detection: snr, or classification: paper"
+            " model does not measure; choose detection: snr, or classification: paper"
         )
     keys = [_key(detection, number, sensor) for number, sensor in enumerate(context.sensors)]
     number_of = dict[tuple[Any, ...], int]()

@@ -97,10 +97,8 @@ def calibrated(
         values = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
         raise ModelError(
             f"{owner}: calibrate: paper finds no noise with which the reference ICBM, {values} W/sr"
-            f" in the sensor's"
-            f" bands, is detected with probability {wanted:g}; give it bands and plausible_ratios"
-            f" that do not leave"
-            " the ICBM out, or calibrate: none"
+            f" in the sensor's bands, is detected with probability {wanted:g}; give it bands and"
+            " plausible_ratios that do not leave the ICBM out, or calibrate: none"
         )
     factor = 10.0 ** _turn(misses)
     return evolve(radiometer, nei_w_m2=tuple(float(nei * factor) for nei in radiometer.nei_w_m2))
@@ -280,8 +278,7 @@ def _wanted(sensor: Sensor) -> float:
     if probability is None or not 0.0 < probability < 1.0:
         raise ModelError(
             f"sensor {sensor.id} ({sensor.type}): calibrate: paper needs a detection_probability"
-            f" for ICBM between 0 and"
-            f" 1, not {probability!r}"
+            f" for ICBM between 0 and 1, not {probability!r}"
         )
     return probability
 

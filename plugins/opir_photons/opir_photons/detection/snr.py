@@ -25,6 +25,7 @@ from opir_core.plugin import (
     Sensor,
     Views,
 )
+from opir_photons.columns import as_slice_if_consecutive
 from opir_photons.detection.configs import SnrConfig
 from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from opir_photons.detection.focal_planes import LineOfSightError
@@ -47,7 +48,6 @@ from opir_photons.detection.receivers import (
 from opir_photons.detection.rejection_sampling import accepted_draws
 from opir_photons.detection.scan_correlation import scan_correlation
 from opir_photons.environment import RadiometricEnvironment, heights_m, make_environment
-from opir_photons.row_slices import as_slice_if_consecutive
 
 
 @frozen(eq=False)
@@ -443,8 +443,7 @@ def _blind_sensors(
     words = (
         f"{listed}: this DSP is the paper's ({', '.join(band.name for band in first.bands)},"
         f" {first.scan.period_ns * 1e-9:g} s), which sees no launch before the Earth, by day or by"
-        f" night; that of the"
-        " public record (2.7 and 4.3 um, 10 s) is preset: heritage"
+        " night; that of the public record (2.7 and 4.3 um, 10 s) is preset: heritage"
     )
     return (Problem("detection", words),)
 

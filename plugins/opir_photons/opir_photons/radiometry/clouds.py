@@ -29,7 +29,7 @@ class FullDeck:
     top_m: float
 
     def is_cloudy(self, point_ecef_m: FloatArray) -> BoolArray:
-        """Return that all points (n, 3) do."""
+        """True for all points (n, 3)."""
         return np.ones(len(point_ecef_m), dtype=np.bool_)
 
 
@@ -38,12 +38,12 @@ class CloudField:
     """Cloud over a random part of the Earth, the same at all times.
 
     The Earth is cut into rows of equal latitude, and each of these into cells about as wide as
-    high; `first` (rows + 1) counts the cells before each row, `cloudy` (cells,) says which are
+    high; `row_start` (rows + 1) counts the cells before each row, `cloudy` (cells,) says which are
     covered.
     """
 
     top_m: float
-    first: IntArray
+    row_start: IntArray
     cloudy: BoolArray
 
     @classmethod
@@ -51,25 +51,22 @@ class CloudField:
         """Return a field of which each cell is covered with probability `cover`, by the stream
         "clouds" of a seed.
         """
-        rows = max(1, round(np.pi * _RADIUS_M / cell_m))
+        rows = max(1, round(np.pi * 6_371_000.0 / cell_m))
         middle = (np.arange(rows) + 0.5) / rows * np.pi - 0.5 * np.pi
         columns = np.maximum(1, np.rint(2.0 * rows * np.cos(middle))).astype(np.int64)
-        first = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(columns)])
-        numbers = uniforms_of(Stream(stream_key(seed, "clouds")).words(0, int(first[-1])))
-        return cls(top_m, first, numbers < cover)
+        row_start = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(columns)])
+        numbers = uniforms_of(Stream(stream_key(seed, "clouds")).words(0, int(row_start[-1])))
+        return cls(top_m, row_start, numbers < cover)
 
     def is_cloudy(self, point_ecef_m: FloatArray) -> BoolArray:
         """Return whether points (n, 3) are in the column of a covered cell."""
         where = ecef_to_geodetic(point_ecef_m)
-        rows = len(self.first) - 1
+        rows = len(self.row_start) - 1
         row = np.clip((where.latitude_rad / np.pi + 0.5) * rows, 0, rows - 1).astype(np.int64)
-        columns = self.first[row + 1] - self.first[row]
+        columns = self.row_start[row + 1] - self.row_start[row]
         turn = where.longitude_rad / (2.0 * np.pi)
         column = np.minimum(((turn - np.floor(turn)) * columns).astype(np.int64), columns - 1)
-        return self.cloudy[self.first[row] + column]
-
-
-_RADIUS_M = 6_371_000.0
+        return self.cloudy[self.row_start[row] + column]
 
 
 def is_hidden(deck: Deck, path: Paths) -> BoolArray:

@@ -32,12 +32,14 @@ def views(
     ground = intersection_with_ellipsoid(sensor_ecef_m, direction_ecef)
     hits = np.isfinite(ground[:, 0])
     along = _unit(direction_ecef)
-    ahead = -dot(sensor_ecef_m, along)
-    point = np.where(hits[:, None], ground, sensor_ecef_m + np.maximum(ahead, 0.0)[:, None] * along)
+    # Signed distance, m, to the point nearest to the Earth's centre.
+    distance_m = -dot(sensor_ecef_m, along)
+    nearest = sensor_ecef_m + np.maximum(distance_m, 0.0)[:, None] * along
+    point = np.where(hits[:, None], ground, nearest)
     up = _up(point)
     sun = sun_ecef_m(time_s, epoch_us)
     return Views(
-        height_m=_heights_m(point, hits, ahead > 0.0),
+        height_m=_heights_m(point, hits, distance_m > 0.0),
         elevation_sine=np.where(hits, np.clip(-dot(up, along), 0.0, 1.0), 0.0),
         sun_elevation_sine=np.clip(dot(up, _unit(sun - point)), -1.0, 1.0),
         point_ecef_m=point,

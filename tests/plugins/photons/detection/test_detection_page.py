@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_photons.environment import REFERENCE_ALTITUDE_M, REFERENCE_BURN_S, REFERENCE_TIME_S
+from opir_photons.environment import REFERENCE_TARGET
 from repository import ROOT
 
 import opir_core as opir
@@ -70,11 +70,11 @@ def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
             paths=("",),
             types=("ICBM",),
             profiles=(PROFILES[kind],),
-            burn_time_s=np.array([REFERENCE_BURN_S]),
+            burn_time_s=np.array([REFERENCE_TARGET.burn_s]),
         )
         place = (
-            np.array([REFERENCE_TIME_S]),
-            np.array([REFERENCE_ALTITUDE_M]),
+            np.array([REFERENCE_TARGET.time_s]),
+            np.array([REFERENCE_TARGET.altitude_m]),
             np.array([0.5 * np.pi]),
         )
         signatures = plume.build([plume.config()], context)

@@ -10,7 +10,6 @@ import pytest
 from attrs import fields
 from opir_photons.detection import snr
 from opir_photons.detection.gate_density import GateDensity
-from opir_photons.environment import REFERENCE_ALTITUDE_M
 from scipy.stats import chi2, norm, poisson, spearmanr
 from snr_scene import DSP, NEAR_THRESHOLD, NEXTGEN, SBIRS, joined, scene, windows_of
 
@@ -250,7 +249,6 @@ def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_t
 
 
 def test_calibrated_sensors_see_the_reference_as_the_paper_says() -> None:
-    assert REFERENCE_ALTITUDE_M > 0.0
     model = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"})).detection
     for number, wanted in enumerate((0.6, 0.8, 0.95)):
         receiver = model.receivers[number]

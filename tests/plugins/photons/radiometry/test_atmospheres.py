@@ -9,8 +9,8 @@ from opir_photons.radiometry.clouds import CloudField, FullDeck, is_hidden
 from opir_photons.radiometry.configs import CloudConfig, LowtranConfig
 from opir_photons.radiometry.lowtran import (
     LowtranAtmosphere,
+    composition_of,
     lowtran_atmosphere,
-    parts_of,
     shell_air_mass,
 )
 
@@ -135,12 +135,17 @@ def test_air_mass_of_a_shell():
 
 
 def test_bands_are_found_by_their_edges_or_made_of_parts():
-    known = [Band("A", 1.0, 2.0), Band("A_N", 1.0, 1.5), Band("B", 2.0, 2.4), Band("C", 3.0, 4.0)]
-    assert parts_of(Band("mine", 1.0, 2.0), {}, known) == [known[0]]
-    assert parts_of(Band("mine", 1.0, 2.4), {}, known) == [known[0], known[2]]
-    assert parts_of(Band("mine", 1.0, 3.0), {}, known) == []
-    assert parts_of(Band("mine", 1.2, 2.0), {}, known) == []
-    assert parts_of(Band("mine", 7.0, 8.0), {"mine": "C"}, known) == [known[3]]
+    table = [Band("A", 1.0, 2.0), Band("A_N", 1.0, 1.5), Band("B", 2.0, 2.4), Band("C", 3.0, 4.0)]
+    for stand_ins, lower_um, upper_um, parts in (
+        ({}, 1.0, 2.0, "A"),
+        ({}, 1.0, 2.4, "AB"),
+        ({"W": "C"}, 7.0, 8.0, "C"),
+    ):
+        composition = composition_of(Band("W", lower_um, upper_um), stand_ins, table, "air", "T")
+        assert [band.name for band in composition] == list(parts)
+    for lower_um, upper_um in ((1.0, 3.0), (1.2, 2.0)):
+        with pytest.raises(ModelError, match="nor made of them side by side"):
+            composition_of(Band("W", lower_um, upper_um), {}, table, "air", "T")
 
 
 def test_a_band_of_parts_is_their_mean_by_width():
@@ -212,10 +217,10 @@ def test_light_leaves_through_the_cell_above_its_way():
     way = towards.target_ecef_m + steps * direction
     crossing = way[np.argmin(np.abs(np.linalg.norm(way, axis=1) - (6_378_137.0 + 10e3)))][None]
     # A field whose covers are the numbers of its cells tells a place's cell.
-    cells = CloudField(field.top_m, field.first, np.arange(len(field.cloudy)))
+    cells = CloudField(field.top_m, field.row_start, np.arange(len(field.cloudy)))
     for place, expected in ((crossing, True), (towards.target_ecef_m, False)):
         cloudy = np.arange(len(field.cloudy)) == cells.is_cloudy(place)[0]
-        assert is_hidden(CloudField(field.top_m, field.first, cloudy), towards).tolist() == [
+        assert is_hidden(CloudField(field.top_m, field.row_start, cloudy), towards).tolist() == [
             expected
         ]
 

@@ -63,7 +63,7 @@ def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
     )
 
     def integrals(count):
-        plume_module._known_radiance.cache_clear()
+        plume_module._radiance.cache_clear()
         made.clear()
         plume_signatures([PlumeConfig(continuum_temperature_k=1511.0)] * count, context(count))
         return len(made)
