@@ -176,7 +176,7 @@ def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geomet
     monkeypatch.setattr("opir_core.planning.looks.BLOCK_ROWS", 100)
     parted = Engine(plan).advance(plan.end_ns)
     seen = int((whole.truth.target >= 0).sum())
-    kinds = len(set(plan.detection.alike.tolist()))
+    kinds = len(set(plan.detection.twin.tolist()))
     assert measured == [seen]
     assert seen > 50 * kinds
     # Of each kind what targets' draws left, and the exceedances of noise.
