@@ -335,8 +335,8 @@ def test_no_interval_of_an_impact_error_is_longer_than_half_the_equator() -> Non
     two = np.array([5e3, 4.6e6])
     low, high = rms(two)["interval_95"]
     assert (low < 1e3, high > 1e9) == (True, True)
-    assert rms(two, most=FARTHEST_M)["interval_95"] == [low, pytest.approx(20_037_508.3)]
+    assert rms(two, limit=FARTHEST_M)["interval_95"] == [low, pytest.approx(20_037_508.3)]
     assert energy(two)["interval_95"][1] > 1e9
-    assert energy(two, most=FARTHEST_M)["interval_95"][1] == pytest.approx(20_037_508.3)
+    assert energy(two, limit=FARTHEST_M)["interval_95"][1] == pytest.approx(20_037_508.3)
     few = np.array([1e3, 1.1e3, 0.9e3])
-    assert rms(few, most=FARTHEST_M) == rms(few)
+    assert rms(few, limit=FARTHEST_M) == rms(few)
