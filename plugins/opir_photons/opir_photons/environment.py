@@ -23,6 +23,7 @@ from opir_core.plugin import (
     Exposures,
     Host,
     Paths,
+    Plume,
     SignatureContext,
     SignatureModel,
     Signatures,
@@ -381,7 +382,6 @@ def _signature_context(
     """Return the context of the launches of one signature model."""
     types = [targets.class_names[row] for row in rows]
     row_profiles = [profiles[row] for row in rows]
-    classes = {name: host.component(TargetClass, name) for name in set(types)}
     return SignatureContext(
         bands=bands,
         ids=tuple(targets.ids[row] for row in rows),
@@ -389,10 +389,15 @@ def _signature_context(
         types=tuple(types),
         profiles=tuple(row_profiles),
         burn_time_s=(targets.burnout_s - targets.ignition_s)[rows],
-        plumes=tuple(
-            classes[name].plume(profile) for name, profile in zip(types, row_profiles, strict=True)
-        ),
+        plumes=_plumes(host, types, row_profiles),
         burns_s=targets.burns_s[rows] - targets.ignition_s[rows][:, None, None],
+    )
+
+
+def _plumes(host: Host, types: Sequence[str], profiles: Sequence[str]) -> tuple[Plume, ...]:
+    classes = {name: host.component(TargetClass, name) for name in set(types)}
+    return tuple(
+        classes[name].plume(profile) for name, profile in zip(types, profiles, strict=True)
     )
 
 
@@ -426,5 +431,5 @@ def _reference_intensity_w_sr(host: Host, bands: tuple[Band, ...]) -> FloatArray
     plume = Signatures.adopt(component.build([component.config()], context))
     target = np.zeros(1, dtype=np.int32)
     moment = (REFERENCE_TARGET.time_s, REFERENCE_TARGET.altitude_m, 0.5 * np.pi)
-    columns = [np.array([value]) for value in moment]
+    columns = np.array(moment)[:, None]
     return np.array([plume.intensity_w_sr(band, target, *columns)[0] for band in range(len(bands))])

@@ -32,6 +32,11 @@ def launch_shares(prior: Mapping[str, float], hypotheses: Sequence[Hypothesis]) 
         )
     if prior:
         return np.array([prior.get(hypothesis.name, 0.0) for hypothesis in hypotheses])
+    return _usual_shares(hypotheses)
+
+
+def _usual_shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:
+    """Return the share of launches (n,) of each hypothesis by `GROUP_SHARES`."""
     launches = [
         (hypothesis.group, hypothesis.reported_type)
         for hypothesis in hypotheses

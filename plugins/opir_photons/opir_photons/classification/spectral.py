@@ -100,11 +100,12 @@ class SpectralClassifier(Classifier):
         code = [TARGET_TYPES.index(types[row]) for row in missiles.tolist()]
         with np.errstate(divide="ignore"):
             turned = np.log(type_probability[:, :UNKNOWN_TYPE]) - np.maximum(self.log_prior, -1e300)
-        split = log_posterior[:, missiles] + turned[:, code]
-        tracked = np.flatnonzero(np.isfinite(split.max(axis=1)))
-        missile = log_sum(log_posterior[:, missiles][tracked])
+        of_missiles = log_posterior[:, missiles]
+        split = of_missiles + turned[:, code]
+        rows = np.flatnonzero(np.isfinite(split.max(axis=1)))
         revised = log_posterior.copy()
-        revised[np.ix_(tracked, missiles)] = log_shares(split[tracked]) + missile[:, None]
+        missile = log_sum(of_missiles[rows])[:, None]
+        revised[np.ix_(rows, missiles)] = log_shares(split[rows]) + missile
         return revised
 
     def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:

@@ -55,10 +55,13 @@ def log_uniform_in_noise(measured: FloatArray, variance: FloatArray) -> FloatArr
     faint = np.minimum(u, _BRIGHT)
     integral = np.log(dark + np.exp(np.interp(faint, *_log_integral())))
     of_faint = -0.5 * faint * faint - 0.5 * float(np.log(2.0 * np.pi)) + integral
-    bright = np.maximum(u, _BRIGHT)
-    inverse = 1.0 / np.square(bright)
-    of_bright = np.log1p(inverse + 3.0 * inverse * inverse) - np.log(bright)
+    of_bright = _log_of_bright(np.maximum(u, _BRIGHT))
     return np.where(u <= _BRIGHT, of_faint, of_bright) - np.log(sigma) - np.log(_LENGTH)
+
+
+def _log_of_bright(u: FloatArray) -> FloatArray:
+    inverse = 1.0 / np.square(u)
+    return np.log1p(inverse + 3.0 * inverse * inverse) - np.log(u)
 
 
 @cache

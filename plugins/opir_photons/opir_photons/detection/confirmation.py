@@ -50,9 +50,8 @@ def repeated_crossing_probability(
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         density = np.exp(-(threshold**2) / (1.0 + sine))
     joint = (density * weights).sum(axis=-1) * end[..., 0] / (4.0 * np.pi)
-    excess = np.zeros_like(joint)
-    if false_alarm_probability > 0.0:
-        excess = joint / false_alarm_probability
+    is_possible = false_alarm_probability > 0.0
+    excess = joint / false_alarm_probability if is_possible else np.zeros_like(joint)
     return np.asarray(np.clip(false_alarm_probability + excess, 0.0, 1.0))
 
 
@@ -77,10 +76,14 @@ def false_confirmation_probability(
     hit = -np.expm1(-false_alarm_probability * gate)
     # Of the cells in a gate one crosses again with another probability.
     hit += excess / max(1.0 - false_alarm_probability, 1e-300) * (1.0 - hit)
-    hit = np.clip(hit, 0.0, 1.0)
-    counts = np.zeros(len(hit) + 1)
+    return _poisson_binomial_tail(np.clip(hit, 0.0, 1.0), max(needed - 1, 0))
+
+
+def _poisson_binomial_tail(chance: FloatArray, needed: int) -> float:
+    """Return the probability of at least `needed` of independent events with probabilities (n,)."""
+    counts = np.zeros(len(chance) + 1)
     counts[0] = 1.0
-    for chance in hit.tolist():
-        counts[1:] = counts[1:] * (1.0 - chance) + counts[:-1] * chance
-        counts[0] *= 1.0 - chance
-    return min(float(counts[max(needed - 1, 0) :].sum()), 1.0)
+    for hit in chance.tolist():
+        counts[1:] = counts[1:] * (1.0 - hit) + counts[:-1] * hit
+        counts[0] *= 1.0 - hit
+    return min(float(counts[needed:].sum()), 1.0)

@@ -135,13 +135,17 @@ def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     high = high[edges]
     is_left = low + high < 0.0
     larger = np.where(is_left, high, -low)
-    smaller = np.where(is_left, low, -high)
+    result[edges] = _log_difference(larger, np.where(is_left, low, -high))
+    return result
+
+
+def _log_difference(larger: FloatArray, smaller: FloatArray) -> FloatArray:
+    """Return ln(Φ(larger) - Φ(smaller)) of the normal distribution Φ."""
     log_larger = log_ndtr(larger)
     fall = np.full(len(larger), -np.inf)
     close = np.flatnonzero(smaller > np.minimum(larger, 0.0) - FAR)
     fall[close] = np.minimum(log_ndtr(smaller[close]) - log_larger[close], 0.0)
-    result[edges] = log_larger + _log_complement(fall)
-    return result
+    return log_larger + _log_complement(fall)
 
 
 def _log_complement(log_share: FloatArray) -> FloatArray:
@@ -271,10 +275,7 @@ class GateDensity:
     def _peak(self) -> FloatArray:
         """Return the peak (n,) of the density, by golden section."""
         low = self._first_open()
-        high = np.maximum(self._expected, low) + 1.0
-        for band in self.rule.others:
-            least = np.maximum(self.snr[:, band, None], self.rule.coincidence)
-            high = np.maximum(high, self._where(least, band)[1][:, 0] + 1.0)
+        high = self._beyond_peak(low)
         rows = np.arange(len(self.snr))
         # Wide intervals, of over a hundred deviations, take further steps.
         for step in range(80):
@@ -284,6 +285,14 @@ class GateDensity:
                 break
             low[rows], high[rows] = self.take(rows)._narrowed(low[rows], high[rows])
         return 0.5 * (low + high)
+
+    def _beyond_peak(self, opening: FloatArray) -> FloatArray:
+        """Return signals (n,) of the reference band above the peak of the density."""
+        high = np.maximum(self._expected, opening) + 1.0
+        for band in self.rule.others:
+            least = np.maximum(self.snr[:, band, None], self.rule.coincidence)
+            high = np.maximum(high, self._where(least, band)[1][:, 0] + 1.0)
+        return high
 
     def _narrowed(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parts of the intervals (n,) that contain the peak."""

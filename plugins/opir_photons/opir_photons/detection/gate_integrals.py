@@ -193,18 +193,16 @@ def panels_of(looks: GateLooks) -> GatePanels:
 
 def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
     """Return the integrals (p,) over panels in which the same sides vary."""
-    start = panels.start
-    stop = panels.stop
     passing = ndtr(panels.looks.expected[:, panels.row] - rule.coincidence)
     is_moving = panels.moves[:, 0].reshape(2, -1).any(axis=0)
     if np.any(is_moving):
-        half = 0.5 * (stop - start)
+        half = 0.5 * (panels.stop - panels.start)
         place, weight = legendre(count)
-        nodes = 0.5 * (start + stop) + half * place[:, None]
+        nodes = 0.5 * (panels.start + panels.stop) + half * place[:, None]
         integral = _summed(_density(rule, nodes, panels, passing), weight) * half
     else:
         reference = panels.looks.reference[panels.row]
-        integral = ndtr(reference - start) - ndtr(reference - stop)
+        integral = ndtr(reference - panels.start) - ndtr(reference - panels.stop)
     for band in np.flatnonzero(~is_moving):
         integral *= passing[band]
     return integral
@@ -223,10 +221,11 @@ def _density(rule: Gates, nodes: FloatArray, panels: GatePanels, passing: FloatA
         expected = looks.expected[band, row]
         inside = passing[band]
         if lows[band]:
-            inside = ndtr(expected - _side(rule, looks.low[band, row], -1.0, nodes))
+            low = _side(rule, looks.low[band, row], -1.0, nodes)
+            inside = ndtr(expected - low)
         if highs[band]:
-            above = ndtr(expected - _side(rule, looks.high[band, row], 1.0, nodes))
-            inside = np.maximum(inside - above, 0.0)
+            high = _side(rule, looks.high[band, row], 1.0, nodes)
+            inside = np.maximum(inside - ndtr(expected - high), 0.0)
         density *= inside
     return density
 

@@ -143,15 +143,15 @@ class SnrDetection(DetectionProbability):
         noise = self._noise_w_m2(exposures, rows_of_kind, signal)
         # Its square is still a double.
         snr = np.minimum(signal / noise, 1e100)
+        sine = exposures.elevation_sine
         quantile = np.empty(len(exposures))
         for number, rows in rows_of_kind:
             receiver = self.receivers[number]
             width = len(receiver.bands)
             expected = snr[:width, rows].T
-            sine = exposures.elevation_sine[rows]
-            slopes = receiver.slopes(expected, noise[:width, rows].T, sine)
+            slopes = receiver.slopes(expected, noise[:width, rows].T, sine[rows])
             quantile[rows] = receiver.quantile(expected, slopes, slack)
-        return Response(quantile, snr.T, noise.T, exposures.elevation_sine)
+        return Response(quantile, snr.T, noise.T, sine)
 
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend."""
@@ -254,14 +254,17 @@ class SnrDetection(DetectionProbability):
         """Return the measurements (n,) of false alarms, with a dark background."""
         columns = MeasuredColumns.of(len(sensor), self.width)
         for number, rows in by_number(self.twin[sensor], len(self.receivers)):
-            receiver = self.receivers[number]
-            snr = np.zeros((len(uniforms[rows]), len(receiver.bands)))
-            noise = np.broadcast_to(self.dark_noise_w_m2[number, : snr.shape[1]], snr.shape)
-            chance = np.full(len(snr), self.noise_chance[number])
-            slopes = receiver.slopes(snr, noise, np.ones(len(snr)))
-            expected = _ExpectedSignals(snr, noise, slopes)
+            expected = self._without_signals(number, len(uniforms[rows]))
+            chance = np.full(len(expected.snr), self.noise_chance[number])
             self._measure_again(number, rows, expected, chance, uniforms[rows], columns)
         return columns.measured(self.dark_noise_w_m2[sensor])
+
+    def _without_signals(self, number: int, count: int) -> "_ExpectedSignals":
+        """Return no signals in the noise of one kind of receiver with a dark background."""
+        receiver = self.receivers[number]
+        snr = np.zeros((count, len(receiver.bands)))
+        noise = np.broadcast_to(self.dark_noise_w_m2[number, : snr.shape[1]], snr.shape)
+        return _ExpectedSignals(snr, noise, receiver.slopes(snr, noise, np.ones(count)))
 
     def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
         """Return the irradiances (B, n) of targets at the aperture, W/m²; 0 beyond a sensor's
@@ -326,15 +329,15 @@ class SnrDetection(DetectionProbability):
             if receiver.plane is None:
                 continue
             sensor_noise_w_m2 = noise_w_m2[looks.sensor == number]
-            for place, band in enumerate(sensor.bands):
-                nei_w_m2 = receiver.radiometer.nei_w_m2[place]
+            saturation_w_m2 = receiver.plane.saturation_w_m2(0.0)[:, 0]
+            for place, nei_w_m2 in enumerate(receiver.radiometer.nei_w_m2):
                 ratio = sensor_noise_w_m2[:, place] / nei_w_m2
                 yield {
                     "sensor_id": sensor.id,
-                    "band": band.name,
+                    "band": sensor.bands[place].name,
                     "nei_w_m2": nei_w_m2,
                     "share_in_pixel": float(receiver.plane.peak_share[place]),
-                    "saturation_w_m2": float(receiver.plane.saturation_w_m2(0.0)[place, 0]),
+                    "saturation_w_m2": float(saturation_w_m2[place]),
                     "least_noise_over_nei": float(ratio.min()) if len(ratio) else None,
                     "largest_noise_over_nei": float(ratio.max()) if len(ratio) else None,
                 }

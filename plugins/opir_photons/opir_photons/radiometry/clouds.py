@@ -75,18 +75,24 @@ def is_hidden(deck: Deck, path: Paths) -> BoolArray:
     A path from below the deck's top goes through it once, one from above that first descends below
     it twice; the places, on a sphere through the top, are looked up in the deck.
     """
+    hidden = np.zeros(len(path), dtype=np.bool_)
     offset = path.sensor_ecef_m - path.target_ecef_m
+    direction = offset / length(*components(offset))[:, None]
+    for distance in _crossings_m(deck.top_m, path):
+        rows = np.flatnonzero(distance > 0.0)
+        crossing = path.target_ecef_m[rows] + distance[rows, None] * direction[rows]
+        hidden[rows] |= deck.is_cloudy(crossing)
+    return hidden
+
+
+def _crossings_m(top_m: float, path: Paths) -> tuple[FloatArray, FloatArray]:
+    """Return the distances (n,) from targets at which lines of sight cross a height; nan if they do
+    not.
+    """
     radius = length(*components(path.target_ecef_m))
     # On the sphere through the target whose centre is the Earth's, and one about it through the
     # deck.
     along = radius * path.elevation_sine
-    rise = (deck.top_m - path.height_m) * (2.0 * radius + deck.top_m - path.height_m)
-    reach = np.square(along) + rise
-    hidden = np.zeros(len(path), dtype=np.bool_)
-    root = np.sqrt(np.maximum(reach, 0.0))
-    direction = offset / length(*components(offset))[:, None]
-    for distance in (-along - root, -along + root):
-        rows = np.flatnonzero((reach >= 0.0) & (distance > 0.0))
-        crossing = path.target_ecef_m[rows] + distance[rows, None] * direction[rows]
-        hidden[rows] |= deck.is_cloudy(crossing)
-    return hidden
+    reach = np.square(along) + (top_m - path.height_m) * (2.0 * radius + top_m - path.height_m)
+    root = np.sqrt(np.where(reach >= 0.0, reach, np.nan))
+    return -along - root, -along + root

@@ -167,11 +167,11 @@ def _drawn(
     surface_km2 = 6371.007181**2 * (north - south) * np.radians(width_deg)
     count = _poisson(field.per_million_km2 * surface_km2 * 1e-6 * hours, context)
     sine = south + _uniforms(context, "latitude", count) * (north - south)
-    east_deg = region.west_deg + _uniforms(context, "longitude", count) * width_deg
+    longitude_deg = region.west_deg + _uniforms(context, "longitude", count) * width_deg
     size = normal_pairs(_words(context, "area", count))[0]
     drawn = {
         "lat_deg": np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))),
-        "lon_deg": (east_deg + 180.0) % 360.0 - 180.0,
+        "lon_deg": (longitude_deg + 180.0) % 360.0 - 180.0,
         "area_m2": area_m2 * np.exp(field.area_log_sigma * size),
     }
     if is_brief:

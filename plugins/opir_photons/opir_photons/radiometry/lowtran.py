@@ -342,8 +342,7 @@ def _grid(band: Band, config: LowtranConfig, path: str) -> BandGrid:
     nodes = node_tables(config.climate, config.aerosol, config.weighting)
     bands = [table.band for table in nodes.values()]
     parts = composition_of(band, config.bands, bands, path, "LOWTRAN's table")
-    weights = np.array([_weight(part, config.weighting) for part in parts])
-    shares = (weights / weights.sum())[:, None, None]
+    shares = _shares(parts, config.weighting)
     grids = [fine_grid(nodes[part.name]) for part in parts]
     above = np.array([grid.above for grid in grids])
     below = np.array([grid.below for grid in grids])
@@ -404,10 +403,14 @@ def _adjacent(band: Band, bands: Sequence[Band]) -> list[Band]:
     return parts
 
 
-def _weight(band: Band, weighting: str) -> float:
-    """Return the weight of a band in a wider one: its width, or the radiance of a black body of
-    1500 K in it.
+def _shares(bands: Sequence[Band], weighting: str) -> FloatArray:
+    """Return the shares (n, 1, 1) of bands in the band that they compose: by width, or by the
+    radiance of a black body of 1500 K.
     """
     if weighting == "flat":
-        return band.upper_um - band.lower_um
-    return float(band_radiance(1500.0, band.lower_um, band.upper_um))
+        weights = np.array([band.upper_um - band.lower_um for band in bands])
+    else:
+        weights = np.array(
+            [float(band_radiance(1500.0, band.lower_um, band.upper_um)) for band in bands]
+        )
+    return (weights / weights.sum())[:, None, None]

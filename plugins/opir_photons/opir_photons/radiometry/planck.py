@@ -184,21 +184,25 @@ def _inverted(log_ratio: FloatArray, shorter: Band, longer: Band) -> FloatArray:
     """Return the temperatures of log ratios (n,): bisection in 1/T, where they are nearly linear,
     to 1e-4 of its interval, then Newton.
     """
-    cold = np.full_like(log_ratio, 1.0 / COLDEST_K)
-    hot = np.full_like(log_ratio, 1.0 / HOTTEST_K)
     least, largest = _log_ratio(np.array([COLDEST_K, HOTTEST_K]), shorter, longer)
-    for _ in range(16):
-        middle = 0.5 * (cold + hot)
-        is_colder = log_ratio < _log_ratio(1.0 / middle, shorter, longer)
-        cold = np.where(is_colder, cold, middle)
-        hot = np.where(is_colder, middle, hot)
-    temperature = 2.0 / (cold + hot)
+    temperature = _bisected(log_ratio, shorter, longer)
     for _ in range(4):
         miss = log_ratio - _log_ratio(temperature, shorter, longer)
         # A step in 1/T: d/d(1/T) is -T² d/dT.
         fall = temperature**2 * _log_slope(temperature, shorter, longer)
         temperature = 1.0 / (1.0 / temperature - miss / fall)
     return np.where((log_ratio >= least) & (log_ratio <= largest), temperature, np.nan)
+
+
+def _bisected(log_ratio: FloatArray, shorter: Band, longer: Band) -> FloatArray:
+    cold = np.full_like(log_ratio, 1.0 / COLDEST_K)
+    hot = np.full_like(log_ratio, 1.0 / HOTTEST_K)
+    for _ in range(16):
+        middle = 0.5 * (cold + hot)
+        is_colder = log_ratio < _log_ratio(1.0 / middle, shorter, longer)
+        cold = np.where(is_colder, cold, middle)
+        hot = np.where(is_colder, middle, hot)
+    return 2.0 / (cold + hot)
 
 
 def _log_ratio(temperature: FloatArray, shorter: Band, longer: Band) -> FloatArray:

@@ -235,6 +235,14 @@ def bolide_sources(config: BolideConfig, context: SourceContext) -> Sources:
     """Return bolides: flashes that move straight down through the air."""
     emitters = emitters_of(config, context, is_brief=True)
     start_m = _starts_m(emitters)
+    velocity_m_s = _directions(emitters, start_m) * emitters["speed_m_s"][:, None]
+    trajectories = _trajectories("bolide", emitters, context, start_m, velocity_m_s)
+    signatures = GreySignatures(_grey_w_sr(emitters, context), flash_s=emitters["flash_s"])
+    return _sources(trajectories, signatures)
+
+
+def _directions(emitters: Emitters, start_m: FloatArray) -> FloatArray:
+    """Return the directions (n, 3) of bolides, by heading and descent."""
     axes = local_axes(start_m)
     descent = np.radians(emitters["descent_deg"])
     heading = np.radians(emitters["heading_deg"])
@@ -242,11 +250,7 @@ def bolide_sources(config: BolideConfig, context: SourceContext) -> Sources:
     east = (level * np.sin(heading))[:, None]
     north = (level * np.cos(heading))[:, None]
     up = -np.sin(descent)[:, None]
-    direction = east * axes[:, 0] + north * axes[:, 1] + up * axes[:, 2]
-    velocity_m_s = direction * emitters["speed_m_s"][:, None]
-    trajectories = _trajectories("bolide", emitters, context, start_m, velocity_m_s)
-    signatures = GreySignatures(_grey_w_sr(emitters, context), flash_s=emitters["flash_s"])
-    return _sources(trajectories, signatures)
+    return east * axes[:, 0] + north * axes[:, 1] + up * axes[:, 2]
 
 
 def _sources(trajectories: StraightTrajectories, signatures: Signatures) -> Sources:
@@ -275,19 +279,23 @@ def _trajectories(
     end_s = emitters["end_s"]
     if "flash_s" in emitters.columns:
         end_s = np.minimum(end_s, emitters["start_s"] + emitters["flash_s"])
-    names = tuple(emitters.columns)
-    rows = zip(*(emitters[name].tolist() for name in names), strict=True)
-    emitters_truth = [
-        {"id": f"{context.id}-{number}", "type": kind, **dict(zip(names, row, strict=True))}
-        for number, row in enumerate(rows, start=1)
-    ]
     return StraightTrajectories(
         type_code=np.full(len(emitters), EMITTER_TYPES.index(kind), dtype=np.uint8),
         ignition_s=emitters["start_s"],
         burnout_s=np.maximum(end_s, emitters["start_s"]),
         start_ecef_m=start_m,
         velocity_ecef_m_s=velocity_m_s,
-        emitters_truth=tuple(emitters_truth),
+        emitters_truth=_truth(kind, emitters, context.id),
+    )
+
+
+def _truth(kind: str, emitters: Emitters, block: str) -> tuple[Mapping[str, Any], ...]:
+    """Return the truth of each emitter of a block, as plain values."""
+    names = tuple(emitters.columns)
+    rows = zip(*(emitters[name].tolist() for name in names), strict=True)
+    return tuple(
+        {"id": f"{block}-{number}", "type": kind, **dict(zip(names, row, strict=True))}
+        for number, row in enumerate(rows, start=1)
     )
 
 

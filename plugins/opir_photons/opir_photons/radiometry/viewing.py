@@ -37,11 +37,11 @@ def views(
     nearest = sensor_ecef_m + np.maximum(distance_m, 0.0)[:, None] * along
     point = np.where(hits[:, None], ground, nearest)
     up = _up(point)
-    sun = sun_ecef_m(time_s, epoch_us)
+    to_sun = _unit(sun_ecef_m(time_s, epoch_us) - point)
     return Views(
         height_m=_heights_m(point, hits, distance_m > 0.0),
         elevation_sine=np.where(hits, np.clip(-dot(up, along), 0.0, 1.0), 0.0),
-        sun_elevation_sine=np.clip(dot(up, _unit(sun - point)), -1.0, 1.0),
+        sun_elevation_sine=np.clip(dot(up, to_sun), -1.0, 1.0),
         point_ecef_m=point,
         time_s=time_s,
         line_of_sight_ecef=along,
