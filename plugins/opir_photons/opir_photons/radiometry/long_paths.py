@@ -94,10 +94,10 @@ class LimbTable:
         lowest = np.unique(self.lowest_m)
         predicted = predicted_depth(depth, self.lowest_m, self.height_m)
         # The least transmittance in the table is 1e-9.
-        tabulated = _ADDED - np.log(np.maximum(self.transmittance, 1e-9))
-        log_growth = np.log(tabulated / (predicted + _ADDED))
+        log_air = np.log(np.maximum(self.transmittance, 1e-9))
+        log_growth = np.log((_ADDED - log_air) / (predicted + _ADDED))
         rows = [*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)]
-        places = np.maximum(np.linspace(0.0, TOP_M, depth.shape[1]), lowest[0])
+        places = np.linspace(0.0, TOP_M, depth.shape[1]).clip(lowest[0])
         growth = np.exp(akima(np.append(lowest, TOP_M), np.vstack(rows), places).T)
         return np.maximum((predicted_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
 

@@ -34,8 +34,7 @@ def views(
     along = _unit(direction_ecef)
     # Signed distance, m, to the point nearest to the Earth's centre.
     distance_m = -dot(sensor_ecef_m, along)
-    nearest = sensor_ecef_m + np.maximum(distance_m, 0.0)[:, None] * along
-    point = np.where(hits[:, None], ground, nearest)
+    point = np.where(hits[:, None], ground, _at_distance(sensor_ecef_m, along, distance_m))
     up = _up(point)
     to_sun = _unit(sun_ecef_m(time_s, epoch_us) - point)
     return Views(
@@ -46,6 +45,10 @@ def views(
         time_s=time_s,
         line_of_sight_ecef=along,
     )
+
+
+def _at_distance(sensor: FloatArray, along: FloatArray, distance_m: FloatArray) -> FloatArray:
+    return sensor + np.maximum(distance_m, 0.0)[:, None] * along
 
 
 def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> FloatArray:
