@@ -6,10 +6,16 @@ import re
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from opir_coverage import CoverageSettings, Requirement, computed_coverage
+from opir_coverage import (
+    CoverageSettings,
+    PlaceGrid,
+    Requirement,
+    computed_coverage,
+    percent_below,
+    runs,
+)
 from opir_coverage.difference import difference
-from opir_coverage.grid import PlaceGrid, SeenPoints
-from opir_coverage.merits import percent_below, runs
+from opir_coverage.grid import SeenPoints
 from opir_coverage.summary import as_text, table_rows
 from opir_coverage.visibility import Fleet
 from repository import ROOT

@@ -5,16 +5,24 @@ track was lost.
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import evidence_of_run, scorecard, scorecard_text
-from opir_scoring.errors import point_errors, state_errors
-from opir_scoring.evidence import ownership, rows_in_force, true_states_ecef
-from opir_scoring.scorecards import GEOMETRIES, Scorecard
-from opir_scoring.sensor_coverage import GospaSettings, coverage, gospa_parts, mean_gospa, ticks_s
+from opir_scoring import (
+    GEOMETRIES,
+    Scorecard,
+    coverage,
+    evidence_of_run,
+    ownership,
+    point_errors,
+    rows_in_force,
+    scorecard,
+    scorecard_text,
+    state_errors,
+    true_states_ecef,
+)
+from opir_scoring.sensor_coverage import GospaSettings, gospa_parts, mean_gospa, ticks_s
 from scored_scene import SCENE
 
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan, run_of_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 
 FIRST_S = 30.0
 LAST_S = 80.0

@@ -7,7 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
-from opir_scoring.evidence import evidence_of_files
+from opir_scoring import evidence_of_files
 from scored_scene import SCENE
 
 from opir_core.cli.main import main

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from opir_scoring.gospa_metric import gospa
+from opir_scoring import gospa
 
 from examples import examples
 

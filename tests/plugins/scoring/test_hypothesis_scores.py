@@ -7,13 +7,21 @@ from functools import cache
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import RunEvidence, ScoreSettings, ownership, scorecard, scorecard_text
+from opir_scoring import (
+    RunEvidence,
+    ScoreSettings,
+    open_set_rate,
+    ownership,
+    reliability,
+    scorecard,
+    scorecard_text,
+)
 from opir_scoring.hypothesis_scores import AGES, hypothesis_scores, true_hypotheses
-from opir_scoring.proper_scores import LEAST_PROBABILITY, open_set_rate, reliability, share_above
+from opir_scoring.proper_scores import LEAST_PROBABILITY, share_above
 from opir_scoring.recognition import recognition
-from opir_testing.doubles import stub_estimates
+from opir_testing import stub_estimates
 
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan
 from opir_core.reading import scene_from_mapping
 
 LAUNCH = {"lat_deg": 28.5, "lon_deg": -140.6}

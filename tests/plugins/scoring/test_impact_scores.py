@@ -7,16 +7,21 @@ import numpy as np
 import pytest
 from attrs import evolve
 from geographiclib.geodesic import Geodesic
-from opir_scoring import RunEvidence, impact_scores, ownership, scorecard, scorecard_text
+from opir_scoring import (
+    PHASES,
+    RunEvidence,
+    impact_scores,
+    ownership,
+    region_energy_m,
+    scorecard,
+    scorecard_text,
+)
 from opir_scoring.containments import FARTHEST_M, energy, rms
-from opir_scoring.impacts import PHASES
-from opir_scoring.region_points import region_energy_m
-from opir_testing.doubles import stub_estimates
+from opir_testing import stub_estimates
 from scipy.stats import chi2
 
-from opir_core import ImpactRegion
-from opir_core.interfaces.records import TRACK_CONTAINMENTS
-from opir_core.planning.plan import compile_plan
+from opir_core import ImpactRegion, compile_plan
+from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.reading import scene_from_mapping
 
 LANDS = {

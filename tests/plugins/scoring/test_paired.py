@@ -9,17 +9,16 @@ from opir_scoring import (
     evidence_of_run,
     paired_figures,
     scorecard_of,
+    scorecard_text,
     scored_run,
+    true_states_ecef,
 )
-from opir_scoring.evidence import true_states_ecef
-from opir_scoring.scorecard_tables import scorecard_text
 from scipy.stats import ttest_rel
 from scored_scene import SCENE
 
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan, run_of_plan
 from opir_core.plugin import Tracks
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 
 SETTINGS = ScoreSettings()
 LATE_S = 50.0

@@ -7,18 +7,23 @@ import pickle
 
 import numpy as np
 import pytest
-from opir_scoring import evidence_of_run, scorecard, scorecard_text
-from opir_scoring.evidence import RunEvidence, evidence_of_files, ownership
-from opir_scoring.scorecards import ScoreSettings
-from opir_testing.doubles import stub_estimates
+from opir_scoring import (
+    RunEvidence,
+    ScoreSettings,
+    evidence_of_files,
+    evidence_of_run,
+    ownership,
+    scorecard,
+    scorecard_text,
+)
+from opir_testing import stub_estimates
 from scored_scene import SCENE
 
+from opir_core import compile_plan, run_of_plan
 from opir_core.cli.main import main
 from opir_core.errors import Problem, SceneError
-from opir_core.output.tracks_file import TracksFile, read_tracks
-from opir_core.planning.plan import compile_plan
+from opir_core.output import TracksFile, read_tracks
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 
 
 def synthetic(track, target):

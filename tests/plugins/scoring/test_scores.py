@@ -3,25 +3,22 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import evidence_of_run
-from opir_scoring.containments import (
+from opir_scoring import (
     consistency,
     containment,
-    innovations,
+    evidence_of_run,
+    ground_error,
     nees,
-    on_normal_scale,
-    proportion,
-    root_mean_square,
+    ownership,
+    true_states_ecef,
 )
-from opir_scoring.errors import ground_error
-from opir_scoring.evidence import ownership, true_states_ecef
+from opir_scoring.containments import innovations, on_normal_scale, proportion, root_mean_square
 from scipy.stats import chi2
 from scored_scene import SCENE
 
 import opir_core as opir
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan, run_of_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 
 RNG = np.random.default_rng(11)
 

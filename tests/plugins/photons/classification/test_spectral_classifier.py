@@ -22,21 +22,19 @@ from opir_photons.classification.spectral import SpectralClassifier
 from opir_photons.classification.synthetic_looks import low_discrepancy_points
 from opir_photons.classification.type_densities import EventRates, TypeDensities, elevation_bin
 from opir_photons.classification.unknown_objects import LEAST_W_SR, MOST_W_SR, log_uniform_in_noise
+from opir_testing import stub_window
 from opir_testing.bench import bench_scene, encoder_of
-from opir_testing.doubles import stub_window
 from scipy.special import logsumexp
 from scipy.stats import binom, multivariate_normal, norm
 
 import opir_core as opir
+from opir_core import Tracks, compile_plan
 from opir_core.builtin.classification import ConstantConfidence
 from opir_core.errors import ModelError
-from opir_core.interfaces.records import ClassifierInputs, Tracks
-from opir_core.output.events import detection_schema
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import ModelContext
+from opir_core.output import detection_schema
+from opir_core.plugin import REPORTED_TYPES, ClassifierInputs, ModelContext
 from opir_core.reading import scene_mapping
-from opir_core.scene import core_hypotheses, core_target_class, hypotheses_of
-from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
+from opir_core.scene import UNKNOWN_TYPE, core_hypotheses, core_target_class, hypotheses_of
 from opir_core.simulation.measurement import with_tracks
 
 #: Apparent intensities are irradiances times the square of this, m.

@@ -16,12 +16,11 @@ from opir_photons.classification.synthetic_looks import low_discrepancy_points
 from scipy.spatial.transform import Rotation
 from scipy.stats import kstwo, uniform
 
-from opir_core.flight.boost import boost_profile
+from opir_core.flight import boost_profile
 from opir_core.flight.glide import GlideShape, glide_flight
 from opir_core.geometry import Geodetic
-from opir_core.plugin import EquilibriumGlide
+from opir_core.plugin import TARGET_TYPES, EquilibriumGlide
 from opir_core.scene import core_target_class
-from opir_core.scene.scene import TARGET_TYPES
 
 PROFILES = [profile.name for kind in TARGET_TYPES for profile in core_target_class(kind).profiles]
 

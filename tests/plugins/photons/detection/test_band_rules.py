@@ -6,7 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_photons.detection.band_rules import AnyBand, RatioGates
+from opir_photons.detection import RatioGates
+from opir_photons.detection.band_rules import AnyBand
 from opir_photons.detection.rejection_sampling import (
     LEAST_PASSING,
     accepted_draws,

@@ -11,8 +11,8 @@ from opir_photons.environment import REFERENCE_TARGET
 from repository import ROOT
 
 import opir_core as opir
-from opir_core.host.host import Host
-from opir_core.interfaces.radiometric_models import SignatureContext
+from opir_core import Host
+from opir_core.plugin import SignatureContext
 
 PAGE = (ROOT / "docs" / "explanation" / "detection.md").read_text(encoding="utf-8")
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")

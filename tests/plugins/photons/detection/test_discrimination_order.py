@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from repository import ROOT
 from scipy.stats import norm
 
-from opir_core.flight.boost import boost_profile
-from opir_core.host.host import Host
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core import Host
+from opir_core.flight import boost_profile
+from opir_core.plugin import TARGET_TYPES
 from opir_core.sensors.radiometer import RadiometerConfig
 
 pytestmark = pytest.mark.slow

@@ -22,14 +22,13 @@ from scipy.special import ndtr
 from snr_scene import DSP, NEXTGEN, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import Looks
-from opir_core.plugin import FocalPlaneConfig
-from opir_core.reading.canonical import scene_mapping
+from opir_core import Engine
+from opir_core.planning import Looks
+from opir_core.plugin import Exposures, FocalPlaneConfig
+from opir_core.reading import scene_mapping
 from opir_core.scene.field_rows import named_values
-from opir_core.simulation.engine import Engine
+from opir_core.simulation import ProbabilityInterpolant
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.interpolation import ProbabilityInterpolant
 
 CLOUD = {"atmosphere": {"model": "lowtran", "cloud": {"top_km": 8.0}}, "background": "earth"}
 BY_DAY = {"epoch": "2026-04-01T22:00:00Z"}

@@ -8,8 +8,8 @@ import pytest
 from snr_scene import joined, scene, windows_of
 
 import opir_core as opir
+from opir_core.simulation import plan_warnings
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_checks import plan_warnings
 
 DAY = "2026-04-01T22:00:00Z"
 NIGHT = "2026-04-01T10:00:00Z"

@@ -9,8 +9,8 @@ from opir_photons.radiometry import FilteredSpot, FrameDifference, PointSpread, 
 from snr_scene import SBIRS, scene
 
 import opir_core as opir
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import Looks
+from opir_core.planning import Looks
+from opir_core.plugin import Exposures
 
 LAG_S = 10.0
 FIRE = {"model": "fires", "id": "F", "at": [{"lat_deg": 3.0, "lon_deg": -150.0}]}

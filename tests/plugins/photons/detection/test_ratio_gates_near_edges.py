@@ -12,7 +12,8 @@ import mpmath
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_photons.detection.band_rules import AnyBand, RatioGates
+from opir_photons.detection import RatioGates
+from opir_photons.detection.band_rules import AnyBand
 from opir_photons.detection.rejection_sampling import accepted_draws
 from scipy.special import log_ndtr, ndtr
 

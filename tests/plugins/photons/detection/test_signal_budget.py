@@ -7,8 +7,8 @@ import pytest
 from scipy.constants import c, h
 
 import opir_core as opir
-from opir_core.planning.looks import Looks
-from opir_core.reading.canonical import scene_mapping
+from opir_core.planning import Looks
+from opir_core.reading import scene_mapping
 
 #: Noise is given: that of focal planes has tests of its own.
 GIVEN = [

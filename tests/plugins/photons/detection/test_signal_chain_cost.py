@@ -6,8 +6,8 @@ import pytest
 from opir_photons.detection import snr
 
 import opir_core as opir
-from opir_core.interfaces.columns import Columns
-from opir_core.simulation.run import plan_windows
+from opir_core import plan_windows
+from opir_core.interfaces import Columns
 from opir_core.simulation.summary import Tally
 
 SCENE: dict[str, Any] = {

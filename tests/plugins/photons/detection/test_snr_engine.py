@@ -14,11 +14,10 @@ from scipy.stats import chi2, norm, poisson, spearmanr
 from snr_scene import DSP, NEAR_THRESHOLD, NEXTGEN, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
-from opir_core.interfaces.protocols import Response
-from opir_core.interfaces.records import Detections, DetectionTruth
+from opir_core import Detections, DetectionTruth, Engine
+from opir_core.plugin import Response
 from opir_core.random_streams.philox import Reader
 from opir_core.simulation import false_alarms
-from opir_core.simulation.engine import Engine
 
 
 def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = ()) -> None:

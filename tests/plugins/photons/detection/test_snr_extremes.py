@@ -14,10 +14,10 @@ from opir_photons.radiometry.lowtran import LowtranAtmosphere
 from scipy.special import log_ndtr, ndtr
 
 import opir_core as opir
+from opir_core import Engine
 from opir_core.errors import SceneError
 from opir_core.geometry import ecef_to_geodetic, elevation_rad, geodetic_to_ecef
-from opir_core.interfaces.records import Exposures
-from opir_core.simulation.engine import Engine
+from opir_core.plugin import Exposures
 
 SENSORS = {
     "DSP": {

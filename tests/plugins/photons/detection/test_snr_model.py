@@ -11,10 +11,10 @@ from scipy.special import ndtr
 from snr_scene import DSP, NEAR_THRESHOLD, NEXTGEN, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
+from opir_core import Engine
 from opir_core.errors import ModelError
-from opir_core.planning.looks import Looks
-from opir_core.simulation.engine import Engine
-from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.planning import Looks
+from opir_core.simulation import ProbabilityInterpolant
 from opir_core.simulation.probability import interpolant_of
 from opir_core.simulation.refinement import SIGNAL_SHARE, SIGNAL_SIGMA
 

@@ -14,13 +14,10 @@ from opir_photons.radiometry.lowtran import (
     shell_air_mass,
 )
 
+from opir_core import Host
 from opir_core.errors import ModelError
-from opir_core.geometry import elevation_rad, geodetic_to_ecef
-from opir_core.geometry.occlusion import grazing_height_m
-from opir_core.host.components import NoConfig
-from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
+from opir_core.geometry import elevation_rad, geodetic_to_ecef, grazing_height_m
+from opir_core.plugin import AtmosphereContext, Band, NoConfig, Paths
 
 SWIR = Band("SWIR", 2.5, 3.0)
 MWIR = Band("MWIR", 4.0, 5.0)

@@ -18,19 +18,17 @@ from opir_photons.radiometry.earth import LOOK_SINES, earth_background, sky_tabl
 from opir_photons.radiometry.lowtran import lowtran_atmosphere
 from opir_photons.radiometry.viewing import views
 
+from opir_core import Host
 from opir_core.errors import ModelError
-from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
-from opir_core.geometry.occlusion import grazing_height_m
-from opir_core.geometry.sun import sun_ecef_m
-from opir_core.host.components import NoConfig
-from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import (
-    AtmosphereContext,
-    BackgroundContext,
-    Structure,
-    Views,
+from opir_core.geometry import (
+    geodetic_to_ecef,
+    grazing_height_m,
+    local_axes,
+    sun_ecef_m,
+    sun_position_ecef_m,
 )
+from opir_core.interfaces import Structure
+from opir_core.plugin import AtmosphereContext, BackgroundContext, Band, NoConfig, Views
 
 BANDS = tuple(table.band for table in sky_tables("us1976", "clear"))
 NAMES = [band.name for band in BANDS]

@@ -4,15 +4,15 @@ km: all finite.
 
 import numpy as np
 import pytest
-from opir_photons.radiometry.aperture import irradiance_at_aperture, minimum_detectable_intensity
+from opir_photons.radiometry import irradiance_at_aperture, minimum_detectable_intensity
 from opir_photons.radiometry.viewing import views
 
+from opir_core import Host
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
-from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import (
+from opir_core.plugin import (
     AtmosphereContext,
     BackgroundContext,
+    Band,
     Paths,
     SignatureContext,
     SourceContext,

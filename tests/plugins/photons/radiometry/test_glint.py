@@ -3,25 +3,18 @@
 import numpy as np
 import pytest
 from infrared_sources import HERE, MWIR, NOON_US, SWIR, context, intensity
+from opir_photons.radiometry import solar_irradiance
 from opir_photons.radiometry.configs import EarthConfig, LowtranConfig
 from opir_photons.radiometry.earth import earth_background
 from opir_photons.radiometry.lowtran import lowtran_atmosphere
 from opir_photons.radiometry.sea_surface import SeaGlint, reflectance, slope_density, slope_variance
 from opir_photons.radiometry.source_configs import GlintConfig
 from opir_photons.radiometry.sources import glint_sources
-from opir_photons.radiometry.sunlight import solar_irradiance
 from opir_photons.radiometry.viewing import views
 from scipy import integrate
 
 from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import (
-    AtmosphereContext,
-    BackgroundContext,
-    Paths,
-    Transmittance,
-    Views,
-)
+from opir_core.plugin import AtmosphereContext, BackgroundContext, Band, Paths, Transmittance, Views
 
 
 class TestGlint:

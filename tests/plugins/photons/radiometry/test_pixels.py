@@ -11,8 +11,8 @@ from opir_photons.radiometry import (
     pixel_temperature_k,
 )
 
+from opir_core import Host
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.host.host import Host
 from opir_core.plugin import Band, SensorModel
 
 ABI_7 = Band("B07", 3.8, 4.0)

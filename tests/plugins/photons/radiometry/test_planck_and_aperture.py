@@ -15,11 +15,11 @@ from opir_photons.radiometry import (
     irradiance_of_sphere,
     minimum_detectable_intensity,
     planck_radiance,
+    two_colour_temperature,
 )
-from opir_photons.radiometry.planck import two_colour_temperature
 
 from opir_core.cli.main import main
-from opir_core.interfaces.protocols import Band
+from opir_core.plugin import Band
 
 SWIR = Band("SWIR", 2.5, 3.0)
 MWIR = Band("MWIR", 4.0, 5.0)

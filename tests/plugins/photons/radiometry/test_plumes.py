@@ -12,15 +12,14 @@ from attrs import fields
 from hypothesis import given, strategies as st
 from opir_photons.radiometry import planck, plume as plume_module, propellants as propellants_module
 from opir_photons.radiometry.configs import PlumeConfig
-from opir_photons.radiometry.plume import plume_intensity_w_sr, plume_signatures, plume_table
+from opir_photons.radiometry.plume import plume_intensity_w_sr, plume_signatures
 from opir_photons.radiometry.propellants import continuum_w_sr, propellants
 
 import opir_core
+from opir_core import Host
 from opir_core.errors import ModelError
-from opir_core.host.host import Host
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import SignatureContext
-from opir_core.scene.fields import info_of
+from opir_core.plugin import Band, SignatureContext
+from opir_core.scene import info_of, plume_table
 from opir_core.scene.target_classes import core_profiles
 
 TABLE = json.loads(

@@ -7,14 +7,14 @@ import opir_dsp.plugin
 import opir_photons.radiometry.plugin as light
 import pytest
 from infrared_sources import HERE, context, field, intensity, region
-from opir_photons.radiometry.planck import band_radiance
+from opir_photons.radiometry import band_radiance
 from opir_photons.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig
 from opir_photons.radiometry.sources import bolide_sources, fire_sources, flare_sources
 
+from opir_core import Host
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
-from opir_core.host.host import Host
+from opir_core.plugin import EMITTER_TYPES
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import EMITTER_TYPES
 
 HOST = Host.of(opir_dsp.plugin, light)
 
