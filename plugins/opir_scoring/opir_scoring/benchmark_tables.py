@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.errors import Problem, SceneError, nearest_names
 
 DESCRIPTION = "set.json"
@@ -53,9 +53,7 @@ def read_tracks(path: Path, tick_s: float, scenes: Iterable[str]) -> SetTracks:
     table = read_table(path)
     _require(path, table, ("scene", "track", "time_s", *STATE))
     scene = list(map(str, table["scene"]))
-    if unknown := sorted(set(scene) - set(scenes)):
-        hint = nearest_names(unknown[0], scenes)
-        raise _error(path, "scene", f"no scene {unknown[0]!r} in the set{hint}")
+    _require_scenes(path, scene, scenes)
     time_s = numbers(path, table, "time_s")
     state = np.stack([numbers(path, table, name) for name in STATE], axis=1)
     is_finite = np.isfinite(np.column_stack([time_s, state])).all(axis=1)
@@ -63,10 +61,8 @@ def read_tracks(path: Path, tick_s: float, scenes: Iterable[str]) -> SetTracks:
         row = int(np.argmin(is_finite))
         raise _error(path, f"row {row + 1}", "a time, position or velocity is not finite")
     tick = np.round(time_s / tick_s)
-    is_scored = np.abs(time_s - tick * tick_s) <= 1e-3
-    if "probability" in table:
-        is_scored &= numbers(path, table, "probability") > 0.5
-    rows = np.flatnonzero(is_scored)
+    is_at_tick = np.abs(time_s - tick * tick_s) <= 1e-3
+    rows = np.flatnonzero(is_at_tick & _is_launch(path, table))
     tracks = SetTracks(
         name=path.name,
         scene=[scene[row] for row in rows.tolist()],
@@ -78,6 +74,19 @@ def read_tracks(path: Path, tick_s: float, scenes: Iterable[str]) -> SetTracks:
     )
     _require_unique(path, tracks)
     return tracks
+
+
+def _is_launch(path: Path, table: Table) -> BoolArray:
+    """Whether rows (n,) are probably launches."""
+    if "probability" not in table:
+        return np.ones(len(table["time_s"]), dtype=np.bool_)
+    return numbers(path, table, "probability") > 0.5
+
+
+def _require_scenes(path: Path, names: Sequence[str], scenes: Iterable[str]) -> None:
+    if unknown := sorted(set(names) - set(scenes)):
+        hint = nearest_names(unknown[0], scenes)
+        raise _error(path, "scene", f"no scene {unknown[0]!r} in the set{hint}")
 
 
 def _require_unique(path: Path, tracks: SetTracks) -> None:

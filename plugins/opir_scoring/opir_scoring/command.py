@@ -9,7 +9,7 @@ from pathlib import Path
 from opir_core.errors import Problem, SceneError
 from opir_scoring.benchmark_figures import figures_by_case, scored_set, set_text
 from opir_scoring.benchmark_tables import DESCRIPTION
-from opir_scoring.evidence import evidence_of_files
+from opir_scoring.evidence import RunEvidence, evidence_of_files
 from opir_scoring.scorecard_tables import scorecard_text
 from opir_scoring.scorecards import ScoreSettings, scorecard
 from opir_scoring.sensor_scores import sensor_scores, sensor_text
@@ -23,12 +23,7 @@ def score(arguments: argparse.Namespace) -> int:
         problem = Problem("--case", f"{arguments.events} is no benchmark set")
         raise SceneError([problem], source="command line")
     settings = score_settings(arguments)
-    paths = {
-        name: Path(path)
-        for name in ("truth", "tracks", "manifest")
-        if (path := getattr(arguments, name))
-    }
-    evidence = evidence_of_files(Path(arguments.events), **paths)
+    evidence = _evidence(arguments)
     card = scorecard([evidence], settings)
     # Tracks from elsewhere are not those of the run's tracker.
     tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
@@ -40,6 +35,15 @@ def score(arguments: argparse.Namespace) -> int:
         text = "\n\n".join(filter(None, texts))
     sys.stdout.write(text + "\n")
     return 0
+
+
+def _evidence(arguments: argparse.Namespace) -> RunEvidence:
+    paths = {
+        name: Path(path)
+        for name in ("truth", "tracks", "manifest")
+        if (path := getattr(arguments, name))
+    }
+    return evidence_of_files(Path(arguments.events), **paths)
 
 
 def _score_set(arguments: argparse.Namespace) -> int:
@@ -63,7 +67,21 @@ def _score_set(arguments: argparse.Namespace) -> int:
 
 def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
     """Return the score settings of the arguments; raises `SceneError` for values out of range."""
-    problems = [
+    problems = _setting_problems(arguments)
+    if problems:
+        raise SceneError(problems, source="command line")
+    return ScoreSettings(
+        bin_s=arguments.bin_s,
+        cutoff_m=arguments.cutoff_m,
+        order=arguments.order,
+        alpha=arguments.alpha,
+        launch_probability=arguments.launch_probability,
+        unknown=tuple(arguments.unknown),
+    )
+
+
+def _setting_problems(arguments: argparse.Namespace) -> list[Problem]:
+    return [
         Problem(flag, message)
         for flag, is_wrong, message in (
             ("--bin-s", not 0.01 <= arguments.bin_s < math.inf, "must be at least 0.01 and finite"),
@@ -83,16 +101,6 @@ def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
         )
         if is_wrong
     ]
-    if problems:
-        raise SceneError(problems, source="command line")
-    return ScoreSettings(
-        bin_s=arguments.bin_s,
-        cutoff_m=arguments.cutoff_m,
-        order=arguments.order,
-        alpha=arguments.alpha,
-        launch_probability=arguments.launch_probability,
-        unknown=tuple(arguments.unknown),
-    )
 
 
 def _is_beyond(cutoff_m: float, order: float) -> bool:

@@ -54,13 +54,22 @@ def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
     variance: FloatArray = np.diagonal(covariance, axis1=1, axis2=2)
     value = np.where(is_known, np.inf, np.nan)
     rows = np.flatnonzero(is_known & ~(variance <= 0.0).any(axis=1))
+    value[rows] = _normalised_squares(error[rows], covariance[rows])
+    return value
+
+
+def _normalised_squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the NEES (n,) with covariances of positive variances; inf where they are not
+    definite.
+    """
+    value = np.full(len(error), np.inf)
     # Scaled to unit variances, so that metres and metres per second do not spoil the factorisation.
-    scale = np.sqrt(np.abs(variance[rows]))
-    correlation = covariance[rows] / (scale[:, :, None] * scale[:, None, :])
-    is_definite = np.linalg.eigvalsh(correlation).min(axis=1, initial=np.inf) > 0.0
-    whitened = (error[rows] / scale)[is_definite]
-    solved = np.linalg.solve(correlation[is_definite], whitened[:, :, None])[:, :, 0]
-    value[rows[is_definite]] = np.sum(whitened * solved, axis=1)
+    scale = np.sqrt(np.abs(np.diagonal(covariance, axis1=1, axis2=2)))
+    correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+    rows = np.flatnonzero(np.linalg.eigvalsh(correlation).min(axis=1, initial=np.inf) > 0.0)
+    whitened = (error / scale)[rows]
+    solved = np.linalg.solve(correlation[rows], whitened[:, :, None])[:, :, 0]
+    value[rows] = np.sum(whitened * solved, axis=1)
     return value
 
 
@@ -150,13 +159,19 @@ def root_mean_square(
     group = np.arange(len(square))
     if cluster is not None:
         group = np.unique(cluster[is_known], return_inverse=True)[1]
-    total = np.bincount(group, square)
-    count = np.bincount(group)
+    total = np.bincount(group, square).astype(np.float64)
+    factor = _interval_factor(total, np.bincount(group))
+    return value, value / factor, value * factor
+
+
+def _interval_factor(total: FloatArray, count: IntArray) -> float:
+    """Return the factor from a root mean square to the ends of its interval, by sums (k,) of
+    squares in clusters; nan for one cluster.
+    """
     remaining = total.sum() - total
     if len(total) < 2 or not remaining.min() > 0.0:
-        return value, np.nan, np.nan
-    factor = float(np.exp(jackknife_half(0.5 * np.log(remaining / (count.sum() - count)))))
-    return value, value / factor, value * factor
+        return np.nan
+    return float(np.exp(jackknife_half(0.5 * np.log(remaining / (count.sum() - count)))))
 
 
 def jackknife_half(left_out: FloatArray) -> float:

@@ -117,15 +117,20 @@ def _detected_looks(evidence: RunEvidence, target: int) -> DetectedLooks:
     rows = np.flatnonzero(evidence.target == target)
     time_s = evidence.time_s[rows]
     sensor = evidence.sensor[rows]
-    sensor_m = np.empty((len(rows), 3))
-    for number in np.unique(sensor).tolist():
-        of_sensor = np.flatnonzero(sensor == number)
-        sensor_m[of_sensor] = plan.sensors[number].orbit.position_ecef_m(time_s[of_sensor])
+    sensor_m = _sensors_m(plan.sensors, sensor, time_s)
     clipped_s = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
     targets = np.full(len(rows), target, dtype=np.int32)
     position_m = plan.targets.position_ecef_m(targets, clipped_s)
     turns = bias_turns(plan.sensors, sensor, sensor_m)
     return DetectedLooks(time_s, position_m, sensor_m, evidence.sigma_rad[rows], turns)
+
+
+def _sensors_m(sensors: Sequence[Sensor], sensor: IndexArray, time_s: FloatArray) -> FloatArray:
+    position_m = np.empty((len(sensor), 3))
+    for number in np.unique(sensor).tolist():
+        rows = np.flatnonzero(sensor == number)
+        position_m[rows] = sensors[number].orbit.position_ecef_m(time_s[rows])
+    return position_m
 
 
 def _impact_error(tracks: Tracks, truth: Mapping[str, Any]) -> FloatArray:
@@ -221,8 +226,12 @@ def ground_error(point: FloatArray, place: FloatArray) -> FloatArray:
     error: FloatArray = np.einsum("nij,nj->ni", axes[:, :2], offset_m)
     # Within this distance, m, a plane is wrong by 3 cm.
     rows = np.flatnonzero(np.linalg.norm(offset_m, axis=1) > 20e3)
-    geodesic = geodesic_inverse(latitude[rows], longitude[rows], place[rows, 0], place[rows, 1])
+    error[rows] = _geodesic_error(point[rows], place[rows])
+    return error
+
+
+def _geodesic_error(point: FloatArray, place: FloatArray) -> FloatArray:
+    geodesic = geodesic_inverse(point[:, 0], point[:, 1], place[:, 0], place[:, 1])
     bearing = geodesic.bearing_rad
     direction = np.stack([np.sin(bearing), np.cos(bearing)], axis=1)
-    error[rows] = -geodesic.distance_m[:, None] * direction
-    return error
+    return -geodesic.distance_m[:, None] * direction

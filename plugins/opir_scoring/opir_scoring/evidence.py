@@ -14,7 +14,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core import Plan, Run
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, RowArray
 from opir_core.errors import Problem, SceneError
 from opir_core.output import read_run, unix_microseconds
 from opir_core.plugin import Tracks
@@ -93,14 +93,15 @@ def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> Floa
     step = np.minimum(0.25, 0.5 * (end - start))
     # A parabola through three places: where the truth ends, as at burnout, they lie to one side.
     middle = np.clip(clipped, start + step, end - step)
-    position = plan.targets.position_ecef_m(target, clipped)
     before_m, middle_m, after_m = (
         plan.targets.position_ecef_m(target, middle + side * step) for side in (-1.0, 0.0, 1.0)
     )
     per_step = (1.0 / step)[:, None]
     bend = after_m - 2.0 * middle_m + before_m
     curvature = bend * per_step * ((clipped - middle) / step)[:, None]
-    states = np.concatenate([position, 0.5 * (after_m - before_m) * per_step + curvature], axis=1)
+    velocity_m_s = 0.5 * (after_m - before_m) * per_step + curvature
+    position_m = plan.targets.position_ecef_m(target, clipped)
+    states = np.concatenate([position_m, velocity_m_s], axis=1)
     return np.where(inside[:, None], states, np.nan)
 
 
@@ -127,7 +128,6 @@ class Ownership:
 def ownership(evidence: RunEvidence) -> Ownership:
     """Return the targets of all reported tracks."""
     numbers = np.unique(evidence.tracks.track)
-    sensors = evidence.plan.sensors
     rows = np.flatnonzero(evidence.track >= 0)
     row = np.searchsorted(numbers, evidence.track[rows])
     # The first column counts false alarms.
@@ -137,20 +137,31 @@ def ownership(evidence: RunEvidence) -> Ownership:
     source = np.where(total > 0, count.argmax(axis=1) - 1, -1)
     held = count.max(axis=1, initial=0)
     is_launch = np.append(evidence.is_launch, False)
-    of_sensor = np.zeros((len(numbers), len(sensors)), dtype=np.bool_)
-    of_sensor[row, evidence.sensor[rows]] = True
-    is_biased = np.array(
-        [sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in sensors], np.bool_
-    )
+    sensors, biased_sensors = _sensor_counts(evidence, rows, row, len(numbers))
     return Ownership(
         track=numbers,
         target=np.where(is_launch[source], source, -1),
         purity=np.where(total > 0, held / np.maximum(total, 1), 0.0),
         held=held,
-        is_stereo=of_sensor.sum(axis=1) > 1,
-        is_biased=(of_sensor & is_biased).sum(axis=1) > 0,
+        is_stereo=sensors > 1,
+        is_biased=biased_sensors > 0,
         source=source,
     )
+
+
+def _sensor_counts(
+    evidence: RunEvidence, rows: RowArray, track: RowArray, tracks: int
+) -> tuple[IntArray, IntArray]:
+    """Return the numbers (tracks,) of sensors with detections `rows` of each track (n,), and of
+    those with a bias.
+    """
+    sensors = evidence.plan.sensors
+    detects = np.zeros((tracks, len(sensors)), dtype=np.bool_)
+    detects[track, evidence.sensor[rows]] = True
+    is_biased = np.array(
+        [sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in sensors], np.bool_
+    )
+    return detects.sum(axis=1), (detects & is_biased).sum(axis=1)
 
 
 def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:

@@ -47,12 +47,7 @@ def gospa(
     cut off are a missed truth and a false estimate, at half of `cutoff`**p each. Two empty sets are
     at distance 0.
     """
-    if not 0.0 < cutoff < np.inf:
-        raise ValueError(f"the cut-off must be positive and finite, got {cutoff!r}")
-    if not 1.0 <= order < np.inf:
-        raise ValueError(f"the order must be finite and at least 1, got {order!r}")
-    if not 0.0 < alpha <= 2.0:
-        raise ValueError(f"alpha must be in (0, 2], got {alpha!r}")
+    _require_valid(cutoff, order, alpha)
     power, pairs = _assigned(estimate, truth, cutoff, order)
     is_near = power < cutoff**order
     localisation = float(power[is_near].sum())
@@ -70,6 +65,15 @@ def gospa(
         false_count=cut + spare_estimates,
         assigned=pairs[is_near],
     )
+
+
+def _require_valid(cutoff: float, order: float, alpha: float) -> None:
+    if not 0.0 < cutoff < np.inf:
+        raise ValueError(f"the cut-off must be positive and finite, got {cutoff!r}")
+    if not 1.0 <= order < np.inf:
+        raise ValueError(f"the order must be finite and at least 1, got {order!r}")
+    if not 0.0 < alpha <= 2.0:
+        raise ValueError(f"alpha must be in (0, 2], got {alpha!r}")
 
 
 def _assigned(

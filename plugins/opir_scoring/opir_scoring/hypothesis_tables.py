@@ -56,17 +56,21 @@ def _by_age(weighed: Figures) -> list[str]:
     labels = [row.label for row in _AGE]
     open_set_labels = [row.label for row in _OPEN_SET]
     head = ("age", "tracker", "tracks", *labels, "unknown", *open_set_labels)
-    confusion = [
+    return [
+        table(head, rows),
+        _confusion(weighed),
+        _reliability(weighed, "reliability", "stated, most probable"),
+        _reliability(weighed, "launch_reliability", "stated P(launch)"),
+    ]
+
+
+def _confusion(weighed: Figures) -> str:
+    rows = [
         (true, name, ", ".join(f"{best} {count}" for best, count in row.items()))
         for name, figures in weighed.items()
         for true, row in figures["confusion"].items()
     ]
-    return [
-        table(head, rows),
-        table(("is", "tracker", "tracks that say"), confusion),
-        _reliability(weighed, "reliability", "stated, most probable"),
-        _reliability(weighed, "launch_reliability", "stated P(launch)"),
-    ]
+    return table(("is", "tracker", "tracks that say"), rows)
 
 
 def _reliability(weighed: Figures, key: str, label: str) -> str:

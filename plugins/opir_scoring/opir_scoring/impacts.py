@@ -292,14 +292,20 @@ def _ellipses(tracks: Tracks, error_m: FloatArray) -> tuple[FloatArray, FloatArr
         major, minor, bearing = containment_ellipse(
             tracks.impact_covariance[:, :2, :2], containment, tracks.impact_sigmas
         )
-        east, north = error_m.T
-        along = east * np.sin(bearing) + north * np.cos(bearing)
-        across = east * np.cos(bearing) - north * np.sin(bearing)
-        is_known = np.isfinite(major) & np.isfinite(east)
-        inside = np.square(along * minor) + np.square(across * major) <= np.square(major * minor)
-        contained[:, place] = np.where(is_known, inside, np.nan)
+        contained[:, place] = _inside(error_m, major, minor, bearing)
         area_km2[:, place] = 1e-6 * np.pi * major * minor
     return contained, area_km2
+
+
+def _inside(
+    error_m: FloatArray, major: FloatArray, minor: FloatArray, bearing: FloatArray
+) -> FloatArray:
+    """Return 1 where errors (n, 2) lie inside ellipses (n,), else 0; nan where one is unknown."""
+    east, north = error_m.T
+    along = east * np.sin(bearing) + north * np.cos(bearing)
+    across = east * np.cos(bearing) - north * np.sin(bearing)
+    inside = np.square(along * minor) + np.square(across * major) <= np.square(major * minor)
+    return np.where(np.isfinite(major) & np.isfinite(east), inside, np.nan)
 
 
 def _regions(regions: Sequence[ImpactRegion], impact: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,9 @@ and the ellipse of the launch point, as the tracker reports them, are small enou
 right is another question, which containments answer.
 """
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 from attrs import field, frozen
 
@@ -64,8 +67,6 @@ def warning_times(
     """Return the warning times of a run's launches, from their tracks in force."""
     targets = evidence.plan.targets
     launches = len(evidence.plan.scene.targets)
-    impacts = [truth.get("impact") or {} for truth in targets.truth()[:launches]]
-    impact_s = np.array([impact.get("time_s", np.nan) for impact in impacts], dtype=np.float64)
     tracks = evidence.tracks.take(rows_in_force(evidence, owners))
     target = owners.target[np.searchsorted(owners.track, tracks.track)]
     available_s = np.fmax(tracks.available_s, tracks.tick_s)
@@ -78,18 +79,23 @@ def warning_times(
         np.minimum.at(earliest_s, target[rows], available_s[rows])
         return earliest_s - ignition_s
 
-    inside = np.full(launches, np.nan)
-    warnings = np.flatnonzero(stays)
-    _, earliest = np.unique(target[warnings], return_index=True)
-    starts = warnings[earliest]
-    inside[target[starts]] = contained[starts]
     return WarningTimes(
         track_s=after_s(np.isfinite(available_s)),
         region_s=after_s(np.isfinite(area_km2)),
         warned_s=after_s(stays),
-        impact_s=impact_s - ignition_s,
-        contained=inside,
+        impact_s=_impacts_s(targets.truth()[:launches]) - ignition_s,
+        contained=_at_first(stays, target, contained, launches),
     )
+
+
+def _at_first(rows: BoolArray, target: IntArray, values: FloatArray, launches: int) -> FloatArray:
+    """Return the values (launches,) at the first marked row of each target, nan without one."""
+    at_first = np.full(launches, np.nan)
+    marked = np.flatnonzero(rows)
+    _, earliest = np.unique(target[marked], return_index=True)
+    starts = marked[earliest]
+    at_first[target[starts]] = values[starts]
+    return at_first
 
 
 def _region_columns(
@@ -107,6 +113,11 @@ def _region_columns(
     area_km2[is_scored] = scores.area_km2[:, place]
     contained[is_scored] = scores.contained[:, place]
     return area_km2, contained
+
+
+def _impacts_s(truths: Sequence[Mapping[str, Any]]) -> FloatArray:
+    impacts = [truth.get("impact") or {} for truth in truths]
+    return np.array([impact.get("time_s", np.nan) for impact in impacts], dtype=np.float64)
 
 
 def _meets(tracks: Tracks, area_km2: FloatArray, requirement: WarningRequirement) -> BoolArray:

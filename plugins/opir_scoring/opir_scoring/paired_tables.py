@@ -47,16 +47,21 @@ def verdict(paired: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]])
         return "\n".join([f"{best}: nothing to compare it with.", *lines])
     certain = paired["certain"]
     uncertain = [name for name in rivals if name not in certain]
-    errors = paired["states"][DECIDING.name]["errors"]
-    scores = ", ".join(f"{name} {_short(errors[name])} m" for name in (best, *rivals))
-    head = "No tracker is certain to be the best"
-    if certain:
-        head = f"Best on the {paired['common_ticks']} ticks that all have: {best}"
-    lines.insert(0, f"{head} (energy score of position: {scores}).")
     if certain and uncertain:
         lines.append(f"It is not certain to be better than {' or '.join(uncertain)}.")
     coverage = {name: figures[name]["completeness"]["value"] for name in paired["compared"]}
-    return "\n".join([*lines, *_exceptions(paired), *_coverage(best, coverage)])
+    lines = [_best(paired, [best, *rivals]), *lines, *_exceptions(paired)]
+    return "\n".join([*lines, *_coverage(best, coverage)])
+
+
+def _best(paired: Mapping[str, Any], names: Sequence[str]) -> str:
+    """Return a sentence on the best tracker, the first of the names, with the scores of all."""
+    errors = paired["states"][DECIDING.name]["errors"]
+    scores = ", ".join(f"{name} {_short(errors[name])} m" for name in names)
+    head = "No tracker is certain to be the best"
+    if paired["certain"]:
+        head = f"Best on the {paired['common_ticks']} ticks that all have: {names[0]}"
+    return f"{head} (energy score of position: {scores})."
 
 
 def _exceptions(paired: Mapping[str, Any]) -> list[str]:
@@ -86,6 +91,17 @@ def _coverage(best: str, coverage: Mapping[str, float]) -> list[str]:
 
 
 def _common(paired: Mapping[str, Any], names: Sequence[str]) -> str:
+    cells = [
+        (label, *(_cell(errors, name, scale) for name in names))
+        for label, errors, scale in _common_rows(paired)
+        if errors["count"]
+    ]
+    nees = (number_text(paired["nees"].get(name, {"value": np.nan})["value"], 2) for name in names)
+    return table((f"common ({paired['common_ticks']} ticks)", *names), [*cells, ("NEES/6", *nees)])
+
+
+def _common_rows(paired: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any], float]]:
+    """Return labels, paired errors and factors to the unit of the label."""
     states = paired["states"]
     rows = [
         ("E position, m", states["position_energy_m"], 1.0),
@@ -99,13 +115,7 @@ def _common(paired: Mapping[str, Any], names: Sequence[str]) -> str:
         for phase in paired["impact_by_phase"]
         if phase["phase"] in _PHASES and phase["count"]
     ]
-    cells = [
-        (label, *(_cell(errors, name, scale) for name in names))
-        for label, errors, scale in rows
-        if errors["count"]
-    ]
-    nees = (number_text(paired["nees"].get(name, {"value": np.nan})["value"], 2) for name in names)
-    return table((f"common ({paired['common_ticks']} ticks)", *names), [*cells, ("NEES/6", *nees)])
+    return rows
 
 
 def _by_time(paired: Mapping[str, Any], names: Sequence[str]) -> str:

@@ -70,11 +70,16 @@ def _mean_length(mean: FloatArray, variance: FloatArray) -> FloatArray:
     square = np.sum(mean * mean + variance, axis=1)
     scale = np.where(square > 0.0, square, 1.0)[:, None]
     t = np.exp(np.arange(-reach, reach + step, step)) / scale
-    spread = 1.0 + 2.0 * t[:, :, None] * variance[:, None, :]
-    falling = t[:, :, None] * (mean * mean)[:, None, :] / spread
-    log_mean = np.sum(-0.5 * np.log(spread) - falling, axis=2)
+    log_mean = _log_mean_decay(t, mean, variance)
     length = step * np.sum(-np.expm1(log_mean) / np.sqrt(t), axis=1) / (2.0 * np.sqrt(np.pi))
     return np.where(square > 0.0, length, 0.0)
+
+
+def _log_mean_decay(t: FloatArray, mean: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return ln E exp(-t x²) (n, k) of normal vectors at t (n, k)."""
+    spread = 1.0 + 2.0 * t[:, :, None] * variance[:, None, :]
+    falling = t[:, :, None] * (mean * mean)[:, None, :] / spread
+    return np.asarray(np.sum(-0.5 * np.log(spread) - falling, axis=2))
 
 
 @cache

@@ -2,7 +2,7 @@
 noise, false launches.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -72,7 +72,6 @@ def recognition_figures(runs: Sequence[Recognition], seeds: Sequence[int]) -> di
     is_weighed = ~np.isnan(recognised_s)
     false_launches = sum(run.false_launches for run in runs)
     hours = sum(run.hours for run in runs)
-    names = [(seed, name) for run, seed in zip(runs, seeds, strict=True) for name in run.targets]
     return {
         "false_launches": false_launches,
         "hours": hours,
@@ -81,12 +80,21 @@ def recognition_figures(runs: Sequence[Recognition], seeds: Sequence[int]) -> di
         "launches_sure": share(np.isfinite(sure_s[is_weighed])),
         "median_sure_after_s": float(np.median(sure_s[is_weighed])) if is_weighed.any() else np.nan,
         "launches": [
-            {"seed": seed, "target": name, "recognised_after_s": after_s, "sure_after_s": sure}
-            for (seed, name), after_s, sure in zip(
-                names, recognised_s.tolist(), sure_s.tolist(), strict=True
-            )
+            launch for run, seed in zip(runs, seeds, strict=True) for launch in _launches(run, seed)
         ],
     }
+
+
+def _launches(run: Recognition, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield the times of each launch of a run, as plain values."""
+    times = (run.targets, run.recognised_after_s.tolist(), run.sure_after_s.tolist())
+    for target, recognised_s, sure_s in zip(*times, strict=True):
+        yield {
+            "seed": seed,
+            "target": target,
+            "recognised_after_s": recognised_s,
+            "sure_after_s": sure_s,
+        }
 
 
 def _rate(count: float, hours: float) -> dict[str, Any]:

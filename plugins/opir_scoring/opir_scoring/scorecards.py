@@ -177,22 +177,31 @@ def _types(evidence: RunEvidence, owners: Ownership) -> Mapping[str, IntArray]:
 
 def _counts(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     launches = sum(run.launches for run in runs)
-    tracks, completeness, first_track_s = (
-        np.concatenate([getattr(run.coverage, name) for run in runs])
-        for name in ("tracks", "share", "first_track_s")
-    )
-    tracked = tracks[tracks > 0].astype(np.float64)
     purity = np.concatenate([run.owners.purity[run.owners.target >= 0] for run in runs])
     false_tracks = np.array([np.count_nonzero(run.owners.target < 0) for run in runs])
+    coverage = _coverage_figures([run.coverage for run in runs], launches)
+    return {
+        "launches_tracked": coverage["launches_tracked"],
+        "tracks_a_launch": coverage["tracks_a_launch"],
+        "false_tracks_a_run": mean(false_tracks),
+        "purity": mean(purity, 1.0),
+        "completeness": coverage["completeness"],
+        "first_track_after_s": coverage["first_track_after_s"],
+        "tracking_us_a_detection": _pace(runs, [run.detections for run in runs]),
+        "tracking_us_a_track_update": _pace(runs, [run.track_updates for run in runs]),
+    }
+
+
+def _coverage_figures(runs: Sequence[Coverage], launches: int) -> dict[str, Any]:
+    tracks = np.concatenate([run.tracks for run in runs])
+    completeness = np.concatenate([run.share for run in runs])
+    first_track_s = np.concatenate([run.first_track_s for run in runs])
+    tracked = tracks[tracks > 0].astype(np.float64)
     return {
         "launches_tracked": figure(*proportion(len(tracked), launches)),
         "tracks_a_launch": of_some(mean(tracked), len(tracked), launches),
-        "false_tracks_a_run": mean(false_tracks),
-        "purity": mean(purity, 1.0),
         "completeness": of_some(mean(completeness, 1.0), _finite_count(completeness), launches),
         "first_track_after_s": of_some(mean(first_track_s), _finite_count(first_track_s), launches),
-        "tracking_us_a_detection": _pace(runs, [run.detections for run in runs]),
-        "tracking_us_a_track_update": _pace(runs, [run.track_updates for run in runs]),
     }
 
 
@@ -329,11 +338,7 @@ def _gospa(runs: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, Any]
 
 def _reported_types(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     """Return the share of types reported correctly, and the confusion matrix."""
-    zero = np.zeros(len(REPORTED_TYPES), dtype=np.int64)
-    count = {
-        name: sum((run.confusion.get(name, zero) for run in runs), zero)
-        for name in by_class(name for run in runs for name in run.confusion)
-    }
+    count = _type_counts(runs)
     right_types = {name: right for run in runs for name, right in run.right_types.items()}
     right = sum(int(row[REPORTED_TYPES.index(right_types[name])]) for name, row in count.items())
     total = sum(int(row.sum()) for row in count.values())
@@ -344,6 +349,15 @@ def _reported_types(runs: Sequence[ScoredRun]) -> dict[str, Any]:
             name: dict(zip(REPORTED_TYPES, row.tolist(), strict=True))
             for name, row in count.items()
         },
+    }
+
+
+def _type_counts(runs: Sequence[ScoredRun]) -> dict[str, IntArray]:
+    """Return, by target class, counts (reported types,) over runs."""
+    zero = np.zeros(len(REPORTED_TYPES), dtype=np.int64)
+    return {
+        name: sum((run.confusion.get(name, zero) for run in runs), zero)
+        for name in by_class(name for run in runs for name in run.confusion)
     }
 
 

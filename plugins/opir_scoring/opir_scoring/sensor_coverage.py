@@ -79,25 +79,35 @@ def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSetting
 
     A track of a launch whose truth is no longer known, as after burnout, is left out.
     """
-    targets = evidence.plan.targets
-    tracks = evidence.tracks
-    launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
-    owner = owners.target[np.searchsorted(owners.track, tracks.track)]
     rows = []
     for tick_s in ticks_s(evidence).tolist():
-        is_flying = (targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)
-        flying = launches[is_flying]
-        if not len(flying):
-            continue
-        true = true_states_ecef(evidence.plan, flying, np.full(len(flying), tick_s))[:, :3]
-        is_finite = (tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0])
-        estimates = tracks.state[is_finite & ((owner < 0) | np.isin(owner, flying)), :3]
-        result = gospa(
-            estimates, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha
-        )
-        powers = (result.localisation, result.missed, result.false)
-        rows.append((result.distance, *powers, len(flying)))
+        estimates, true = _estimates_and_truth(evidence, owners, tick_s)
+        if len(true):
+            result = gospa(
+                estimates,
+                true,
+                cutoff=settings.cutoff_m,
+                order=settings.order,
+                alpha=settings.alpha,
+            )
+            powers = (result.localisation, result.missed, result.false)
+            rows.append((result.distance, *powers, len(true)))
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
+
+
+def _estimates_and_truth(
+    evidence: RunEvidence, owners: Ownership, tick_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the positions of tracks (m, 3) and of flying launches (n, 3) at a tick, m."""
+    targets = evidence.plan.targets
+    tracks = evidence.tracks.take(evidence.tracks.tick_s == tick_s)
+    launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
+    is_flying = (targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)
+    flying = launches[is_flying]
+    true = true_states_ecef(evidence.plan, flying, np.full(len(flying), tick_s))[:, :3]
+    owner = owners.target[np.searchsorted(owners.track, tracks.track)]
+    is_scored = np.isfinite(tracks.state[:, 0]) & ((owner < 0) | np.isin(owner, flying))
+    return tracks.state[is_scored, :3], true
 
 
 def mean_gospa(parts: FloatArray, order: float) -> FloatArray:
