@@ -68,9 +68,9 @@ def test_ticks_are_those_at_which_the_tracker_is_asked(reported):
 def test_a_tick_without_a_track_is_not_covered_and_the_launch_missed(reported):
     seen_s = reported.time_s[reported.target == 0][0]
     due = np.arange(np.ceil(seen_s), 91.0)
-    found = coverage(reported, ownership(reported))
-    assert found.share == pytest.approx([51.0 / len(due)])
-    assert found.first_track_s == pytest.approx([FIRST_S - seen_s])
+    result = coverage(reported, ownership(reported))
+    assert result.share == pytest.approx([51.0 / len(due)])
+    assert result.first_track_s == pytest.approx([FIRST_S - seen_s])
     parts = gospa_parts(reported, ownership(reported), GospaSettings())
     # Truth is known from ignition, at 10 s, on.
     assert len(parts) == 81
@@ -102,9 +102,9 @@ def test_what_is_reported_after_a_track_was_lost_is_judged_too(reported):
     evidence = lost_and_found(reported)
     owners = ownership(evidence)
     assert owners.target.tolist() == [0, 0]
-    found = coverage(evidence, owners)
-    assert found.tracks.tolist() == [2]
-    assert found.share[0] == pytest.approx(
+    result = coverage(evidence, owners)
+    assert result.tracks.tolist() == [2]
+    assert result.share[0] == pytest.approx(
         coverage(reported, ownership(reported)).share[0] * 46.0 / 51.0
     )
     errors = state_errors(evidence, owners)

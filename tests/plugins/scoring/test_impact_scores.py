@@ -271,16 +271,16 @@ def test_the_energy_of_regions_is_that_of_the_area_they_state():
     # Uniform over a disc about the truth: 2/3 R from its centre, 128 R / 45 pi between two points
     # of it.
     radius_m = 50e3
-    whole = disc(beyond(0.0), radius_m, 0.95, 0.0)
+    total = disc(beyond(0.0), radius_m, 0.95, 0.0)
     parts = tuple(disc(beyond(0.0), radius_m * np.sqrt(share), share, 0.0) for share in (0.5, 0.9))
     expected = radius_m * (2.0 / 3.0 - 64.0 / (45.0 * np.pi))
     place = np.array([*beyond(0.0), 0.0])
-    assert region_energy_m((whole,), place) == pytest.approx(expected, rel=0.02)
-    assert region_energy_m((*parts, whole), place) == pytest.approx(expected, rel=0.02)
+    assert region_energy_m((total,), place) == pytest.approx(expected, rel=0.02)
+    assert region_energy_m((*parts, total), place) == pytest.approx(expected, rel=0.02)
     # Two conditions: half of the weight lies around a place that is far away.
     far_m = 2000e3
     away = disc(beyond(far_m), radius_m, 0.95, 0.0)
-    both = (*with_condition((whole,), "burn over", 0.4), *with_condition((away,), "relights", 0.4))
+    both = (*with_condition((total,), "burn over", 0.4), *with_condition((away,), "relights", 0.4))
     within = 128.0 * radius_m / (45.0 * np.pi)
     mixed = 0.5 * (2.0 / 3.0 * radius_m + far_m) - 0.5 * (0.5 * within + 0.5 * far_m)
     assert region_energy_m(both, place) == pytest.approx(mixed, rel=0.01)

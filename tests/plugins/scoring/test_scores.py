@@ -47,9 +47,9 @@ def test_nees_of_the_unknown_is_nan_and_of_a_false_covariance_inf():
 
 def test_honest_samples_pass_and_others_do_not():
     honest = chi2(6).rvs(2000, random_state=3)
-    found = consistency(honest, 6)
-    assert found.is_inside
-    assert found.p_value > 0.001
+    result = consistency(honest, 6)
+    assert result.is_inside
+    assert result.p_value > 0.001
     assert not consistency(1.3 * honest, 6).is_inside
     # Half far too large, half far too small: the mean is right, the distribution is not.
     mixed = np.where(np.arange(2000) % 2 == 0, 0.2, 1.8) * honest
@@ -131,9 +131,9 @@ def judged_innovations(scale):
 
 @pytest.mark.slow
 def test_innovations_of_an_honest_tracker_are_chi_squared():
-    found = judged_innovations(1.0)
-    assert len(found) > 80
-    honest = consistency(found.nis, 2, 0.999)
+    result = judged_innovations(1.0)
+    assert len(result) > 80
+    honest = consistency(result.nis, 2, 0.999)
     assert honest.is_inside
     assert honest.p_value > 0.001
     assert not consistency(judged_innovations(3.0).nis, 2, 0.999).is_inside

@@ -148,12 +148,12 @@ def classified() -> dict[str, tuple[Array, Codes, Codes]]:
         [target for target, _ in launches], [], 41, launches_per_day=per_day, sources_in_view={}
     )
     run = opir.simulate(plain)
-    found = {}
+    result = {}
     for number, name in enumerate(SENSORS):
         rows = np.flatnonzero((run.detections.sensor == number) & (run.truth.target >= 0))
         launch = run.truth.target[rows].astype(np.int64)
-        found[name] = run.detections.type_probability[rows], code[launch], launch
-    return found
+        result[name] = run.detections.type_probability[rows], code[launch], launch
+    return result
 
 
 @pytest.mark.slow

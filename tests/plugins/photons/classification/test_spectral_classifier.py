@@ -111,16 +111,16 @@ def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
     signal = np.atleast_2d(np.asarray(intensity, dtype=np.float64).T).T
     rows = len(signal)
     zeros = np.zeros(len(signal))
-    whole = np.zeros(rows, dtype=np.int32)
+    total = np.zeros(rows, dtype=np.int32)
     return ClassifierInputs(
         time_s=zeros,
-        sensor=whole,
-        target=whole - 1,
+        sensor=total,
+        target=total - 1,
         range_m=zeros + RANGE_M,
         elevation_sine=zeros + 0.5,
-        bands=whole.astype(np.uint8),
-        band_count=whole.astype(np.int64),
-        band_total=whole.astype(np.int64) + 1,
+        bands=total.astype(np.uint8),
+        band_count=total.astype(np.int64),
+        band_total=total.astype(np.int64) + 1,
         detection_count=np.broadcast_to(np.asarray(count, dtype=np.int32), (rows,)),
         snr=zeros,
         band_irradiance_w_m2=signal / RANGE_M**2,
@@ -190,8 +190,8 @@ def test_the_density_of_none_is_a_log_uniform_intensity_in_noise(sigma: float) -
     # there.
     for y in measured[((measured > 10.0) | (sigma > 100.0)) & (measured < 1e8)]:
         exact = np.trapezoid(norm.pdf(y, np.exp(log_s), sigma), log_s) / (log_s[-1] - log_s[0])
-        found = np.exp(log_uniform_in_noise(np.array([y]), np.array([sigma**2])))[0]
-        assert found == pytest.approx(exact, rel=0.03)
+        result = np.exp(log_uniform_in_noise(np.array([y]), np.array([sigma**2])))[0]
+        assert result == pytest.approx(exact, rel=0.03)
 
 
 def test_missiles_are_summed_by_the_type_that_they_report_as_and_space_launches_are_no_missile() -> (
@@ -247,9 +247,9 @@ def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
     ]
     for row in range(rows):
         for column, (weight, mean, covariance) in enumerate(every):
-            whole = covariance + np.diag([*variance[row], 0.0])
-            alone = multivariate_normal(mean[:-1], whole[:-1, :-1]).logpdf(signal[row])
-            both = multivariate_normal(mean, whole).logpdf([*signal[row], count[row]])
+            total = covariance + np.diag([*variance[row], 0.0])
+            alone = multivariate_normal(mean[:-1], total[:-1, :-1]).logpdf(signal[row])
+            both = multivariate_normal(mean, total).logpdf([*signal[row], count[row]])
             assert seen[row, column] == pytest.approx(weight + alone, rel=1e-8, abs=1e-8)
             assert counted[row, column] == pytest.approx(both - alone, rel=1e-7, abs=1e-7)
     sums = [logsumexp(seen[:, 4 * code : 4 * code + 4], axis=1) for code in range(3)]
@@ -282,8 +282,8 @@ def test_ratios_are_exact_where_probabilities_are_no_doubles() -> None:
             + 50.0 / MEAN_COUNT
         )
         assert expected < -1e5
-        found = logsumexp(log[row, SRBM : SLV + 1]) - log[row, GROUND]
-        assert found == pytest.approx(expected, rel=1e-9)
+        result = logsumexp(log[row, SRBM : SLV + 1]) - log[row, GROUND]
+        assert result == pytest.approx(expected, rel=1e-9)
 
 
 @given(
@@ -335,8 +335,8 @@ def test_the_motion_of_a_track_takes_the_place_of_the_prior() -> None:
         np.exp(revised[0, missiles]), like / like.sum() * np.exp(log[0, missiles]).sum()
     )
     # Whether it is a missile is for its light to say, and a track that knows nothing says nothing.
-    rest = [NOISE, GROUND, BOLIDE, SLV, NONE]
-    assert np.array_equal(revised[0, rest], log[0, rest])
+    remainder = [NOISE, GROUND, BOLIDE, SLV, NONE]
+    assert np.array_equal(revised[0, remainder], log[0, remainder])
     assert np.array_equal(revised[1:], log[1:])
 
 
@@ -391,24 +391,24 @@ def judged(**changes: Any) -> Any:
 def test_confidence_follows_when_motion_revises_types() -> None:
     model = PosteriorConfidence(known_classifier())
     plain = judged(confidence=np.array([0.8, 0.8]))
-    found = with_tracks(known_classifier(), model, plain, tracks(knows_burnout=True))
-    rows = np.arange(2), found.reported_type
-    assert found.confidence == pytest.approx(np.exp(found.type_log_probability)[rows])
-    assert found.confidence[1] == 0.8 != found.confidence[0]
+    result = with_tracks(known_classifier(), model, plain, tracks(knows_burnout=True))
+    rows = np.arange(2), result.reported_type
+    assert result.confidence == pytest.approx(np.exp(result.type_log_probability)[rows])
+    assert result.confidence[1] == 0.8 != result.confidence[0]
 
 
 @pytest.mark.parametrize("knows_burnout", [True, False])
 def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burnout: bool) -> None:
     classifier = known_classifier()
     model = ConstantConfidence(0.5)
-    found = with_tracks(classifier, model, judged(), tracks(knows_burnout=knows_burnout))
-    assert found.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
-    assert np.array_equal(found.hypothesis_log_probability[1], ALIKE[1])
+    result = with_tracks(classifier, model, judged(), tracks(knows_burnout=knows_burnout))
+    assert result.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
+    assert np.array_equal(result.hypothesis_log_probability[1], ALIKE[1])
     assert np.array_equal(
-        classifier.over_types(found.hypothesis_log_probability, REPORTED_TYPES),
-        found.type_log_probability,
+        classifier.over_types(result.hypothesis_log_probability, REPORTED_TYPES),
+        result.type_log_probability,
     )
-    assert np.allclose(found.type_probability.sum(axis=1), 1.0)
+    assert np.allclose(result.type_probability.sum(axis=1), 1.0)
 
 
 def test_points_fill_the_cube_evenly() -> None:

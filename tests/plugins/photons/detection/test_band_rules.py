@@ -147,20 +147,23 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
     snr = np.array([6.0, 8.0, 2.5])
     ones = np.ones((60_000, 3))
     free = snr + rng.normal(size=ones.shape)
-    kept = free[rule.passes(free, rule.slopes(ones))]
+    selected = free[rule.passes(free, rule.slopes(ones))]
     drawn = rule.conditional(
-        np.tile(snr, (len(kept), 1)), rule.slopes(ones[: len(kept)]), rng.random((len(kept), 4))
+        np.tile(snr, (len(selected), 1)),
+        rule.slopes(ones[: len(selected)]),
+        rng.random((len(selected), 4)),
     )
     assert rule.passes(drawn, rule.slopes(ones[: len(drawn)])).all()
     for band in range(3):
-        ordered = np.sort(kept[:, band])
+        ordered = np.sort(selected[:, band])
         distance = np.max(
             np.abs(
-                np.searchsorted(ordered, np.sort(drawn[:, band])) / len(kept) - _shares(len(drawn))
+                np.searchsorted(ordered, np.sort(drawn[:, band])) / len(selected)
+                - _shares(len(drawn))
             )
         )
         # Two samples of n: Kolmogorov's 1.95 at 99.9 % times sqrt(2 / n).
-        assert distance < 1.95 * np.sqrt(2.0 / len(kept))
+        assert distance < 1.95 * np.sqrt(2.0 / len(selected))
 
 
 @pytest.mark.slow
@@ -244,13 +247,13 @@ def test_a_row_is_drawn_alike_whoever_is_drawn_with_it() -> None:
     snr = rng.uniform(3.0, 9.0, (500, 3))
     seeds = rng.integers(0, 2**64, 500, dtype=np.uint64)
     chance = np.exp(TRIPLE.log_chances(snr, TRIPLE.slopes(np.ones((500, 3))))[0])
-    whole = accepted_draws(TRIPLE, snr, TRIPLE.slopes(np.ones((500, 3))), chance, seeds)
+    total = accepted_draws(TRIPLE, snr, TRIPLE.slopes(np.ones((500, 3))), chance, seeds)
     part = slice(100, 137)
     assert np.array_equal(
         accepted_draws(
             TRIPLE, snr[part], TRIPLE.slopes(np.ones((37, 3))), chance[part], seeds[part]
         ),
-        whole[part],
+        total[part],
     )
 
 
@@ -288,9 +291,9 @@ def test_truncated_numbers_follow_their_law_in_every_tail(low: float, high: floa
     assert np.all((drawn >= low) & (drawn <= high))
     if high <= 0.0:
         low, high, drawn = -high, -low, -drawn
-    whole = np.expm1(norm.logsf(high) - norm.logsf(low))
+    total = np.expm1(norm.logsf(high) - norm.logsf(low))
     assert (
-        kstest(np.expm1(norm.logsf(drawn) - norm.logsf(low)) / whole, "uniform").statistic
+        kstest(np.expm1(norm.logsf(drawn) - norm.logsf(low)) / total, "uniform").statistic
         < 1.0 / count
     )
 

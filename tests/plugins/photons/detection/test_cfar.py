@@ -64,8 +64,8 @@ def test_effective_looks_are_those_of_the_variance_of_a_mean() -> None:
         series[:, look] = rho * series[:, look - 1] + np.sqrt(1 - rho**2) * rng.normal(
             size=len(series)
         )
-    found = float(effective_looks(rho ** np.arange(looks)))
-    assert 1.0 / series.mean(axis=1).var() == pytest.approx(found, rel=0.015)
+    result = float(effective_looks(rho ** np.arange(looks)))
+    assert 1.0 / series.mean(axis=1).var() == pytest.approx(result, rel=0.015)
     assert float(effective_looks(np.eye(1, 9)[0])) == 9.0
     assert float(effective_looks(np.ones(9))) == pytest.approx(1.0)
 
@@ -87,7 +87,7 @@ def test_detection_only_grows_with_signals_up_to_the_largest(cells: int, thresho
     snr = np.array(
         [0.0, 1e-300, 1.0, 1e2, 1e4, 3e4, 1e5, 3e5, 1e6, 1e8, 1e10, 1e12, 1e15, 1e300, np.inf]
     )
-    found = cfar_probability_of_detection(snr, threshold, cells)
-    assert np.all(np.diff(found) >= -1e-9)
-    assert np.all((found >= 0.0) & (found <= 1.0))
-    assert found[-3:].tolist() == pytest.approx([1.0, 1.0, 1.0])
+    result = cfar_probability_of_detection(snr, threshold, cells)
+    assert np.all(np.diff(result) >= -1e-9)
+    assert np.all((result >= 0.0) & (result <= 1.0))
+    assert result[-3:].tolist() == pytest.approx([1.0, 1.0, 1.0])

@@ -62,7 +62,7 @@ def test_noise_is_as_often_as_the_page_says(row: str) -> None:
 def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
     plan = assembled({"model": "snr", "calibrate": "paper"})
     plume = Host.discover().component("opir_signature_models", "plume")
-    found = []
+    result = []
     for sensor, receiver in zip(plan.sensors, plan.detection.receivers, strict=True):
         context = SignatureContext(
             bands=sensor.bands,
@@ -85,5 +85,5 @@ def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
         noise = receiver.nei_w_m2
         snr = (intensity / 3.6e7**2 / noise)[None, :]
         log_hit, _ = receiver.rule.log_chances(snr, receiver.slopes(snr, noise[None, :], None))
-        found.append(float(np.exp(log_hit[0])))
-    assert shown(kind) == pytest.approx(found, rel=0.05)
+        result.append(float(np.exp(log_hit[0])))
+    assert shown(kind) == pytest.approx(result, rel=0.05)

@@ -181,12 +181,12 @@ def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(
     # Scores N(1, 1) against N(0, 1): the area is Phi(1/sqrt 2); deviations are held to those of
     # many repetitions.
     rng = np.random.default_rng(9)
-    found = []
+    result = []
     for _ in range(400):
         plume = rng.normal(1.0, 1.0, 80)
         other = rng.normal(0.0, 1.0, 60)
-        found.append(benchmark_.area(plume, other))
-    middle, low, high = np.array(found).T
+        result.append(benchmark_.area(plume, other))
+    middle, low, high = np.array(result).T
     true = norm.cdf(np.sqrt(0.5))
     assert abs(middle.mean() - true) < 3.3 * middle.std() / 20.0
     assert 0.90 < np.mean((low <= true) & (true <= high)) < 0.985

@@ -155,8 +155,8 @@ def test_a_whole_flight_from_launch_to_aim_point() -> None:
         for latitude, longitude in ((5.0, -100.0), (40.0, -60.0))
     )
     flight = aim(launch, target, 0.0, [boost_profile("ICBM_solid")])
-    whole = flight_ephemeris(flight)
-    assert whole.position_m(0, whole.end_s[0]) == pytest.approx(flight.impact_ecef_m[0], abs=0.01)
-    assert whole.position_m(0, whole.start_s[0]) == pytest.approx(
+    total = flight_ephemeris(flight)
+    assert total.position_m(0, total.end_s[0]) == pytest.approx(flight.impact_ecef_m[0], abs=0.01)
+    assert total.position_m(0, total.start_s[0]) == pytest.approx(
         flight.path.plane.launch_m[0], abs=0.01
     )

@@ -40,12 +40,12 @@ def plan_of(scale: float = 1.0, slot_deg: float = -105.0, **changes: Any) -> Any
 
 
 def factor(scale: float) -> float:
-    found = re.search(
+    result = re.search(
         r"at best ([\d.]+) times below the threshold of 5.5 sigma, by S at",
         undetected_text(plan_of(scale), 0),
     )
-    assert found is not None
-    return float(found[1])
+    assert result is not None
+    return float(result[1])
 
 
 def test_a_plume_of_half_the_light_is_twice_as_far_below_the_threshold() -> None:

@@ -93,10 +93,10 @@ def test_a_straight_line_has_one_transmittance_from_beyond_the_air(band, lowest_
     radius_m = 6_371_000.0
     height_m = np.array([99_999.9, 100_000.1, 150e3, 400e3, 1000e3])
     sine = -np.sqrt(1.0 - np.square((radius_m + lowest_m) / (radius_m + height_m)))
-    found = MODEL.transmittance(band, paths(height_m, sine))
-    np.testing.assert_allclose(found, found[0], atol=1e-4)
-    assert lowest_m > 5e3 or (found < 0.01).all()
-    assert lowest_m < 60e3 or (found > 0.9).all()
+    result = MODEL.transmittance(band, paths(height_m, sine))
+    np.testing.assert_allclose(result, result[0], atol=1e-4)
+    assert lowest_m > 5e3 or (result < 0.01).all()
+    assert lowest_m < 60e3 or (result > 0.9).all()
 
 
 def test_the_horizon_is_crossed_without_a_step():
@@ -151,8 +151,8 @@ def test_a_band_of_parts_is_their_mean_by_width():
     context = AtmosphereContext(bands=(wide, *parts), path="atmosphere", seed=0)
     model = lowtran_atmosphere(LowtranConfig(), context)
     some = paths([0.0, 5e3, 20e3], [1.0, 0.3, 0.1])
-    whole, first, second = (model.transmittance(number, some) for number in range(3))
-    np.testing.assert_allclose(whole, (0.5 * first + second) / 1.5, rtol=1e-12)
+    total, first, second = (model.transmittance(number, some) for number in range(3))
+    np.testing.assert_allclose(total, (0.5 * first + second) / 1.5, rtol=1e-12)
 
 
 def test_other_bands_are_refused_in_words():
@@ -239,8 +239,8 @@ def test_a_field_covers_its_share(cover):
 
 
 def test_a_field_hangs_on_its_seed_alone():
-    one, again, other = (CloudField.drawn(8e3, 0.5, 200e3, seed) for seed in (1, 1, 2))
-    assert (one.cloudy == again.cloudy).all()
+    one, repeated, other = (CloudField.drawn(8e3, 0.5, 200e3, seed) for seed in (1, 1, 2))
+    assert (one.cloudy == repeated.cloudy).all()
     assert (one.cloudy != other.cloudy).any()
 
 

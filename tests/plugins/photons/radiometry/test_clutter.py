@@ -86,8 +86,8 @@ def test_the_variance_is_that_of_a_sum_over_pairs_of_pixels(
     )
     pairs = (weights.ravel()[:, None] * weights.ravel()).ravel()
     expected = float((pairs * smoothed_correlation(apart, sigma, scale)[which.ravel()]).sum())
-    found = float(SpatialTransfer.of(weights, PointSpread(math.inf, sigma)).variance(scale, 3.0))
-    assert found == pytest.approx(expected, rel=3e-3)
+    result = float(SpatialTransfer.of(weights, PointSpread(math.inf, sigma)).variance(scale, 3.0))
+    assert result == pytest.approx(expected, rel=3e-3)
 
 
 def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation() -> None:
@@ -101,8 +101,8 @@ def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation
         drift * np.stack([np.cos(turn), np.sin(turn)], axis=1), sigma, scale
     ).mean()
     here = smoothed_correlation(np.zeros((1, 2)), sigma, scale)[0]
-    left = float(transfer.variance(scale, 3.0, FrameDifference(1.0, 0.0, drift)))
-    assert left == pytest.approx(2.0 * (here - apart), rel=5e-3)
+    remaining = float(transfer.variance(scale, 3.0, FrameDifference(1.0, 0.0, drift)))
+    assert remaining == pytest.approx(2.0 * (here - apart), rel=5e-3)
 
 
 def test_small_displacements_leave_gradient_times_displacement_and_large_ones_both_frames() -> None:
@@ -117,10 +117,12 @@ def test_small_displacements_leave_gradient_times_displacement_and_large_ones_bo
         ).sum()
     )
     for registration, drift in ((1e-4, 0.0), (0.0, 1e-4), (2e-4, 3e-4)):
-        left = float(transfer.variance(8.0, 3.0, FrameDifference(1.0, registration, drift)))
+        remaining = float(transfer.variance(8.0, 3.0, FrameDifference(1.0, registration, drift)))
         # Half of a squared gradient lies along each axis; the registration error is of both frames
         # and both axes.
-        assert left == pytest.approx(gradient * (2.0 * registration**2 + 0.5 * drift**2), rel=1e-5)
+        assert remaining == pytest.approx(
+            gradient * (2.0 * registration**2 + 0.5 * drift**2), rel=1e-5
+        )
     assert float(transfer.variance(8.0, 3.0, FrameDifference(1.0, 0.0, 90.0))) == pytest.approx(
         2.0 * alone, rel=0.02
     )
@@ -160,10 +162,10 @@ def test_correlation_of_looks() -> None:
 
 
 def test_leaks_by_filter_are_less_than_of_a_single_pixel_per_signal() -> None:
-    left = {}
+    remaining = {}
     for kind in ("sum", "surround", "matched"):
         weights = filter_weights(kind, 1, 0.35, 1.0)
         variance = SpatialTransfer.of(weights, PointSpread(math.inf, 0.35)).variance(10.0, 3.0)
-        left[kind] = math.sqrt(float(variance)) / signal_gain(weights, 0.35, 1)
-    assert left["surround"] < 0.4 * left["sum"]
-    assert left["matched"] < 0.4 * left["sum"]
+        remaining[kind] = math.sqrt(float(variance)) / signal_gain(weights, 0.35, 1)
+    assert remaining["surround"] < 0.4 * remaining["sum"]
+    assert remaining["matched"] < 0.4 * remaining["sum"]

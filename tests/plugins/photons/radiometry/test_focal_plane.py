@@ -62,8 +62,8 @@ def test_ensquared_energy_is_the_integral_over_the_square(
         "worst": along(0.5),
         "mean": quad(along, -0.5, 0.5, epsabs=1e-13, limit=400)[0],
     }
-    found = ensquared_energy(width * pixel, pixel, pixels, phase)
-    assert float(found) == pytest.approx(expected[phase] ** 2, rel=1e-9)
+    result = ensquared_energy(width * pixel, pixel, pixels, phase)
+    assert float(result) == pytest.approx(expected[phase] ** 2, rel=1e-9)
 
 
 def test_a_point_on_a_corner_shares_its_light_among_four_pixels() -> None:
@@ -86,12 +86,12 @@ def test_mean_shares_are_those_of_photons_thrown_one_by_one(pixels: int) -> None
     spot = rng.uniform(-0.5, 0.5, (thrown, 2)) + sigma * rng.normal(size=(thrown, 2))
     place = np.floor(spot + 0.5 * pixels).astype(int)
     inside = np.all((place >= 0) & (place < pixels), axis=1)
-    found = (
+    result = (
         np.bincount(place[inside] @ [pixels, 1], minlength=pixels**2).reshape(pixels, pixels)
         / thrown
     )
     expected = mean_shares(pixels, sigma, 1.0)
-    assert np.all(np.abs(found - expected) < 4.5 * np.sqrt(expected * (1.0 - expected) / thrown))
+    assert np.all(np.abs(result - expected) < 4.5 * np.sqrt(expected * (1.0 - expected) / thrown))
     assert expected.sum() == pytest.approx(float(ensquared_energy(sigma, 1.0, pixels)), rel=1e-12)
     assert corner_shares(pixels, sigma, 1.0).sum() == pytest.approx(
         float(ensquared_energy(sigma, 1.0, pixels, "worst")), rel=1e-12
@@ -175,8 +175,8 @@ def test_the_centroid_bound_is_that_of_a_sum_over_pixels(
     width: float, snr: float, signal: float
 ) -> None:
     expected = lattice_sigma(snr, width, signal, 16)
-    found = float(centroid_sigma_rad(snr, 28e-6 * width, 28e-6, signal))
-    assert found == pytest.approx(28e-6 * expected, rel=1e-3)
+    result = float(centroid_sigma_rad(snr, 28e-6 * width, 28e-6, signal))
+    assert result == pytest.approx(28e-6 * expected, rel=1e-3)
     white = float(centroid_factor_rad(width, 1.0)) / snr
     photons = float(photon_centroid_variance(width, 1.0)) / signal
     assert math.sqrt(float(joined_centroid_variance(white**2, photons))) == pytest.approx(

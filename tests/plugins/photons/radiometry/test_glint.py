@@ -89,8 +89,8 @@ class TestGlint:
             tilt = np.arctan(slope)
             return 2.0 * np.pi * slope * float(slope_density(tilt, variance)) * np.cos(tilt) ** 4
 
-        whole, _ = integrate.quad(ring, 0.0, 3.0)
-        assert whole == pytest.approx(1.0, rel=1e-8)
+        total, _ = integrate.quad(ring, 0.0, 3.0)
+        assert total == pytest.approx(1.0, rel=1e-8)
 
     def test_mirrors_reflect_as_fresnel_says(self):
         assert reflectance(np.array(1.0), 1.33) == pytest.approx(((1.33 - 1.0) / (1.33 + 1.0)) ** 2)
@@ -147,8 +147,10 @@ class TestSeaGlint:
         view, _, _ = seen(np.array([10.0]), np.array([20.0]), mirror)
         sources = glint_sources(GlintConfig(at=HERE, wind_m_s=5.0, area_m2=1e4), context())
         expected = intensity(sources, 0, 0.0, mirror[0])
-        found = glint_of(bands=(SWIR,)).radiances_w_m2_sr((0,), view)[0] * 1e4 * np.sum(up * mirror)
-        assert found == pytest.approx(expected, rel=1e-6)
+        result = (
+            glint_of(bands=(SWIR,)).radiances_w_m2_sr((0,), view)[0] * 1e4 * np.sum(up * mirror)
+        )
+        assert result == pytest.approx(expected, rel=1e-6)
 
     @pytest.mark.slow
     @pytest.mark.parametrize("away", [0.0, 0.15, 0.4])
@@ -179,19 +181,19 @@ class TestSeaGlint:
         sigma = np.sqrt(np.square(weight).sum()) / count / solid_angle / (up @ to_sensor)
         view, _, _ = seen(np.array([10.0]), np.array([20.0]), to_sensor[None])
         light = float(solar_irradiance(WINDOW.lower_um, WINDOW.upper_um))
-        found = float(glint_of().radiances_w_m2_sr((0,), view)[0, 0]) / light
+        result = float(glint_of().radiances_w_m2_sr((0,), view)[0, 0]) / light
         # The cone averages over its width: the density bends by less than 2 % over it.
-        assert found == pytest.approx(expected, abs=4.0 * sigma + 0.02 * expected)
+        assert result == pytest.approx(expected, abs=4.0 * sigma + 0.02 * expected)
 
     def test_no_glint_is_brighter_than_the_suns_mirror_image(self):
         rng = np.random.default_rng(5)
         to_sensor = rng.normal(size=(5000, 3))
         to_sensor /= np.linalg.norm(to_sensor, axis=1)[:, None]
         view, _, _ = seen(rng.uniform(-80, 80, 5000), rng.uniform(-180, 180, 5000), to_sensor)
-        found = glint_of(0.0).radiances_w_m2_sr((0,), view)[0]
+        result = glint_of(0.0).radiances_w_m2_sr((0,), view)[0]
         image = float(solar_irradiance(3.5, 4.0)) / (np.pi * (6.957e8 / 149597870700.0) ** 2)
-        assert np.all((found >= 0.0) & (found <= image))
-        assert np.count_nonzero(found) > 500
+        assert np.all((result >= 0.0) & (result <= image))
+        assert np.count_nonzero(result) > 500
 
     def test_there_is_none_by_night_nor_below_the_horizon(self):
         view, _, _ = seen(

@@ -55,17 +55,17 @@ def plume(**settings):
 
 
 def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
-    made = []
+    built = []
     exact = planck.band_radiance
     monkeypatch.setattr(
-        plume_module, "band_radiance", lambda *place: made.append(place) or exact(*place)
+        plume_module, "band_radiance", lambda *place: built.append(place) or exact(*place)
     )
 
     def integrals(count):
         plume_module._radiance.cache_clear()
-        made.clear()
+        built.clear()
         plume_signatures([PlumeConfig(continuum_temperature_k=1511.0)] * count, context(count))
-        return len(made)
+        return len(built)
 
     assert integrals(100) == integrals(1) > 0
 
@@ -92,8 +92,8 @@ def test_a_band_has_what_its_parts_have(name):
         plume_intensity_w_sr(peaks, Band("part", low, high), 1500.0, 2000.0)
         for low, high in pairwise(edges.tolist())
     ]
-    whole = plume_intensity_w_sr(peaks, Band("whole", edges[0], edges[-1]), 1500.0, 2000.0)
-    assert sum(parts) == pytest.approx(whole, rel=1e-12)
+    total = plume_intensity_w_sr(peaks, Band("whole", edges[0], edges[-1]), 1500.0, 2000.0)
+    assert sum(parts) == pytest.approx(total, rel=1e-12)
     assert min(parts) > 0.0
 
 
@@ -107,12 +107,12 @@ def test_intensity_follows_the_stages():
 
 
 def test_intensity_rises_at_ignition():
-    found = intensity(
+    result = intensity(
         plume(rise_time_s=2.0, stages=1, propellant="storable"), time_s=np.linspace(0.0, 30.0, 200)
     )
-    assert found[0] == 0.0
-    assert (np.diff(found) >= 0.0).all()
-    assert found[-1] == pytest.approx(TABLE["peak_w_sr"]["ICBM_solid"]["SWIR"], rel=1e-6)
+    assert result[0] == 0.0
+    assert (np.diff(result) >= 0.0).all()
+    assert result[-1] == pytest.approx(TABLE["peak_w_sr"]["ICBM_solid"]["SWIR"], rel=1e-6)
 
 
 def test_afterburning_trough_and_recovery():
@@ -129,11 +129,11 @@ PLUME = plume()
 @given(st.floats(0.0, np.pi))
 def test_broadside_is_brightest_and_end_on_dimmest(aspect):
     signatures = PLUME
-    side, nose, tail, found = intensity(signatures, aspect_rad=[np.pi / 2, 0.0, np.pi, aspect])
+    side, nose, tail, result = intensity(signatures, aspect_rad=[np.pi / 2, 0.0, np.pi, aspect])
     assert nose / side == pytest.approx(0.1)
     assert tail / side == pytest.approx(0.3)
-    assert nose <= found * (1.0 + 1e-12)
-    assert found <= side
+    assert nose <= result * (1.0 + 1e-12)
+    assert result <= side
 
 
 def test_rows_do_not_depend_on_their_company():
@@ -277,7 +277,7 @@ def test_the_continuum_has_the_share_of_jet_power_that_its_table_states():
     )
     power_w = 3e9
     for name, row in table["propellants"].items():
-        found = (
+        result = (
             continuum_w_sr(propellants()[name], power_w, 0.4, 60.0)
             * np.pi
             / 4.0
@@ -285,7 +285,7 @@ def test_the_continuum_has_the_share_of_jet_power_that_its_table_states():
             * np.pi
             / power_w
         )
-        assert found == pytest.approx(row.get("radiated_share_of_jet_power", 0.0), rel=0.01)
+        assert result == pytest.approx(row.get("radiated_share_of_jet_power", 0.0), rel=0.01)
         assert row["source"]
         assert row["spread"] > 1.0
 
@@ -302,8 +302,8 @@ def test_the_continuums_colour_is_that_of_its_particles(name):
             black * (1.0 - np.exp(-4.0 / wavelength) if name == "kerosene" else 1.0), wavelength
         )
 
-    ours = continuum_w_sr(fuel, 1e9, 3.8, 4.0) / continuum_w_sr(fuel, 1e9, 8.0, 12.0)
-    assert ours == pytest.approx(summed(3.8, 4.0) / summed(8.0, 12.0), rel=1e-6)
+    computed = continuum_w_sr(fuel, 1e9, 3.8, 4.0) / continuum_w_sr(fuel, 1e9, 8.0, 12.0)
+    assert computed == pytest.approx(summed(3.8, 4.0) / summed(8.0, 12.0), rel=1e-6)
 
 
 def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():

@@ -42,10 +42,10 @@ def test_a_fire_is_a_flat_grey_body():
     )
     up = local_axes(sources.trajectories.start_ecef_m)[0, 2]
     (_, north, _) = local_axes(sources.trajectories.start_ecef_m)[0]
-    whole = 0.5 * 200.0 * band_radiance(900.0, 4.0, 5.0)
-    assert intensity(sources, 1) == pytest.approx(whole, rel=1e-12)
+    total = 0.5 * 200.0 * band_radiance(900.0, 4.0, 5.0)
+    assert intensity(sources, 1) == pytest.approx(total, rel=1e-12)
     assert intensity(sources, 1, to_sensor=(up + north) / np.sqrt(2.0)) == pytest.approx(
-        whole / np.sqrt(2.0), rel=1e-12
+        total / np.sqrt(2.0), rel=1e-12
     )
     assert intensity(sources, 1, to_sensor=-up).tolist() == [0.0]
 

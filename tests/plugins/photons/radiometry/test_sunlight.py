@@ -63,5 +63,5 @@ def test_a_sphere_of_facets_reflects_as_much(phase):
     albedo = 0.3
     light = 22.0
     summed = albedo / np.pi * light * radius**2 * facets.mean() * 4.0 * np.pi
-    found = float(lambert_sphere_intensity(light, albedo * np.pi * radius**2, phase))
-    assert found == pytest.approx(summed, rel=2e-5, abs=1e-6 * light)
+    result = float(lambert_sphere_intensity(light, albedo * np.pi * radius**2, phase))
+    assert result == pytest.approx(summed, rel=2e-5, abs=1e-6 * light)
