@@ -89,7 +89,7 @@ def test_the_formula_of_the_paper_is_still_there(capsys):
 
 
 @pytest.mark.parametrize(("rule", "joined"), [("none", max), ("likelihood", math.hypot)])
-def test_bands_compares_with_what_the_rule_over_bands_makes_of_them(rule, joined, capsys):
+def test_bands_are_compared_by_the_rule_over_bands(rule, joined, capsys):
     own = ["--sensor", "SBIRS-GEO", "--set", f"sensors[0].spectral_discrimination={rule}"]
     limits = ["--edges", "2.5,3,4,5", "--class", "SRBM", "--height", "20"]
     assert main(["physics", "bands", *own, *limits, "--json"]) == 0

@@ -116,7 +116,7 @@ def test_requirements_are_read_and_refused():
         computed_coverage(SCENE, CoverageSettings(**{**COARSE, "target_class": "BOAT"}))
 
 
-def test_the_mean_of_a_requirements_row_is_the_percent_of_area_that_meets_it():
+def test_requirement_rows_are_percents_of_area():
     """Cells without a value, never seen, do not meet it; those without a gap meet a limit of
     gaps.
     """

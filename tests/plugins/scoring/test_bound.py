@@ -25,7 +25,7 @@ from opir_core.geometry import eci_to_ecef, local_axes
 from opir_core.planning.sensor_states import PointingBias
 
 
-def test_the_bound_of_one_look_of_two_sensors_is_that_of_triangulation():
+def test_bound_of_two_looks_is_that_of_triangulation():
     target = np.array([[6.6e6, 0.0, 0.0]] * 2)
     sensor = np.array([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]])
     sigma = np.array([2e-5, 3e-5])
@@ -38,7 +38,7 @@ def test_the_bound_of_one_look_of_two_sensors_is_that_of_triangulation():
 
 
 @pytest.mark.parametrize("name", ["crlb_geo_60deg_apart", "crlb_three_geo"])
-def test_the_bound_is_the_published_one(name):
+def test_the_bound_matches_published_values(name):
     cases = json.loads((DATA / "reference_cases.json").read_text())["cases"]
     case = next(each for each in cases if each["id"] == name)
     given = case["inputs"]
@@ -57,7 +57,7 @@ def test_the_bound_is_the_published_one(name):
     assert position_and_velocity(bounds)[0][0] == pytest.approx(expected["rss_m"], rel=1e-6)
 
 
-def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
+def test_the_bound_grows_as_differences_of_orbits():
     state = np.array([6.9e6, 1.0e6, 2.0e6, -1000.0, 5500.0, 3000.0])
     looks = np.array([0.0, 40.0, 80.0])
     tick = 100.0
@@ -89,7 +89,7 @@ def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
         assert computed == pytest.approx(reference, rel=1e-3)
 
 
-def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
+def test_free_bound_is_that_of_kalmans_recursion():
     looks = np.arange(0.0, 20.0, 0.4)
     path = np.array([6.9e6, 0.0, 0.0]) + np.array([0.0, 2000.0, 0.0]) * looks[:, None]
     target = eci_to_ecef(path, looks)
@@ -180,7 +180,7 @@ def test_biases_of_no_size_leave_the_bounds_as_they_are():
         )
 
 
-def test_the_turns_of_the_bound_are_those_that_bias_what_sensors_see():
+def test_bound_turns_match_pointing_biases():
     sensors = (stub_sensor("A"), stub_sensor("B", line_of_sight_bias_sigma_rad=2e-6))
     random = np.random.default_rng(4)
     place = random.normal(size=(40, 3)) * 1e7 + [4e7, 0.0, 0.0]

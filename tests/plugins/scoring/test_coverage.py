@@ -65,7 +65,7 @@ def test_ticks_are_those_at_which_the_tracker_is_asked(reported):
     assert np.array_equal(ticks_s(elsewhere), np.unique(reported.tracks.tick_s + 0.3))
 
 
-def test_a_tick_without_a_track_is_not_covered_and_the_launch_missed(reported):
+def test_ticks_without_tracks_are_not_covered(reported):
     seen_s = reported.time_s[reported.target == 0][0]
     due = np.arange(np.ceil(seen_s), 91.0)
     result = coverage(reported, ownership(reported))
@@ -88,7 +88,7 @@ def test_a_run_without_tracks_misses_everything(reported):
     assert figures["gospa"]["a_target_m"]["value"] == pytest.approx(5000.0 / np.sqrt(2.0))
 
 
-def test_the_distance_a_target_does_not_depend_on_how_many_there_are():
+def test_distance_per_target_is_free_of_their_number():
     power = 150.0**2
     for targets in (1.0, 4.0, 100.0):
         parts = np.array([[np.sqrt(targets * power), targets * power, 0.0, 0.0, targets]])
@@ -118,7 +118,7 @@ def test_what_is_reported_after_a_track_was_lost_is_judged_too(reported):
     )
 
 
-def test_of_tracks_reported_at_once_the_one_of_most_detections_is_in_force(reported):
+def test_the_track_with_most_detections_is_in_force(reported):
     both = evolve(reported.tracks, track=reported.tracks.track + 5)
     tracks = reported.tracks.concatenate([reported.tracks, both])
     tracks = tracks.take(np.lexsort((tracks.track, tracks.tick_s)))

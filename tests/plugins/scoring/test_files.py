@@ -100,7 +100,7 @@ def test_a_truth_of_another_launch_is_refused(runs, copied):
 
 
 @pytest.mark.slow
-def test_tracks_from_elsewhere_are_judged_where_they_are_asked_for(runs, copied, tmp_path):
+def test_external_tracks_are_scored_on_request(runs, copied, tmp_path):
     rows = lines_of(runs / "one.tracks.jsonl")
     (tmp_path / "mine.jsonl").write_text("".join(reversed(rows)))
     result = evidence_of_files(copied, tracks=tmp_path / "mine.jsonl").tracks

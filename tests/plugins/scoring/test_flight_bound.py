@@ -36,7 +36,7 @@ def turned(rows, time_s):
     return START_M + 0.5 * (steps[:, 1:] + steps[:, :-1]).sum(axis=1) * (time_s / 30.0)[:, None]
 
 
-def test_the_bound_of_a_target_at_rest_is_that_of_its_looks_together():
+def test_bound_of_a_target_at_rest():
     times = np.arange(0.0, 10.0)
     target = np.broadcast_to(START_M, (10, 3))
     result = parameter_bound(
@@ -68,7 +68,7 @@ def test_looks_after_a_tick_do_not_count_and_a_prior_does():
     assert np.all(np.diff([np.trace(each) for each in result]) < 0.0)
 
 
-def test_of_a_free_flight_it_is_the_bound_of_the_states_recursion():
+def test_free_flight_bound_is_that_of_the_recursion():
     """The parameters are position and velocity at the first look: a straight line, over seconds."""
     times = np.arange(0.0, 4.0, 0.2)
     speed = np.array([900.0, 300.0, 0.0])

@@ -183,7 +183,7 @@ def test_classes_that_are_left_out_are_unknown():
     assert confusion["bolide"] == {"bolide": 1}
 
 
-def test_probabilities_that_are_right_as_often_as_stated_are_reliable():
+def test_calibrated_probabilities_are_reliable():
     rng = np.random.default_rng(3)
     probability = rng.uniform(size=20_000)
     rows = reliability(probability, rng.uniform(size=20_000) < probability)

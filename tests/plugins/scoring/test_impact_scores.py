@@ -113,7 +113,7 @@ def regions_at(tick_s, offset_m=20e3, radii_m=(10e3, 30e3, 40e3)):
     return tuple(disc(centre, *row) for row in zip(radii_m, TRACK_CONTAINMENTS, areas, strict=True))
 
 
-def test_each_region_contains_the_true_impact_or_not_at_each_tick():
+def test_regions_are_tested_at_each_tick():
     ticks = np.array([20.0, 21.0, 22.0, 20.0, 21.0])
     reported = [regions_at(20.0), regions_at(21.0, 35e3), (), regions_at(20.0), ()]
     evidence = evidence_of(ticks, [0, 0, 0, 1, 1], impact_regions=reported)
@@ -181,7 +181,7 @@ def instants_s():
 
 
 @pytest.mark.slow
-def test_a_phase_takes_the_last_estimate_before_it_and_none_that_is_old():
+def test_phases_take_the_last_recent_estimate():
     ticks = np.arange(15.0, burn_s()[1] + 40.0, 2.0)
     half = instants_s()[1]
     # A track that pauses for 20 s before half of the burn.
@@ -286,7 +286,7 @@ def test_the_energy_of_regions_is_that_of_the_area_they_state():
     assert region_energy_m(both, place) == pytest.approx(mixed, rel=0.01)
 
 
-def test_the_energy_of_an_area_across_the_pole_and_with_a_hole_is_that_of_a_ring():
+def test_energy_of_an_area_with_a_hole_across_the_pole():
     ring_of = lambda radius_m: disc(np.radians([89.9, 10.0]), radius_m, 0.95, 0.0).polygons[0][0]  # noqa: E731
     ring = ImpactRegion(0.95, 0.0, ((ring_of(80e3), ring_of(60e3)),))
     place = np.append(np.radians([89.9, 10.0]), 0.0)
@@ -336,7 +336,7 @@ def test_a_target_of_unknown_impact_is_not_scored(tmp_path):
     assert impact_scores(evidence, ownership(evidence)).target.tolist() == [1]
 
 
-def test_no_interval_of_an_impact_error_is_longer_than_half_the_equator() -> None:
+def test_impact_intervals_end_at_half_the_equator() -> None:
     two = np.array([5e3, 4.6e6])
     low, high = rms(two)["interval_95"]
     assert (low < 1e3, high > 1e9) == (True, True)

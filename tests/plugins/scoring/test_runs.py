@@ -155,7 +155,7 @@ def test_what_cannot_be_judged_is_reported(tmp_path, capsys, monkeypatch, words,
     assert message in capsys.readouterr().err
 
 
-def test_radii_of_ellipses_are_kept_in_the_tracks_file_and_may_be_missing(tmp_path):
+def test_radii_of_ellipses_in_the_tracks_file(tmp_path):
     reported = stub_estimates(
         2,
         impact=0.5,

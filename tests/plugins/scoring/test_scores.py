@@ -35,7 +35,7 @@ def test_nees_is_the_squared_length_of_whitened_errors():
     assert nees(error, covariance) == pytest.approx(np.sum(white**2, axis=1), rel=1e-6)
 
 
-def test_nees_of_the_unknown_is_nan_and_of_a_false_covariance_inf():
+def test_nees_of_unknown_and_invalid_covariances():
     covariance = np.stack(
         [np.eye(2), np.full((2, 2), np.nan), -np.eye(2), np.ones((2, 2)) * 2.0 - np.eye(2)]
     )
@@ -81,7 +81,7 @@ def test_radii_that_are_reported_are_judged_as_they_are_reported():
         assert np.count_nonzero(scaled <= chi2.ppf(nominal, 2)) == inside + (inside - 1)
 
 
-def test_the_scale_of_radii_rises_and_leaves_alone_what_tells_none():
+def test_scales_of_radii_rise_where_radii_are_reported():
     values = np.append(np.linspace(0.0, 30.0, 301), [np.inf, np.nan])
     scaled = on_normal_scale(values, np.tile([0.8, 1.9, 2.6], (303, 1)))
     assert np.all(np.diff(scaled[:302]) > 0.0)
@@ -184,7 +184,7 @@ def test_errors_on_the_ground_are_as_long_as_the_way_over_it():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("clusters", [2, 3, 5, 20])
-def test_intervals_of_few_tracks_hold_the_truth_as_often_as_they_say(clusters):
+def test_intervals_of_few_tracks_are_calibrated(clusters):
     rng = np.random.default_rng(4)
     held = 0
     trials = 1000

@@ -203,9 +203,7 @@ def test_positions_of_sensors_are_those_of_their_orbits() -> None:
         np.testing.assert_allclose(sensor.position_m(time_s), there, atol=0.1)
 
 
-def test_the_bound_of_two_sensors_is_some_hundred_metres_and_less_than_with_unknown_thrust() -> (
-    None
-):
+def test_known_thrust_lowers_the_bound() -> None:
     scene = scene_of("one-launch", 1)
     truth, sights = observed(scene)
     bounds = bounds_of(scene, truth, sights, 0)
@@ -219,7 +217,7 @@ def test_the_bound_of_two_sensors_is_some_hundred_metres_and_less_than_with_unkn
     )
 
 
-def test_energies_of_flights_grow_by_the_work_of_thrust_and_drag_alone() -> None:
+def test_flight_energy_is_work_of_thrust_and_drag() -> None:
     """After the last burnout, above the air, energy in the inertial frame is constant: two-body
     motion.
     """

@@ -185,9 +185,7 @@ def test_probabilities_of_types_are_right_within_seven_points(classified: Any, s
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_the_log_score_of_types_is_that_of_one_who_knows_the_spread(
-    classified: Any, sensor: str
-) -> None:
+def test_log_scores_match_an_informed_classifier(classified: Any, sensor: str) -> None:
     probability, true, launch = classified[sensor]
     score = -np.log(probability[np.arange(len(true)), true])
     assert np.mean(np.bincount(launch, score) / np.maximum(np.bincount(launch), 1)) < MOST_SCORE

@@ -131,7 +131,7 @@ def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
     )
 
 
-def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None:
+def test_posteriors_follow_bayes_rule() -> None:
     measured = np.array([96.0, 57.0, 31.0, 80.0])
     noise = 4.0
     count = 70
@@ -156,7 +156,7 @@ def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None
     assert np.allclose(known_classifier().log_odds(types), np.log(odds), rtol=1e-10)
 
 
-def test_noise_consists_of_as_many_detections_as_the_sensor_needs() -> None:
+def test_noise_has_the_detections_that_confirm() -> None:
     # Events of which noise alone is as bright, 1e4 times as often as launches.
     bank = known_bank(rates=rates(noise=float(np.log(1e4))))
     log = known_classifier(banks=(bank,)).log_posterior(sightings([12.0] * 3, 4.0, [2, 3, 5]))
@@ -174,7 +174,7 @@ def test_a_count_tells_types_apart_that_bands_do_not() -> None:
     assert [NAMES[row] for row in np.argmax(log, axis=1)] == ["SRBM", "IRBM", "ICBM", "SLV"]
 
 
-def test_an_intensity_unlike_everything_known_raises_none_of_these() -> None:
+def test_unknown_intensities_raise_none_of_these() -> None:
     bank = known_bank(rates=rates(unknown=float(np.log(1e-3))))
     seen = sightings([30.0, 60.0, 100.0, 140.0, 500.0, 5e4], 4.0)
     chance = np.exp(known_classifier(banks=(bank,)).log_posterior(seen))[:, NONE]
@@ -194,9 +194,7 @@ def test_the_density_of_none_is_a_log_uniform_intensity_in_noise(sigma: float) -
         assert result == pytest.approx(exact, rel=0.03)
 
 
-def test_missiles_are_summed_by_the_type_that_they_report_as_and_space_launches_are_no_missile() -> (
-    None
-):
+def test_missiles_are_summed_by_reported_type() -> None:
     hypotheses = core_hypotheses()
     chance = np.arange(1.0, 1.0 + len(hypotheses))
     log = np.log(chance / chance.sum())[None]
@@ -256,7 +254,7 @@ def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
     assert np.allclose(mixture.by_class(seen), np.stack(sums, axis=1), rtol=1e-12)
 
 
-def test_a_place_with_fewer_components_gives_the_same_as_by_itself() -> None:
+def test_padding_of_mixtures_changes_nothing() -> None:
     few = [one(0.0, [1.0, 2.0], [1.0, 1.0])]
     more = Components(np.zeros(3), np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1)))
     both = Mixture.of([few, [more]])
@@ -398,7 +396,7 @@ def test_confidence_follows_when_motion_revises_types() -> None:
 
 
 @pytest.mark.parametrize("knows_burnout", [True, False])
-def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burnout: bool) -> None:
+def test_types_from_motion_need_a_burnout(knows_burnout: bool) -> None:
     classifier = known_classifier()
     model = ConstantConfidence(0.5)
     result = with_tracks(classifier, model, judged(), tracks(knows_burnout=knows_burnout))
@@ -429,7 +427,7 @@ def test_a_prior_is_checked_when_it_is_read() -> None:
         SpectralConfig(prior={"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.3})
 
 
-def test_a_prior_for_a_class_that_does_not_exist_names_those_that_do() -> None:
+def test_priors_of_unknown_classes_are_refused() -> None:
     scene = bench_scene(
         detection="snr", classification={"model": "spectral", "prior": {"ICBM": 0.5, "MRBN": 0.5}}
     )
@@ -476,9 +474,7 @@ def test_a_class_without_a_share_is_not_expected() -> None:
 @pytest.mark.parametrize(
     ("detection", "name"), [("constant", "paper"), ("snr", "spectral"), ("always", "paper")]
 )
-def test_a_detection_model_that_measures_irradiance_brings_its_classifier(
-    detection: str, name: str
-) -> None:
+def test_irradiance_models_bring_their_classifier(detection: str, name: str) -> None:
     mapping = bench_scene(detection=detection)
     del mapping["classification"]
     scene = opir.scene_from_mapping(mapping)
@@ -510,7 +506,7 @@ def test_a_detection_model_without_light_is_refused_in_words() -> None:
         compile_plan(scene)
 
 
-def test_events_carry_the_probabilities_and_others_are_as_they_were() -> None:
+def test_events_carry_type_probabilities() -> None:
     log = np.log([[0.8, 0.1, 0.05, 0.05]])
     plan = compile_plan(opir.scene_from_mapping(bench_scene(targets=[])))
     plain = stub_window(1, sensor=np.zeros(1, np.int32), bands=np.ones(1, np.uint8))
@@ -551,7 +547,7 @@ def test_no_noise_and_enormous_noise_are_judged(nei_w_m2: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, 0.01])
-def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: float) -> None:
+def test_false_source_probability_holds(share: float) -> None:
     """Sources of the classifier's own prior, through the engine: at most the share, within 99.9 %,
     by kind.
     """

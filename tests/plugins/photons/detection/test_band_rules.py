@@ -140,7 +140,7 @@ def test_free_draws_pass_as_often_as_the_probability_says(rule: AnyBand | RatioG
 @pytest.mark.parametrize(
     "rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"]
 )
-def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_pass(
+def test_conditional_measurements_match_passing_draws(
     rule: AnyBand | RatioGates,
 ) -> None:
     rng = np.random.default_rng(5)
@@ -176,9 +176,7 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
     ],
     ids=["many pass", "hardly any passes", "inverted"],
 )
-def test_proposals_until_one_passes_follow_the_law_of_the_inverse(
-    snr: list[float], least: float, most: float
-) -> None:
+def test_accepted_proposals_match_the_inverse(snr: list[float], least: float, most: float) -> None:
     rng = np.random.default_rng(6)
     ones = np.ones((6_000, 3))
     rows = np.tile(snr, (len(ones), 1))
@@ -220,7 +218,7 @@ def test_proposals_pass_as_often_as_is_said_of_them(rule: AnyBand | RatioGates) 
         assert abs(passed - rows * share) <= 3.29 * np.sqrt(rows * share * (1.0 - share)) + 1.0
 
 
-def test_few_proposals_are_made_for_a_row_where_thresholds_are_the_hurdle() -> None:
+def test_few_proposals_where_thresholds_decide() -> None:
     proposed = []
 
     class Counted(RatioGates):

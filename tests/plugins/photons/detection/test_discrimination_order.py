@@ -123,7 +123,7 @@ def streamed(
 
 
 @pytest.mark.parametrize("of_looks", [False, True])
-def test_sensors_tell_plumes_from_other_hot_things_in_the_order_of_their_bands(
+def test_discrimination_follows_the_order_of_bands(
     benchmark_: SimpleNamespace, burning: tuple[Any, dict[str, Any]], of_looks: bool
 ) -> None:
     people, looks = burning
@@ -175,7 +175,7 @@ def surprise(chance: FLOATS, happened: NDArray[np.bool_]) -> float:
     )
 
 
-def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(
+def test_areas_under_curves_of_normal_scores(
     benchmark_: SimpleNamespace,
 ) -> None:
     # Scores N(1, 1) against N(0, 1): the area is Phi(1/sqrt 2); deviations are held to those of

@@ -79,9 +79,7 @@ def spread_of(plane: Any, middle_um: float, pixel_rad: float) -> PointSpread:
         pytest.param({"spatial_filter": "sum", "core_pixels": 2}, marks=pytest.mark.slow),
     ],
 )
-def test_noise_is_that_of_electrons_photons_and_leaking_structure(
-    sky: str, changes: dict[str, Any]
-) -> None:
+def test_noise_of_electrons_photons_and_structure(sky: str, changes: dict[str, Any]) -> None:
     """σ² = (electrons without light + photons of the background) / gain² + structure left by the
     filters.
     """
@@ -154,7 +152,7 @@ def test_noise_is_that_of_electrons_photons_and_leaking_structure(
             np.testing.assert_allclose(result.noise_w_m2[rows, place], expected, rtol=3e-4)
 
 
-def test_notional_focal_planes_have_clutter_above_the_noise_of_their_detectors() -> None:
+def test_notional_clutter_exceeds_detector_noise() -> None:
     """Sunlit cloud leaves several times the noise of the detectors in every band."""
     sensors = [with_plane(one) for one in (DSP, SBIRS, NEXTGEN)]
     plan = opir.compile_plan(scene(sensors, "IRS", duration_s=100, **SKIES["cloud by day"]))
@@ -169,7 +167,7 @@ def test_notional_focal_planes_have_clutter_above_the_noise_of_their_detectors()
 
 
 @pytest.mark.slow
-def test_structure_costs_detections_before_sunlit_cloud_and_none_in_the_night() -> None:
+def test_structure_costs_detections_by_day_only() -> None:
     seen = {}
     for sky, changes in SKIES.items():
         for name, plane in (
@@ -236,7 +234,7 @@ def test_lines_of_sight_have_the_bound_of_their_centroids(temporal: str) -> None
     assert joined(windows_of(floored, [60.0]))[0].line_of_sight_sigma_rad.min() >= 30e-6
 
 
-def test_reference_cells_divide_the_signal_over_noise_by_the_loss() -> None:
+def test_reference_cells_divide_snr_by_the_loss() -> None:
     known, estimated = (
         opir.compile_plan(scene([with_plane(DSP, {"reference_cells": cells})], "I"))
         for cells in (None, 24)

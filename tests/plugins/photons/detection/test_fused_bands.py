@@ -63,7 +63,7 @@ def test_free_draws_pass_as_often_as_the_probability_says(snr: list[float]) -> N
 
 
 @pytest.mark.parametrize("snr", [[4.0, 3.0, 0.0], [1.0, 0.2, 0.5]])
-def test_draws_of_detections_have_the_distribution_of_free_draws_that_pass(
+def test_detections_are_distributed_as_passing_draws(
     snr: list[float],
 ) -> None:
     rule = rule_of(3, 3.0)

@@ -39,7 +39,7 @@ def signals(temporal: str, **changes: Any) -> tuple[Any, Exposures, np.ndarray]:
     return plan, looks, response.snr * response.noise_w_m2
 
 
-def test_what_is_left_is_the_light_now_less_that_of_a_displaced_spot_a_lag_earlier() -> None:
+def test_frame_difference_subtracts_a_displaced_spot() -> None:
     plan, looks, remaining = signals("difference")
     total = signals("none")[2]
     since_s = looks.emission_time_s - plan.targets.ignition_s[looks.target]

@@ -98,7 +98,7 @@ def test_noise_is_spread_uniformly_over_the_field_of_regard(
 
 
 @pytest.mark.slow
-def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_no_panels_to_measure(
+def test_windows_read_each_pair_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD, duration_s=220))
@@ -127,7 +127,7 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
 
 
 @pytest.mark.slow
-def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(
+def test_noise_is_measured_by_sensor_in_time_order(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD))
@@ -150,7 +150,7 @@ def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(
     assert_same(alone.advance(round(3e9)).detections, noise.take(noise.time_ns < 3e9))
 
 
-def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geometry_of_noise(
+def test_windows_are_measured_once_a_kind_of_receiver(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD, duration_s=220))
@@ -206,7 +206,7 @@ class _Given:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("signal", [pytest.param(4.0, marks=pytest.mark.slow), 6.0, 9.0])
-def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_that_did_not(
+def test_measurements_forget_rejected_draws(
     signal: float,
 ) -> None:
     """Two samples, 40 cells a band, chi-squared; and no rank correlation with what failed: 99.9 %,

@@ -129,7 +129,7 @@ def test_higher_is_surer_through_the_air(longitude_deg: float) -> None:
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_inside_cloud_there_is_noise_alone(name: str) -> None:
+def test_targets_inside_cloud_give_no_signal(name: str) -> None:
     plan = assembled([SENSORS[name]], **SKIES["cloud"])
     looks = looks_at(HEIGHTS_M, 40.0)
     hidden = HEIGHTS_M < 10e3
@@ -216,14 +216,14 @@ def test_less_noise_is_surer_where_ratios_are_plausible(name: str) -> None:
     assert result[-1] == 1.0
 
 
-def test_a_band_of_no_width_is_refused_and_one_of_a_hair_shows_noise_alone() -> None:
+def test_bands_without_width_are_refused() -> None:
     with pytest.raises(SceneError, match="bands"):
         assembled([{**SENSORS["DSP"], "bands": {"Z": [4.0, 4.0]}}])
     plan = assembled([{**SENSORS["DSP"], "bands": {"Z": [4.0, 4.0 + 1e-12]}}])
     assert chances(plan, looks_at(HEIGHTS_M, 40.0)) == pytest.approx(float(ndtr(-5.0)), rel=1e-6)
 
 
-def test_in_a_whole_run_nothing_above_the_horizon_is_looked_up_above_100_km(
+def test_runs_look_up_no_air_above_100_km(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: list[float] = []

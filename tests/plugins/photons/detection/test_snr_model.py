@@ -70,7 +70,7 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("calibrate", ["paper", "none"])
-def test_without_word_of_its_kinks_a_model_is_held_to_the_tolerance_too(calibrate: str) -> None:
+def test_models_without_kinks_meet_the_tolerance(calibrate: str) -> None:
     selected = {"model": "snr", "calibrate": calibrate}
     near = opir.compile_plan(
         scene(detection=selected, duration_s=220, atmosphere="lowtran", background="earth")

@@ -54,9 +54,7 @@ def real_paths(latitude_deg, longitude_deg, height_m):
     st.floats(0.0, 1e5),
     st.floats(0.0, 1.0),
 )
-def test_transmittance_is_a_share_that_rises_with_height_and_elevation(
-    band, height, sine, more, steeper
-):
+def test_transmittance_rises_with_height_and_elevation(band, height, sine, more, steeper):
     here, higher, up = MODEL.transmittance(
         band, paths([height, height + more, height], [sine, sine, min(sine + steeper, 1.0)])
     )
@@ -89,7 +87,7 @@ def test_nothing_is_evaluated_above_100_km(monkeypatch):
 
 @pytest.mark.parametrize("lowest_m", [500.0, 5e3, 12e3, 30e3, 60e3, 99e3])
 @pytest.mark.parametrize("band", [0, 1])
-def test_a_straight_line_has_one_transmittance_from_beyond_the_air(band, lowest_m):
+def test_lines_beyond_the_air_share_a_transmittance(band, lowest_m):
     radius_m = 6_371_000.0
     height_m = np.array([99_999.9, 100_000.1, 150e3, 400e3, 1000e3])
     sine = -np.sqrt(1.0 - np.square((radius_m + lowest_m) / (radius_m + height_m)))
@@ -238,7 +236,7 @@ def test_a_field_covers_its_share(cover):
     assert field.is_cloudy(points).mean() == pytest.approx(cover, abs=3.29 * spread)
 
 
-def test_a_field_hangs_on_its_seed_alone():
+def test_a_field_depends_on_its_seed():
     one, repeated, other = (CloudField.drawn(8e3, 0.5, 200e3, seed) for seed in (1, 1, 2))
     assert (one.cloudy == repeated.cloudy).all()
     assert (one.cloudy != other.cloudy).any()

@@ -42,7 +42,7 @@ def test_the_spectrum_is_the_transform_of_the_correlation(exponent: float) -> No
         )
 
 
-def test_the_field_has_unit_variance_and_the_correlation_of_broken_cloud() -> None:
+def test_the_field_correlates_as_broken_cloud() -> None:
     wave = np.geomspace(1e-9, 1e9, 20001)
     power = structure_spectrum(wave, 3.0, 3.0) * wave**2 / (2 * np.pi)
     assert float(power.sum() * math.log(wave[1] / wave[0])) == pytest.approx(1.0, rel=1e-4)
@@ -90,7 +90,7 @@ def test_the_variance_is_that_of_a_sum_over_pairs_of_pixels(
     assert result == pytest.approx(expected, rel=3e-3)
 
 
-def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation() -> None:
+def test_displaced_frames_leave_one_minus_correlation() -> None:
     """Of the directions of a drift the mean is taken, here over 64 of them."""
     sigma = 0.5
     scale = 6.0
@@ -105,7 +105,7 @@ def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation
     assert remaining == pytest.approx(2.0 * (here - apart), rel=5e-3)
 
 
-def test_small_displacements_leave_gradient_times_displacement_and_large_ones_both_frames() -> None:
+def test_residuals_of_small_and_large_displacements() -> None:
     weights = filter_weights("matched", 1, 0.4, 1.0)
     transfer = SpatialTransfer.of(weights, PointSpread(math.inf, 0.4), 100.0)
     alone = float(transfer.variance(8.0, 3.0))
@@ -131,7 +131,7 @@ def test_small_displacements_leave_gradient_times_displacement_and_large_ones_bo
     )
 
 
-def test_structure_far_larger_than_the_filter_leaves_less_by_the_power_law() -> None:
+def test_large_structure_leaks_by_the_power_law() -> None:
     """High-pass filters see k^-α alone: variance goes as ℓ^(2 - α)."""
     for exponent in (8 / 3, 3.0, 3.5):
         transfer = SpatialTransfer.of(
@@ -161,7 +161,7 @@ def test_correlation_of_looks() -> None:
     np.testing.assert_allclose(spatial, [1.0, 0.0], atol=0.02)
 
 
-def test_leaks_by_filter_are_less_than_of_a_single_pixel_per_signal() -> None:
+def test_filters_leak_less_than_a_pixel_per_signal() -> None:
     remaining = {}
     for kind in ("sum", "surround", "matched"):
         weights = filter_weights(kind, 1, 0.35, 1.0)

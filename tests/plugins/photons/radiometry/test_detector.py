@@ -14,7 +14,7 @@ from scipy.constants import c, h, k
 from scipy.integrate import quad
 
 
-def test_dark_current_is_a_straight_line_in_one_over_cutoff_and_temperature() -> None:
+def test_dark_current_is_log_linear_in_inverse_cutoff() -> None:
     """Rule 07 above 4.635 um: ln J against 1 / (λ T) has the slope -1.16239 · 1.24 eV um over
     Boltzmann's constant.
     """
@@ -41,7 +41,7 @@ def test_dark_current_is_that_of_good_arrays(
     )
 
 
-def test_dark_current_rises_with_temperature_and_cutoff_without_a_step_at_the_threshold() -> None:
+def test_dark_current_rises_without_steps() -> None:
     cutoff = np.array([1.5, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 14.0])
     logarithm = np.log(dark_current_density_a_cm2(cutoff, 100.0))
     assert (np.diff(logarithm) > 0.0).all()

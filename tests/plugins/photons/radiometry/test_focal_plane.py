@@ -36,7 +36,7 @@ def airy(angle_rad: float, wavelength_m: float, aperture_m: float) -> float:
     return peak if x == 0.0 else peak * (2.0 * j1(x) / x) ** 2
 
 
-def test_the_gaussian_has_the_peak_the_curvature_and_the_power_of_the_airy_pattern() -> None:
+def test_the_gaussian_matches_the_airy_pattern() -> None:
     sigma = float(airy_sigma_rad(4.0, 0.5))
     assert 1.0 / (2.0 * math.pi * sigma**2) == pytest.approx(airy(0.0, 4e-6, 0.5), rel=1e-12)
     step = 0.01 * sigma
@@ -78,7 +78,7 @@ def test_a_point_on_a_corner_shares_its_light_among_four_pixels() -> None:
 
 
 @pytest.mark.parametrize("pixels", [1, 2, 3])
-def test_mean_shares_are_those_of_photons_thrown_one_by_one(pixels: int) -> None:
+def test_mean_shares_match_drawn_photons(pixels: int) -> None:
     """400 000 photons; 4.5 standard deviations for each of the pixels."""
     rng = np.random.default_rng(7)
     sigma = 0.4
@@ -115,7 +115,7 @@ def test_filters_pass_their_core_and_no_uniform_background() -> None:
         filter_weights("median", 1, 0.3, 1.0)
 
 
-def test_no_weights_of_sum_zero_have_more_signal_over_noise_than_the_matched_filter() -> None:
+def test_the_matched_filter_is_the_best() -> None:
     rng = np.random.default_rng(3)
     sigma = 0.45
     matched = filter_weights("matched", 1, sigma, 1.0)

@@ -245,7 +245,7 @@ def fresnel(cosine, index=1.33):
     return 0.5 * (across**2 + along**2)
 
 
-def test_a_sea_in_the_background_adds_its_glint_to_the_sky_and_to_nothing_else():
+def test_sea_glint_adds_to_clear_sky_only():
     context_ = BackgroundContext(
         bands=(WINDOW,), path="background", epoch_us=NOON_US, make_atmosphere=ClearSky
     )

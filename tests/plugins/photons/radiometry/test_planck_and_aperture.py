@@ -48,7 +48,7 @@ def test_radiance_rises_with_temperature_and_adds_up_over_bands(temperature, low
     assert parts.sum() == pytest.approx(total, rel=1e-11)
 
 
-def test_a_band_without_width_is_dark_and_a_narrow_one_is_the_spectrum():
+def test_narrow_bands_follow_the_spectrum():
     assert band_radiance(1500.0, 4.3, 4.3) == 0.0
     width = 2.0**-40
     assert band_radiance(1500.0, 4.0, 4.0 + width) / width == pytest.approx(

@@ -54,7 +54,7 @@ def plume(**settings):
     return plume_signatures([PlumeConfig(**settings)], context())
 
 
-def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
+def test_plumes_of_a_class_share_their_integrals(monkeypatch):
     built = []
     exact = planck.band_radiance
     monkeypatch.setattr(
@@ -157,7 +157,7 @@ def test_rows_do_not_depend_on_their_company():
     assert intensity(both, 1, times, heights, target=1).tolist() == one_by_one
 
 
-def test_a_target_without_a_known_profile_has_the_plume_of_its_type():
+def test_unknown_profiles_have_the_plume_of_the_type():
     unknown = plume_signatures([PlumeConfig()], context(types=("IRBM",), profiles=("",)))
     named = plume_signatures(
         [PlumeConfig(profile="MRBM")], context(types=("ICBM",), profiles=("ICBM_solid",))
@@ -266,7 +266,7 @@ def test_alumina_outlives_afterburning():
     assert share[0] > 3.0 * share[1] > 3.0 * share[2] * 0.9
 
 
-def test_the_continuum_has_the_share_of_jet_power_that_its_table_states():
+def test_the_continuum_has_its_share_of_jet_power():
     """Broadside is 4/π of the mean, which all wavelengths together and 4π sr make the radiated
     power.
     """
@@ -306,7 +306,7 @@ def test_the_continuums_colour_is_that_of_its_particles(name):
     assert computed == pytest.approx(summed(3.8, 4.0) / summed(8.0, 12.0), rel=1e-6)
 
 
-def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():
+def test_classes_have_propellants_and_peaks_of_gases():
     of_class = plume_signatures([PlumeConfig(stages=1)], context(profiles=("SLV",), bands=WIDE))
     assert (
         spectrum_of(of_class).tolist()
@@ -323,7 +323,7 @@ def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():
     np.testing.assert_allclose(twice, 2.0 * spectrum_of(of_class), rtol=1e-9)
 
 
-def test_hot_water_near_6_um_is_that_of_thin_gas_and_outlives_the_other_bands():
+def test_hot_water_is_thin_gas():
     """By hand, at 2000 K: 41.2 · 1600³ / (e^1.151 - 1) over 35.66 · 3760³ / (e^2.705 - 1) is 0.574
     of near 2.7 µm, at 1000 K 2.20."""
     bands = (Band("near 2.7", 2.45, 3.15), Band("near 6.3", 4.9, 7.8))
