@@ -43,6 +43,7 @@ PUBLIC = (
     "opir_photons.radiometry",
     "opir_photons.detection",
     "opir_coverage",
+    "opir_bench",
     "opir_scoring",
     "opir_testing",
 )

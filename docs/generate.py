@@ -151,7 +151,7 @@ def helped(*words: str) -> str:
     text = io.StringIO()
     settings = {
         "COLUMNS": "100",
-        "OPIR_PLUGINS": "coverage,export,http,kafka,paper,readers,report,studies,testing",
+        "OPIR_PLUGINS": "bench,coverage,export,http,kafka,paper,readers,report,studies,testing",
     }
     with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
         opir([*words, "--help"])

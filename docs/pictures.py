@@ -11,7 +11,7 @@ from pathlib import Path
 import matplotlib
 from matplotlib import pyplot
 from matplotlib.axes import Axes
-from opir_coverage import Bench, Clip, Filming, Poses, clip
+from opir_bench import Bench, Clip, Filming, Poses, clip
 
 DOCS = Path(__file__).resolve().parent
 GALLERY = DOCS.parent / "examples" / "gallery"

@@ -6,17 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from opir_coverage.bench.bands import BandLimits, best_bands
-from opir_coverage.bench.budget import noise_budget, waterfall
-from opir_coverage.bench.curves import (
+from opir_bench.bands import BandLimits, best_bands
+from opir_bench.budget import noise_budget, waterfall
+from opir_bench.curves import (
     curve,
-    first_report_s,
     least_intensities_w_sr,
     operating_characteristic,
 )
-from opir_coverage.bench.frames import frame
-from opir_coverage.bench.movies import Filming, clip
-from opir_coverage.bench.stand import Bench, Poses
+from opir_bench.frames import frame
+from opir_bench.movies import Filming, clip
+from opir_bench.stand import Bench, Poses
 from scipy.special import j0, j1, ndtr
 
 H_C = 6.62607015e-34 * 299792458.0
@@ -261,8 +260,8 @@ def test_the_first_report_of_a_sure_sensor_follows_the_second_look():
     0.1.
     """
     bench = bare().changed(sensor__nei_w_m2=1e-18, sensor__scan_period_ms=10000.0)
-    time_s = first_report_s(bench, "ICBM", {"elevation_rad": math.radians(45.0)})
-    assert time_s == pytest.approx(10.0 + 0.9 * 10.0, abs=0.2)
+    rows = curve([bench], "first-report", "elevation", ["ICBM"], {}, (45.0,)).rows
+    assert rows[0][1] == pytest.approx(10.0 + 0.9 * 10.0, abs=0.2)
 
 
 def test_a_frame_holds_the_electrons_of_its_target_and_the_noise_of_its_background():

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from imager_pixels import intensities_w_sr, pixel_k
-from opir_photons.radiometry.aperture import W_M2_PER_W_CM2, minimum_detectable_intensity
+from opir_photons.radiometry.aperture import minimum_detectable_intensity
 from opir_photons.radiometry.planck import (
     FIRST_RADIATION_W_UM4_M2_SR,
     SECOND_RADIATION_UM_K,
@@ -39,7 +39,7 @@ def test_the_papers_minimum_detectable_intensity_in_both_units():
     given = case("seed_imin")["inputs"]
     expected = case("seed_imin")["expected"]
     rest = (given["R_km"] * 1e3, given["tau"], given["snr"])
-    converted = minimum_detectable_intensity(given["NEI_W_cm2"] * W_M2_PER_W_CM2, *rest)
+    converted = minimum_detectable_intensity(1e4 * given["NEI_W_cm2"], *rest)
     assert converted == pytest.approx(expected["I_min_W_sr"], rel=1e-12)
     taken_as_w_m2 = minimum_detectable_intensity(given["NEI_W_cm2"], *rest)
     assert taken_as_w_m2 == pytest.approx(expected["I_min_if_cm2_not_converted"], rel=1e-12)

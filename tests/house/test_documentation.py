@@ -122,7 +122,14 @@ def test_generated_pages_are_fresh() -> None:
 
 
 #: Distributions of which users import public names only.
-OWN = ("opir_core", "opir_coverage", "opir_photons", "opir_scoring", "opir_testing")
+OWN = (
+    "opir_core",
+    "opir_bench",
+    "opir_coverage",
+    "opir_photons",
+    "opir_scoring",
+    "opir_testing",
+)
 EXAMPLES = sorted((ROOT / "examples").rglob("*.py"))
 
 

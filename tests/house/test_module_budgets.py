@@ -124,6 +124,7 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_
         "opir_scoring",
         "opir_studies",
         "opir_dask",
+        "opir_bench",
     }
     assert not roots & {*others, "opir_coverage", "stonesoup", "xarray"}
     assert not roots & set(HEAVY)

@@ -25,6 +25,7 @@ NEVER = (
     "opir_readers",
     "opir_report",
     "opir_coverage",
+    "opir_bench",
     "opir_paper",
     "opir_scoring",
     "opir_export",

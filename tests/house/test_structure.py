@@ -81,7 +81,15 @@ DISTRIBUTIONS = (
         "opir_scoring",
         "opir_report",
     ),
-    *("opir_studies", "opir_dask", "opir_coverage", "opir_kafka", "opir_http", "opir_testing"),
+    *(
+        "opir_studies",
+        "opir_dask",
+        "opir_coverage",
+        "opir_bench",
+        "opir_kafka",
+        "opir_http",
+        "opir_testing",
+    ),
 )
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef

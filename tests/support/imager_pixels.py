@@ -82,4 +82,4 @@ def _air(
         for one in sky_tables(climate, "clear")
         if (one.band.lower_um, one.band.upper_um) == edges
     )
-    return passed, float(np.interp(np.sin(elevation), own.night_sine, own.night))
+    return passed, float(np.interp(np.sin(elevation), own.night_at, own.night))

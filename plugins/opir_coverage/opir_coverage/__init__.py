@@ -1,4 +1,4 @@
-"""Coverage of launch places by a fleet of infrared sensors, and the bench of its sensors."""
+"""Coverage of launch places by a fleet of infrared sensors."""
 
 from opir_core.doors import door
 

@@ -1,19 +1,3 @@
-from opir_coverage.bench.bands import (
-    BandLimits as BandLimits,
-    best_bands as best_bands,
-)
-from opir_coverage.bench.movie_files import (
-    write_movies as write_movies,
-)
-from opir_coverage.bench.movies import (
-    Clip as Clip,
-    Filming as Filming,
-    clip as clip,
-)
-from opir_coverage.bench.stand import (
-    Bench as Bench,
-    Poses as Poses,
-)
 from opir_coverage.computing import (
     computed_coverage as computed_coverage,
     coverage as coverage,
@@ -21,9 +5,17 @@ from opir_coverage.computing import (
 from opir_coverage.grid import (
     PlaceGrid as PlaceGrid,
 )
+from opir_coverage.launches import (
+    LaunchPlaces as LaunchPlaces,
+    detection_of as detection_of,
+    target_class_of as target_class_of,
+)
 from opir_coverage.layers import (
     CoverageMap as CoverageMap,
     Layer as Layer,
+)
+from opir_coverage.looks import (
+    band_thresholds as band_thresholds,
 )
 from opir_coverage.maps import (
     layer_axes as layer_axes,
@@ -35,6 +27,9 @@ from opir_coverage.merits import (
     runs as runs,
     time_average_gap_s as time_average_gap_s,
 )
+from opir_coverage.number_lists import (
+    numbers_of as numbers_of,
+)
 from opir_coverage.settings import (
     CoverageSettings as CoverageSettings,
     Requirement as Requirement,
@@ -42,4 +37,7 @@ from opir_coverage.settings import (
 from opir_coverage.stereo import (
     dilution_m as dilution_m,
     stereo_angles_rad as stereo_angles_rad,
+)
+from opir_coverage.watch import (
+    first_report_s as first_report_s,
 )

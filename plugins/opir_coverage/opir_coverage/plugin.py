@@ -1,4 +1,4 @@
-"""The commands `opir coverage` and `opir physics`, and the metric `coverage`.
+"""The command `opir coverage`, and the metric `coverage`.
 
 Heavy modules are imported when used.
 """
@@ -20,15 +20,8 @@ _SUMMARY = (
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add `opir coverage` and `opir physics`."""
+    """Add `opir coverage`."""
     _add_coverage(commands)
-    from opir_coverage.bench.arguments import physics_arguments
-
-    parser = commands.add_parser(
-        "physics", help="evaluate a radiometric formula, or put a sensor on the bench"
-    )
-    parser.set_defaults(group="look")
-    physics_arguments(parser)
 
 
 @hookimpl

@@ -73,8 +73,7 @@ def step_note(coverage: CoverageMap) -> str:
         return ""
     return (
         f"some accesses or gaps last one step of {step_s:g} s or less, so that shorter ones are"
-        f" missed; "
-        f"--steps {round(len(time_s) * step_s / 60.0)} has a step each minute"
+        f" missed; --steps {round(len(time_s) * step_s / 60.0)} has a step each minute"
     )
 
 

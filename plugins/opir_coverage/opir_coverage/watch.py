@@ -5,10 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import define, field
 
+from opir_core import Plan
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.plugin import Sensor
+from opir_coverage.grid import SeenPoints
+from opir_coverage.launches import LaunchPlaces
 from opir_coverage.looks import GridLooks, Salvo
 from opir_coverage.reports import ReportChain, Reports, ScanSteps
+from opir_coverage.visibility import Fleet
 
 #: Launches times sensors from which a chain is computed: larger ones take memory.
 _AT_ONCE = 65_536
@@ -66,3 +70,19 @@ class Watch:
         nodes = np.concatenate(waiting.nodes, axis=1)
         waiting.nodes.clear()
         self._reports.add(rows, chain, nodes, steps, latency_s)
+
+
+def first_report_s(plan: Plan, places: LaunchPlaces, launch_s: float, chance: float) -> float:
+    """Return the time from launch by which the first sensor has reported the first of `places`
+    with probability `chance`, s.
+    """
+    salvo = Salvo(plan, places, launch_s)
+    node_s = np.linspace(0.0, salvo.burn_s, 41)
+    fleet = Fleet.of(plan, launch_s + node_s)
+    looks = salvo.looks(fleet, 0, [SeenPoints.of(salvo.state(at)[0]) for at in node_s.tolist()])
+    end_s = salvo.burn_s + latency_s_of(plan.sensors[0])
+    reports = Reports(np.linspace(0.0, end_s, 241), 1, 1)
+    watch = Watch(salvo, reports)
+    watch.add(0, looks)
+    watch.close()
+    return float(reports.times_s(1, chance)[0])

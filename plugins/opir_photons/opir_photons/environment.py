@@ -2,7 +2,7 @@
 compute signals.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -12,7 +12,7 @@ from attrs import evolve, frozen
 from opir_core import Plan, Scene
 from opir_core.arrays import FloatArray, IndexArray, RowArray
 from opir_core.flight import height_m
-from opir_core.geometry import length
+from opir_core.geometry import components, dot, length
 from opir_core.host import owner_text
 from opir_core.interfaces import Columns, Surroundings
 from opir_core.planning import Targets, distinct_bands, scene_atmosphere
@@ -23,6 +23,7 @@ from opir_core.plugin import (
     Exposures,
     Host,
     Paths,
+    Plume,
     SignatureContext,
     SignatureModel,
     Signatures,
@@ -38,18 +39,25 @@ from opir_photons.reflection import ReflectedSunlight, shadow_times_s
 #: Half the time step of a direction of flight, s.
 _HALF_STEP_S = 0.05
 
-#: The reference target of `calibrate: paper`: the class profile of an ICBM, in the altitude layer
-#: of highest intensity.
-REFERENCE_PROFILE = "ICBM_solid"
-REFERENCE_TIME_S = 30.0
-REFERENCE_ALTITUDE_M = 25_000.0
-REFERENCE_BURN_S = 170.0
+#: Rows of columns, all of them as a slice.
+_Rows = slice | RowArray
 
 
-#: Samples of height during a burn, and refinement steps of an altitude crossing between two of
-#: them.
-_SAMPLES = 48
-_STEPS = 3
+@frozen
+class ReferenceTarget:
+    """The reference target of `calibrate: paper`: the class profile of an ICBM, in the altitude
+    layer of highest intensity, seen from the side. Source: opir-simulator paper (2026), section
+    2.4.
+    """
+
+    profile: str = "ICBM_solid"
+    time_s: float = 30.0
+    altitude_m: float = 25_000.0
+    burn_s: float = 170.0
+    range_m: float = 3.6e7
+
+
+REFERENCE_TARGET = ReferenceTarget()
 
 
 @frozen(eq=False, repr=False)
@@ -69,8 +77,8 @@ class Ascents(Columns):
         """Return the scene times (n, k) at which targets first rise through levels (n, k), m; nan
         if they never do.
 
-        Of a constant acceleration to 0.1 % of a step between heights, after the first step; to 7.5
-        % in the first.
+        With three refinement steps between two samples of height: of a constant acceleration to
+        0.1 % of a step between heights, after the first step; to 7.5 % in the first.
         """
         below = self.height_m[:, :-1, None] < levels_m[:, None, :]
         crossed = below & (self.height_m[:, 1:, None] >= levels_m[:, None, :])
@@ -80,31 +88,30 @@ class Ascents(Columns):
         high_s = self.time_s[row, step + 1]
         low_m = self.height_m[row, step]
         high_m = self.height_m[row, step + 1]
-        wanted_m = levels_m[row, level]
-        for _ in range(_STEPS):
-            middle_s = low_s + (high_s - low_s) * (wanted_m - low_m) / (high_m - low_m)
+        level_m = levels_m[row, level]
+        for _ in range(3):
+            middle_s = low_s + (high_s - low_s) * (level_m - low_m) / (high_m - low_m)
             middle_m = heights_m(self.targets.position_ecef_m(self.target[row], middle_s))
-            is_low = middle_m < wanted_m
+            is_low = middle_m < level_m
             low_s = np.where(is_low, middle_s, low_s)
             low_m = np.where(is_low, middle_m, low_m)
             high_s = np.where(is_low, high_s, middle_s)
             high_m = np.where(is_low, high_m, middle_m)
         times_s = np.full(levels_m.shape, np.nan)
-        times_s[row, level] = low_s + (high_s - low_s) * (wanted_m - low_m) / np.maximum(
-            high_m - low_m, 1e-300
-        )
+        rise_m = np.maximum(high_m - low_m, 1e-300)
+        times_s[row, level] = low_s + (high_s - low_s) * (level_m - low_m) / rise_m
         return times_s
 
 
 def ascents(targets: Targets) -> Ascents:
     """Return the heights of all targets during their burns."""
-    everyone = np.arange(len(targets.ids), dtype=np.int32)
-    share = np.arange(_SAMPLES + 1) / _SAMPLES
+    target = np.arange(len(targets.ids), dtype=np.int32)
+    share = np.arange(49) / 48
     time_s = targets.ignition_s[:, None] + (targets.burnout_s - targets.ignition_s)[:, None] * share
     # Rounding must not lead out of the burn.
     time_s = np.minimum(time_s, targets.burnout_s[:, None])
-    height_m = heights_m(targets.position_ecef_m(np.repeat(everyone, _SAMPLES + 1), time_s.ravel()))
-    return Ascents(everyone, time_s, height_m.reshape(time_s.shape), targets)
+    height_m = heights_m(targets.position_ecef_m(np.repeat(target, len(share)), time_s.ravel()))
+    return Ascents(target, time_s, height_m.reshape(time_s.shape), targets)
 
 
 def heights_m(position_ecef_m: FloatArray) -> FloatArray:
@@ -118,7 +125,7 @@ class RadiometricEnvironment:
     """Signatures of all targets, the atmosphere and the background, for the distinct `bands` of the
     scene's sensors.
 
-    Target k has row `place[k]` of `signatures[group[k]]`. `sunlight` is what bodies reflect, None
+    Target k has row `place[k]` of `signatures[group[k]]`. `sunlight` is reflected by bodies, None
     in scenes where none is observed.
     """
 
@@ -152,20 +159,17 @@ class RadiometricEnvironment:
     def aspect_rad(self, exposures: Exposures) -> FloatArray:
         """Return the aspect angles (n,) of targets, rad, as defined by their signatures."""
         to_sensor = (exposures.sensor_ecef_m - exposures.target_ecef_m) / exposures.range_m[:, None]
-        if len(self.signatures) == 1:
-            alone = self.signatures[0].aspect_rad(
-                self.place[exposures.target], exposures.emission_time_s, to_sensor
-            )
-            return self._off_flight_rad(exposures, to_sensor) if alone is None else alone
-        aspect = np.empty(len(exposures))
-        for number, signatures in enumerate(self.signatures):
-            rows = np.flatnonzero(self.group[exposures.target] == number)
+
+        def angles_rad(signatures: Signatures, rows: _Rows) -> FloatArray:
             place = self.place[exposures.target[rows]]
-            own = signatures.aspect_rad(place, exposures.emission_time_s[rows], to_sensor[rows])
-            aspect[rows] = (
-                self._off_flight_rad(exposures.take(rows), to_sensor[rows]) if own is None else own
+            angle_rad = signatures.aspect_rad(
+                place, exposures.emission_time_s[rows], to_sensor[rows]
             )
-        return aspect
+            if angle_rad is None:
+                return self._off_flight_rad(exposures.take(rows), to_sensor[rows])
+            return angle_rad
+
+        return self._by_signatures(exposures.target, (), angles_rad)
 
     def intensities_w_sr(
         self, bands: Sequence[int], exposures: Exposures, height_m: FloatArray, aspect: FloatArray
@@ -174,13 +178,19 @@ class RadiometricEnvironment:
         source.
         """
         since_s = self._since_ignition_s(exposures)
-        intensity = self._own_intensities_w_sr(bands, exposures.target, since_s, height_m, aspect)
+
+        def emitted_w_sr(signatures: Signatures, rows: _Rows) -> FloatArray:
+            place = self.place[exposures.target[rows]]
+            return signatures.intensities_w_sr(
+                bands, place, since_s[rows], height_m[rows], aspect[rows]
+            )
+
+        intensity = self._by_signatures(exposures.target, (len(bands),), emitted_w_sr)
         if self.sunlight is not None:
             area = self.reflecting_area_m2(exposures.target, since_s)
-            late = np.flatnonzero(area > 0.0)
-            looks = exposures.take(late)
-            intensity[:, late] += self.sunlight.intensities_w_sr(
-                bands, looks, height_m[late], area[late]
+            bodies = np.flatnonzero(area > 0.0)
+            intensity[:, bodies] += self.sunlight.intensities_w_sr(
+                bands, exposures.take(bodies), height_m[bodies], area[bodies]
             )
         return intensity
 
@@ -197,36 +207,29 @@ class RadiometricEnvironment:
             since_s[dark] = np.nextafter(burn_s, np.inf)
         return since_s
 
-    def _own_intensities_w_sr(
+    def _by_signatures(
         self,
-        bands: Sequence[int],
         target: IndexArray,
-        since_s: FloatArray,
-        height_m: FloatArray,
-        aspect: FloatArray,
+        shape: tuple[int, ...],
+        values_of: Callable[[Signatures, _Rows], FloatArray],
     ) -> FloatArray:
-        """Return what signatures radiate (bands, n)."""
-        place = self.place[target]
-        group = self.group[target]
+        """Return values (*shape, n) of targets (n,), each from its signatures."""
         if len(self.signatures) == 1:
-            return self.signatures[0].intensities_w_sr(bands, place, since_s, height_m, aspect)
-        intensity = np.empty((len(bands), len(target)))
+            return values_of(self.signatures[0], slice(None))
+        values = np.empty((*shape, len(target)))
+        group = self.group[target]
         for number, signatures in enumerate(self.signatures):
             rows = np.flatnonzero(group == number)
-            own = signatures.intensities_w_sr(
-                bands, place[rows], since_s[rows], height_m[rows], aspect[rows]
-            )
-            intensity[:, rows] = own
-        return intensity
+            values[..., rows] = values_of(signatures, rows)
+        return values
 
     def reflecting_area_m2(self, target: IndexArray, since_s: FloatArray) -> FloatArray:
         """Return albedo times cross-section (n,) of targets at times since ignition (n,)."""
-        area = np.zeros(len(target))
-        group = self.group[target]
-        for number, signatures in enumerate(self.signatures):
-            rows = np.flatnonzero(group == number)
-            area[rows] = signatures.reflecting_area_m2(self.place[target[rows]], since_s[rows])
-        return area
+
+        def areas_m2(signatures: Signatures, rows: _Rows) -> FloatArray:
+            return signatures.reflecting_area_m2(self.place[target[rows]], since_s[rows])
+
+        return self._by_signatures(target, (), areas_m2)
 
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend; nan for none.
@@ -234,41 +237,44 @@ class RadiometricEnvironment:
         They come from signatures, the atmosphere, the trajectories (burns, direction of flight) and
         the Earth's shadow.
         """
-        everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
         heights = ascents(self.targets)
         air = self.atmosphere.altitude_breakpoints_m
         times_s = [heights.times_s(np.broadcast_to(air, (len(self.group), len(air))))]
         if self.targets.burns_s.shape[1] > 1:
             times_s.append(self.targets.burns_s.reshape(len(self.group), -1))
-        for signatures, rows in zip(self.signatures, everyone, strict=True):
-            levels_m = signatures.altitude_breakpoints_m
-            since_s = signatures.time_breakpoints_s
-            if levels_m is not None:
-                times_s.append(
-                    self._of_all(rows, heights.take(rows).times_s(levels_m[self.place[rows]]))
-                )
-            if since_s is not None:
-                times_s.append(
-                    self._of_all(
-                        rows, self.targets.ignition_s[rows, None] + since_s[self.place[rows]]
-                    )
-                )
-        for number, trajectories in enumerate(self.targets.trajectories):
-            own_s = trajectories.course_breakpoints_s
-            if own_s is not None:
-                turning = np.flatnonzero(self.targets.group == number)
-                turns_s = own_s[self.targets.place[turning]]
-                # The direction of flight is that over a step about each look.
-                ends_s = np.concatenate([turns_s - _HALF_STEP_S, turns_s + _HALF_STEP_S], axis=1)
-                times_s.append(self._of_all(turning, ends_s))
+        times_s += self._signature_breakpoints_s(heights)
+        times_s += self._course_breakpoints_s()
         if self.sunlight is not None:
             times_s.append(shadow_times_s(self.targets, self.epoch_us))
         return np.concatenate(times_s, axis=1)
 
-    def _of_all(self, rows: RowArray, own_s: FloatArray) -> FloatArray:
+    def _signature_breakpoints_s(self, heights: Ascents) -> Iterator[FloatArray]:
+        """Yield the scene times (targets, k) at which signatures may jump or bend."""
+        for number, signatures in enumerate(self.signatures):
+            rows = np.flatnonzero(self.group == number)
+            place = self.place[rows]
+            levels_m = signatures.altitude_breakpoints_m
+            if levels_m is not None:
+                yield self._of_all(rows, heights.take(rows).times_s(levels_m[place]))
+            since_s = signatures.time_breakpoints_s
+            if since_s is not None:
+                yield self._of_all(rows, self.targets.ignition_s[rows, None] + since_s[place])
+
+    def _course_breakpoints_s(self) -> Iterator[FloatArray]:
+        """Yield the scene times (targets, k) at which directions of flight may jump or bend."""
+        for number, trajectories in enumerate(self.targets.trajectories):
+            course_s = trajectories.course_breakpoints_s
+            if course_s is not None:
+                rows = np.flatnonzero(self.targets.group == number)
+                turns_s = course_s[self.targets.place[rows]]
+                # The direction of flight is that over a step about each look.
+                ends_s = np.concatenate([turns_s - _HALF_STEP_S, turns_s + _HALF_STEP_S], axis=1)
+                yield self._of_all(rows, ends_s)
+
+    def _of_all(self, rows: RowArray, rows_s: FloatArray) -> FloatArray:
         """Return times (targets, k) from those of some rows; nan for the others."""
-        times_s = np.full((len(self.group), own_s.shape[1]), np.nan)
-        times_s[rows] = own_s
+        times_s = np.full((len(self.group), rows_s.shape[1]), np.nan)
+        times_s[rows] = rows_s
         return times_s
 
     def _off_flight_rad(self, exposures: Exposures, to_sensor: FloatArray) -> FloatArray:
@@ -279,16 +285,13 @@ class RadiometricEnvironment:
         time_s = exposures.emission_time_s
         start_s = self.targets.ignition_s[target]
         stop_s = self.targets.end_s[target]
-        later = self.targets.position_ecef_m(
-            target, np.clip(time_s + _HALF_STEP_S, start_s, stop_s)
+        before_m, after_m = (
+            self.targets.position_ecef_m(target, np.clip(time_s + step_s, start_s, stop_s))
+            for step_s in (-_HALF_STEP_S, _HALF_STEP_S)
         )
-        way = later - self.targets.position_ecef_m(
-            target, np.clip(time_s - _HALF_STEP_S, start_s, stop_s)
-        )
-        along = (
-            way[:, 0] * to_sensor[:, 0] + way[:, 1] * to_sensor[:, 1] + way[:, 2] * to_sensor[:, 2]
-        )
-        distance = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1] + way[:, 2] * way[:, 2])
+        way = after_m - before_m
+        along = dot(way, to_sensor)
+        distance = length(*components(way))
         # A target at rest is seen from the side.
         return np.arccos(np.clip(along / np.where(distance > 0.0, distance, 1.0), -1.0, 1.0))
 
@@ -308,6 +311,9 @@ def make_environment(of: Surroundings | Plan) -> RadiometricEnvironment:
         epoch_us=scene.epoch_us,
         make_atmosphere=lambda: atmosphere,
     )
+    background = Background.adopt(
+        _built(host, scene.background, backdrop), partial(owner_text, host, scene.background)
+    )
     signatures, group, place = _signatures(scene, host, bands, targets, of.sources)
     environment = RadiometricEnvironment(
         bands=bands,
@@ -316,17 +322,14 @@ def make_environment(of: Surroundings | Plan) -> RadiometricEnvironment:
         group=group,
         place=place,
         atmosphere=atmosphere,
-        background=Background.adopt(
-            _built(host, scene.background, backdrop), partial(owner_text, host, scene.background)
-        ),
+        background=background,
         epoch_us=scene.epoch_us,
         has_background=scene.background.name != "none",
         reference_intensity_w_sr=_reference_intensity_w_sr(host, bands),
     )
-    followed = np.flatnonzero(targets.end_s > targets.burnout_s).astype(np.int32)
-    if not np.any(
-        environment.reflecting_area_m2(followed, (targets.end_s - targets.ignition_s)[followed])
-    ):
+    bodies = np.flatnonzero(targets.end_s > targets.burnout_s).astype(np.int32)
+    flight_s = (targets.end_s - targets.ignition_s)[bodies]
+    if not np.any(environment.reflecting_area_m2(bodies, flight_s)):
         return environment
     return evolve(environment, sunlight=ReflectedSunlight.of(bands, atmosphere, scene.epoch_us))
 
@@ -341,59 +344,76 @@ def _signatures(
     """Return all signatures, and of each target the number and the row of its own."""
     group = np.full(len(targets.ids), -1, dtype=np.int32)
     place = targets.place.copy()
-    made: list[Signatures] = []
+    signatures: list[Signatures] = []
     for source in sources:
         numbers = [
             number
-            for number, known in enumerate(targets.trajectories)
-            if known is source.trajectories
+            for number, trajectories in enumerate(targets.trajectories)
+            if trajectories is source.trajectories
         ]
-        group[np.isin(targets.group, numbers)] = len(made)
-        made.append(source.signatures)
+        group[np.isin(targets.group, numbers)] = len(signatures)
+        signatures.append(source.signatures)
     launches = np.flatnonzero(group < 0).tolist()
+    rows_by_model: dict[str, list[tuple[int, Choice]]] = {}
     choices = _signature_choices(scene, host, [targets.ids[row] for row in launches])
+    for row, choice in zip(launches, choices, strict=True):
+        rows_by_model.setdefault(choice.name, []).append((row, choice))
     profiles = [str(truth.get("profile", "")) for truth in targets.truth()] if launches else []
-    classes = {
-        name: host.component(TargetClass, name)
-        for name in {targets.class_names[row] for row in launches}
-    }
-    for name in dict.fromkeys(choice.name for choice in choices):
-        rows = [row for row, choice in zip(launches, choices, strict=True) if choice.name == name]
-        chosen = [choice for choice in choices if choice.name == name]
-        context = SignatureContext(
-            bands=bands,
-            ids=tuple(targets.ids[row] for row in rows),
-            paths=tuple(choice.path for choice in chosen),
-            types=tuple(targets.class_names[row] for row in rows),
-            profiles=tuple(profiles[row] for row in rows),
-            burn_time_s=(targets.burnout_s - targets.ignition_s)[rows],
-            plumes=tuple(classes[targets.class_names[row]].plume(profiles[row]) for row in rows),
-            burns_s=targets.burns_s[rows] - targets.ignition_s[rows][:, None, None],
-        )
-        group[rows] = len(made)
+    for name, launches_of_model in rows_by_model.items():
+        rows = [row for row, _ in launches_of_model]
+        model_choices = [choice for _, choice in launches_of_model]
+        context = _signature_context(host, bands, targets, rows, profiles, model_choices)
+        group[rows] = len(signatures)
         place[rows] = np.arange(len(rows))
-        component = host.component(SignatureModel, name, chosen[0].path)
-        built = component.build([choice.config for choice in chosen], context)
-        made.append(Signatures.adopt(built, partial(owner_text, host, chosen[0])))
-    return tuple(made), group, place
+        component = host.component(SignatureModel, name, model_choices[0].path)
+        built = component.build([choice.config for choice in model_choices], context)
+        signatures.append(Signatures.adopt(built, partial(owner_text, host, model_choices[0])))
+    return tuple(signatures), group, place
+
+
+def _signature_context(
+    host: Host,
+    bands: tuple[Band, ...],
+    targets: Targets,
+    rows: list[int],
+    profiles: Sequence[str],
+    choices: Sequence[Choice],
+) -> SignatureContext:
+    """Return the context of the launches of one signature model."""
+    types = [targets.class_names[row] for row in rows]
+    row_profiles = [profiles[row] for row in rows]
+    return SignatureContext(
+        bands=bands,
+        ids=tuple(targets.ids[row] for row in rows),
+        paths=tuple(choice.path for choice in choices),
+        types=tuple(types),
+        profiles=tuple(row_profiles),
+        burn_time_s=(targets.burnout_s - targets.ignition_s)[rows],
+        plumes=_plumes(host, types, row_profiles),
+        burns_s=targets.burns_s[rows] - targets.ignition_s[rows][:, None, None],
+    )
+
+
+def _plumes(host: Host, types: Sequence[str], profiles: Sequence[str]) -> tuple[Plume, ...]:
+    classes = {name: host.component(TargetClass, name) for name in set(types)}
+    return tuple(
+        classes[name].plume(profile) for name, profile in zip(types, profiles, strict=True)
+    )
 
 
 def _signature_choices(scene: Scene, host: Host, ids: Sequence[str]) -> list[Choice]:
     """Return the signature model of each launch: its own, or the default."""
-    of_id = {target.id: target for target in scene.targets}
+    by_id = {target.id: target for target in scene.targets}
     default = None
     choices = []
-    for own_id in ids:
-        target = of_id[own_id]
-        if target.signature is None:
-            default = (
-                default
-                or host.component(SignatureModel, DEFAULT_SIGNATURE, target.model.path).config()
-            )
-        choices.append(
-            target.signature
-            or Choice(SignatureModel.hook, DEFAULT_SIGNATURE, default, target.model.path)
-        )
+    for target_id in ids:
+        target = by_id[target_id]
+        choice = target.signature
+        if choice is None:
+            path = target.model.path
+            default = default or host.component(SignatureModel, DEFAULT_SIGNATURE, path).config()
+            choice = Choice(SignatureModel.hook, DEFAULT_SIGNATURE, default, path)
+        choices.append(choice)
     return choices
 
 
@@ -405,11 +425,11 @@ def _reference_intensity_w_sr(host: Host, bands: tuple[Band, ...]) -> FloatArray
         ids=("reference",),
         paths=("reference",),
         types=("ICBM",),
-        profiles=(REFERENCE_PROFILE,),
-        burn_time_s=np.array([REFERENCE_BURN_S]),
+        profiles=(REFERENCE_TARGET.profile,),
+        burn_time_s=np.array([REFERENCE_TARGET.burn_s]),
     )
     plume = Signatures.adopt(component.build([component.config()], context))
-    one = np.zeros(1, dtype=np.int32)
-    place = (REFERENCE_TIME_S, REFERENCE_ALTITUDE_M, 0.5 * np.pi)
-    columns = [np.array([value]) for value in place]
-    return np.array([plume.intensity_w_sr(band, one, *columns)[0] for band in range(len(bands))])
+    target = np.zeros(1, dtype=np.int32)
+    moment = (REFERENCE_TARGET.time_s, REFERENCE_TARGET.altitude_m, 0.5 * np.pi)
+    columns = np.array(moment)[:, None]
+    return np.array([plume.intensity_w_sr(band, target, *columns)[0] for band in range(len(bands))])

@@ -1,5 +1,5 @@
-"""Sunlight that bodies reflect towards sensors, and when they enter and leave the Earth's
-shadow.
+"""Sunlight that bodies reflect towards sensors, and the times at which they enter and leave the
+Earth's shadow.
 """
 
 from collections.abc import Sequence
@@ -25,10 +25,6 @@ from opir_core.geometry import (
 from opir_core.planning import Targets
 from opir_core.plugin import Band, Exposures, Paths, Transmittance
 from opir_photons.radiometry.sunlight import lambert_sphere_intensity, solar_irradiance
-
-#: Longest step between samples of a flight, s: a body meets each edge of the shadow once in a
-#: quarter of an hour.
-_STEP_S = 30.0
 
 
 @frozen(eq=False)
@@ -66,16 +62,15 @@ class ReflectedSunlight:
         rows = np.flatnonzero((area_m2 > 0.0) & (lit > 0.0))
         if not len(rows):
             return intensity
-        to_sun = sun_m[rows] - target_m[rows]
         target_m = target_m[rows]
+        to_sun = sun_m[rows] - target_m
         distance_m = length(*components(to_sun))
-        phase = angle_between_rad(to_sun, exposures.sensor_ecef_m[rows] - target_m)
-        area = area_m2[rows] * lit[rows] * np.square(ASTRONOMICAL_UNIT_M / distance_m)
         sine = np.clip(dot(local_axes(target_m)[:, 2], to_sun) / distance_m, -1.0, 1.0)
         path = Paths(height_m[rows], sine, target_m, sun_m[rows], time_s[rows])
-        light = self.irradiance_w_m2[list(bands)][:, None] * self.atmosphere.transmittances(
-            bands, path
-        )
+        air = self.atmosphere.transmittances(bands, path)
+        phase = angle_between_rad(to_sun, exposures.sensor_ecef_m[rows] - target_m)
+        area = area_m2[rows] * lit[rows] * np.square(ASTRONOMICAL_UNIT_M / distance_m)
+        light = self.irradiance_w_m2[list(bands)][:, None] * air
         intensity[:, rows] = lambert_sphere_intensity(light, area, phase)
         return intensity
 
@@ -94,10 +89,11 @@ def shadow_times_s(targets: Targets, epoch_us: int) -> FloatArray:
         position_m = targets.position_ecef_m(flying[row], held_s)
         return shadow_margins_rad(position_m, sun_ecef_m(held_s, epoch_us))[edge]
 
-    found = [
-        zero_crossings(partial(margin, edge), start_s, stop_s, step_s=_STEP_S) for edge in (0, 1)
+    # A body meets each edge of the shadow once in a quarter of an hour: a step of 30 s is short.
+    crossings = [
+        zero_crossings(partial(margin, edge), start_s, stop_s, step_s=30.0) for edge in (0, 1)
     ]
-    columns = [_by_row(crossings, len(flying)) for crossings in found]
+    columns = [_by_row(edge_crossings, len(flying)) for edge_crossings in crossings]
     times_s = np.full((len(targets.ids), sum(column.shape[1] for column in columns)), np.nan)
     times_s[flying] = np.concatenate(columns, axis=1)
     return times_s

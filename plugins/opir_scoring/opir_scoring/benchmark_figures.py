@@ -14,23 +14,24 @@ from opir_core.arrays import FloatArray
 from opir_core.cli import table
 from opir_scoring.benchmark_scores import SetScores, read_set, scene_scores
 from opir_scoring.benchmark_tables import read_tracks
-from opir_scoring.containments import proportion
-from opir_scoring.figure_text import number_text
+from opir_scoring.containments import share
+from opir_scoring.figure_text import cells, figure_rows, number_text
 
+_CELLS = figure_rows(
+    ("GOSPA, m", "gospa_m", 0),
+    ("/c", "gospa_over_cutoff", 2),
+    ("error, m", "position_median_m", 0),
+    ("/bound", "error_over_bound", 2),
+    ("/unknown", "error_over_unknown_thrust_bound", 2),
+    ("energy, m", "position_energy_m", 0),
+    ("/bound", "energy_over_bound", 2),
+    ("log", "log_score_above_bound", 1),
+    ("NEES/6", "nees_over_6_median", 2),
+)
 HEAD = (
-    *(
-        "case",
-        "covered, %",
-        "false",
-        "missed",
-        "c, m",
-        "GOSPA, m",
-        "/c",
-        "error, m",
-        "/bound",
-        "/unknown",
-    ),
-    *("energy, m", "/bound", "log", "NEES/6", "held, %"),
+    *("case", "covered, %", "false", "missed", "c, m"),
+    *(row.label for row in _CELLS),
+    "held, %",
 )
 LEGEND = """\
 Covered: share of scored launches and ticks with a track; false: tracks of no launch, missed: launches without any.
@@ -44,13 +45,13 @@ ellipsoids. All of these over covered ticks."""
 def scored_set(
     folder: Path, tracks: Path, cases: Sequence[str] = ()
 ) -> tuple[Mapping[str, Any], list[tuple[str, SetScores]]]:
-    """Return what is known of a set and of a file of tracks on it, and the scores of each scene by
+    """Return a description of a set and of a file of tracks on it, and the scores of each scene by
     name.
 
-    Raises `SceneError` with what is wrong in one of the files.
+    Raises `SceneError` with the error in one of the files.
     """
     description, truths = read_set(folder, cases)
-    names = [each["scene"] for each in description["scenes"]]
+    names = [scene["scene"] for scene in description["scenes"]]
     read = read_tracks(tracks, description["tick_s"], names)
     about = {
         "set": description["set"],
@@ -59,30 +60,32 @@ def scored_set(
         "rows": len(read.time_s),
         "rows_left_out": read.left_out,
         "scenes": len(truths),
-        "scenes_without_tracks": len({each.name for each in truths} - set(read.scene)),
+        "scenes_without_tracks": len({truth.name for truth in truths} - set(read.scene)),
     }
     return about, [(truth.name, scene_scores(truth, read)) for truth in truths]
 
 
 def set_figures(scores: Sequence[SetScores]) -> dict[str, Any]:
     """Return the figures of scenes together."""
+
+    def total(name: str) -> int:
+        return sum(getattr(scene, name) for scene in scores)
+
     states = {
-        name: np.concatenate([each.states[name] for each in scores]) for name in scores[0].states
+        name: np.concatenate([scene.states[name] for scene in scores]) for name in scores[0].states
     }
     covered = len(states["position_m"])
-    scored = sum(each.scored for each in scores)
-    value = states["nees"][~np.isnan(states["nees"])]
-    held, low, high = proportion(int(np.count_nonzero(value <= chi2.ppf(0.95, 6))), len(value))
+    nees = states["nees"][~np.isnan(states["nees"])]
+    cutoffs_m = [scene.cutoff_m for scene in scores]
+    gospa_over_cutoff = [scene.gospa_m / scene.cutoff_m for scene in scores]
     return {
-        "launches": sum(each.launches for each in scores),
-        "covered": covered / scored if scored else np.nan,
-        "false_tracks": sum(each.false_tracks for each in scores),
-        "missed_launches": sum(each.missed_launches for each in scores),
-        "cutoff_m": [min(each.cutoff_m for each in scores), max(each.cutoff_m for each in scores)],
-        "gospa_m": _mean(np.concatenate([each.gospa_m for each in scores])),
-        "gospa_over_cutoff": _mean(
-            np.concatenate([each.gospa_m / each.cutoff_m for each in scores])
-        ),
+        "launches": total("launches"),
+        "covered": covered / total("scored") if total("scored") else np.nan,
+        "false_tracks": total("false_tracks"),
+        "missed_launches": total("missed_launches"),
+        "cutoff_m": [min(cutoffs_m), max(cutoffs_m)],
+        "gospa_m": _mean(np.concatenate([scene.gospa_m for scene in scores])),
+        "gospa_over_cutoff": _mean(np.concatenate(gospa_over_cutoff)),
         "position_median_m": _median(states["position_m"]),
         "velocity_median_m_s": _median(states["velocity_m_s"]),
         "error_over_bound": _rms(states["position_m"] / states["bound_m"]),
@@ -90,16 +93,18 @@ def set_figures(scores: Sequence[SetScores]) -> dict[str, Any]:
         "position_energy_m": _mean(states["energy_m"]),
         "energy_over_bound": _mean(states["energy_m"] / states["bound_energy_m"]),
         "log_score_above_bound": _mean(states["log_score"] - states["bound_log_score"]),
-        "nees_over_6_median": _median(value) / 6.0,
-        "held_95": {"value": held, "interval_95": [low, high]},
+        "nees_over_6_median": _median(nees) / 6.0,
+        "held_95": share(nees <= chi2.ppf(0.95, 6)),
     }
 
 
 def figures_by_case(scores: Sequence[SetScores]) -> dict[str, dict[str, Any]]:
     """Return the figures of each case; `all` are of all scenes."""
-    cases = dict.fromkeys(each.case for each in scores)
-    found = {name: set_figures([each for each in scores if each.case == name]) for name in cases}
-    return found | ({"all": set_figures(scores)} if len(found) > 1 else {})
+    cases = dict.fromkeys(scene.case for scene in scores)
+    figures = {
+        name: set_figures([scene for scene in scores if scene.case == name]) for name in cases
+    }
+    return figures | ({"all": set_figures(scores)} if len(figures) > 1 else {})
 
 
 def set_text(about: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]]) -> str:
@@ -109,7 +114,7 @@ def set_text(about: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]])
         head += f"; {about['scenes_without_tracks']} scenes without tracks"
     if about["rows_left_out"]:
         head += f"; {about['rows_left_out']} rows left out (at no tick, or P(launch) at most 0.5)"
-    rows = [[name, *figure_cells(own)] for name, own in figures.items()]
+    rows = [[name, *figure_cells(of_case)] for name, of_case in figures.items()]
     # Metres of cases with one sensor in high orbit and three in low orbit have no common mean.
     rows = [
         [
@@ -129,22 +134,14 @@ def figure_cells(figures: Mapping[str, Any]) -> list[str]:
         str(figures["false_tracks"]),
         str(figures["missed_launches"]),
         f"{low:.0f}" if low == high else f"{low:.0f}–{high:.0f}",
-        number_text(figures["gospa_m"], 0),
-        number_text(figures["gospa_over_cutoff"], 2),
-        number_text(figures["position_median_m"], 0),
-        number_text(figures["error_over_bound"], 2),
-        number_text(figures["error_over_unknown_thrust_bound"], 2),
-        number_text(figures["position_energy_m"], 0),
-        number_text(figures["energy_over_bound"], 2),
-        number_text(figures["log_score_above_bound"], 1),
-        number_text(figures["nees_over_6_median"], 2),
+        *cells(figures, _CELLS),
         number_text(100.0 * figures["held_95"]["value"], 0),
     ]
 
 
 def _mean(values: FloatArray) -> float:
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if len(known) else math.nan
+    values = values[~np.isnan(values)]
+    return float(values.mean()) if len(values) else math.nan
 
 
 def _median(values: FloatArray) -> float:

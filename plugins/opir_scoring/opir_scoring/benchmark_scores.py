@@ -11,19 +11,19 @@ track with the most assigned rows, however far off it is then.
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.errors import Problem, SceneError
 from opir_scoring.benchmark_tables import DESCRIPTION, STATE, SetTracks, numbers, read_table
 from opir_scoring.containments import nees
 from opir_scoring.gospa_metric import gospa
 from opir_scoring.proper_scores import energy_scores, normal_log_scores
 
-#: Columns of the states of a scene, by what is scored.
+#: Columns of the scores of a scene's states.
 MEASURES = (
     *("position_m", "velocity_m_s", "energy_m", "log_score", "nees"),
     *("bound_m", "free_bound_m", "bound_energy_m", "bound_log_score"),
@@ -48,7 +48,7 @@ class SetTruth:
 
     @property
     def is_scored(self) -> Any:
-        """Return at which ticks launches are scored (launches, ticks)."""
+        """Whether launches are scored at ticks (launches, ticks)."""
         return np.isfinite(self.bounds[:, :, 0])
 
 
@@ -75,15 +75,14 @@ def read_set(folder: Path, cases: Sequence[str] = ()) -> tuple[Mapping[str, Any]
     try:
         description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise SceneError(
-            [Problem("", f"is no benchmark set: {error}")], source=str(folder)
-        ) from error
+        problem = Problem("", f"is no benchmark set: {error}")
+        raise SceneError([problem], source=str(folder)) from error
     if unknown := sorted(set(cases) - set(description["cases"])):
         words = f"no case {unknown[0]!r} in the set, which has {', '.join(description['cases'])}"
         raise SceneError([Problem("--case", words)], source="command line")
     tables = {name: _table(folder / f"{name}.csv") for name in ("truth", "bounds")}
-    scenes = [each for each in description["scenes"] if not cases or each["case"] in cases]
-    return description, [_truth(each, tables, description["tick_s"]) for each in scenes]
+    scenes = [scene for scene in description["scenes"] if not cases or scene["case"] in cases]
+    return description, [_truth(scene, tables, description["tick_s"]) for scene in scenes]
 
 
 def _table(path: Path) -> dict[str, Any]:
@@ -97,118 +96,139 @@ def _truth(
     scene: Mapping[str, Any], tables: Mapping[str, dict[str, Any]], step_s: float
 ) -> SetTruth:
     ticks = round(scene["end_s"] / step_s)
-    filled = {}
-    columns = {"truth": STATE, "bounds": ("position_m", "free_position_m", "energy_m", "log_det")}
-    for name, wanted in columns.items():
+
+    def values(name: str, columns: Sequence[str]) -> FloatArray:
         table = tables[name]
-        values = np.full((scene["launches"], ticks, len(wanted)), np.nan)
         rows = np.flatnonzero(table["scene"] == scene["scene"])
-        launch = np.array([int(each[1:]) - 1 for each in table["launch"][rows]], dtype=np.int64)
+        launch = [int(label[1:]) - 1 for label in table["launch"][rows]]
         tick = np.round(table["time_s"][rows] / step_s).astype(np.int64) - 1
-        values[launch, tick] = np.stack([table[column][rows] for column in wanted], axis=1)
-        filled[name] = values
-    tick_s = step_s * np.arange(1, ticks + 1)
+        grid = np.full((scene["launches"], ticks, len(columns)), np.nan)
+        grid[np.array(launch, dtype=np.int64), tick] = np.stack(
+            [table[column][rows] for column in columns], axis=1
+        )
+        return grid
+
     return SetTruth(
-        scene["scene"], scene["case"], scene["cutoff_m"], tick_s, filled["truth"], filled["bounds"]
+        name=scene["scene"],
+        case=scene["case"],
+        cutoff_m=scene["cutoff_m"],
+        tick_s=step_s * np.arange(1, ticks + 1),
+        state=values("truth", STATE),
+        bounds=values("bounds", ("position_m", "free_position_m", "energy_m", "log_det")),
     )
+
+
+class _Rows(NamedTuple):
+    """Rows (n,) of tracks in a scene: the row in the file, the track by number, the tick, and the
+    launch to which the estimate is assigned, -1 for none.
+    """
+
+    row: IntArray
+    track: IntArray
+    tick: IntArray
+    assigned: IntArray
+
+    def take(self, rows: IntArray) -> "_Rows":
+        """Return some of the rows."""
+        return _Rows(*(column[rows] for column in self))
+
+
+def _rows_of(truth: SetTruth, tracks: SetTracks) -> _Rows:
+    rows = tracks.rows_of(truth.name)
+    rows = rows[tracks.time_s[rows] <= truth.tick_s[-1] + 1e-6]
+    tick = np.round(tracks.time_s[rows] / truth.tick_s[0]).astype(np.int64) - 1
+    names = np.array([tracks.track[row] for row in rows.tolist()], dtype=np.str_)
+    track = np.unique(names, return_inverse=True)[1]
+    return _Rows(rows, track, tick, _assigned(truth, tracks.state[rows], tick))
 
 
 def scene_scores(truth: SetTruth, tracks: SetTracks) -> SetScores:
     """Return the scores of a scene."""
-    rows = tracks.rows_of(truth.name)
-    rows = rows[tracks.time_s[rows] <= truth.tick_s[-1] + 1e-6]
-    tick = np.round(tracks.time_s[rows] / truth.tick_s[0]).astype(np.int64) - 1
-    names = sorted({tracks.track[row] for row in rows})
-    number = np.array([names.index(tracks.track[row]) for row in rows], dtype=np.int64)
-    assigned = _assigned(truth, tracks.state[rows], tick)
-    owner, is_kept = _owners(truth, number, tick, assigned, len(names))
-    held = np.array(
-        [np.count_nonzero((number == each) & (assigned >= 0)) for each in range(len(names))]
-    )
-    chosen = _in_force(owner[number], tick, is_kept & (owner[number] >= 0), held[number])
-    in_use = {int(each) for each in number[chosen]}
-    launches = set(owner[number[chosen]].tolist())
-    kept = np.flatnonzero(is_kept)
+    rows = _rows_of(truth, tracks)
+    owner, is_scored = _owners(truth, rows)
+    scored = rows.take(np.flatnonzero(is_scored))
+    in_force = _in_force(rows, owner, is_scored)
+    launch = owner[in_force.track]
+    has_scored_ticks = truth.is_scored.any(axis=1)
     return SetScores(
         case=truth.case,
         launches=len(truth.state),
         scored=int(truth.is_scored.sum()),
-        false_tracks=len({int(each) for each in number[kept]} - in_use),
-        missed_launches=sum(
-            row not in launches for row in range(len(truth.state)) if truth.is_scored[row].any()
-        ),
+        false_tracks=len(np.setdiff1d(scored.track, in_force.track)),
+        missed_launches=len(np.setdiff1d(np.flatnonzero(has_scored_ticks), launch)),
         cutoff_m=truth.cutoff_m,
-        gospa_m=_gospa(truth, tracks.state[rows[kept]], tick[kept]),
-        states=_states(truth, tracks, rows[chosen], owner[number[chosen]], tick[chosen]),
+        gospa_m=_gospa(truth, tracks.state[scored.row], scored.tick),
+        states=_states(truth, tracks, in_force, launch),
     )
 
 
 def _assigned(truth: SetTruth, state: FloatArray, tick: IntArray) -> IntArray:
     """Return the launch (n,) to which each estimate is assigned at its tick, -1 for none."""
-    found = np.full(len(state), -1, dtype=np.int64)
-    for now in np.unique(tick).tolist():
-        rows = np.flatnonzero(tick == now)
-        flying = np.flatnonzero(np.isfinite(truth.state[:, now, 0]))
-        pairs = gospa(state[rows, :3], truth.state[flying, now, :3], cutoff=truth.cutoff_m).assigned
-        found[rows[pairs[:, 0]]] = flying[pairs[:, 1]]
-    return found
+    assigned = np.full(len(state), -1, dtype=np.int64)
+    for number in np.unique(tick).tolist():
+        rows = np.flatnonzero(tick == number)
+        true = truth.state[:, number, :3]
+        flying = np.flatnonzero(np.isfinite(true[:, 0]))
+        pairs = gospa(state[rows, :3], true[flying], cutoff=truth.cutoff_m).assigned
+        assigned[rows[pairs[:, 0]]] = flying[pairs[:, 1]]
+    return assigned
 
 
-def _owners(
-    truth: SetTruth, number: IntArray, tick: IntArray, assigned: IntArray, tracks: int
-) -> tuple[IntArray, Any]:
-    """Return the launch of each track (tracks,), -1 if it is false, and which rows (n,) are
+def _owners(truth: SetTruth, rows: _Rows) -> tuple[IntArray, BoolArray]:
+    """Return the launch of each track (tracks,), -1 if it is false, and whether rows (n,) are
     scored.
     """
+    tracks = int(rows.track.max(initial=-1)) + 1
+    is_assigned = rows.assigned >= 0
     count = np.zeros((tracks, len(truth.state)), dtype=np.int64)
-    np.add.at(count, (number[assigned >= 0], assigned[assigned >= 0]), 1)
+    np.add.at(count, (rows.track[is_assigned], rows.assigned[is_assigned]), 1)
     owner = np.where(count.max(axis=1, initial=0) > 0, count.argmax(axis=1), -1)
-    of_row = owner[number]
-    is_any = truth.is_scored.any(axis=0)[tick]
-    is_kept = np.where(of_row >= 0, truth.is_scored[of_row, tick], is_any)
-    for each in range(tracks):
-        mine = is_kept & (number == each)
-        if 2 * np.count_nonzero(assigned[mine] >= 0) < np.count_nonzero(mine):
-            owner[each] = -1
-    return owner, is_kept
+    launch = owner[rows.track]
+    is_scored_tick = truth.is_scored.any(axis=0)[rows.tick]
+    is_scored = np.where(launch >= 0, truth.is_scored[launch, rows.tick], is_scored_tick)
+    scored = np.bincount(rows.track[is_scored], minlength=tracks)
+    assigned = np.bincount(rows.track[is_scored & is_assigned], minlength=tracks)
+    return np.where(2 * assigned < scored, -1, owner), is_scored
 
 
-def _in_force(launch: IntArray, tick: IntArray, is_owned: Any, held: IntArray) -> IntArray:
+def _in_force(rows: _Rows, owner: IntArray, is_scored: BoolArray) -> _Rows:
     """Return the row in force for each launch and tick: of the track with the most assigned
     rows.
     """
-    rows = np.flatnonzero(is_owned)
-    order = rows[np.lexsort((-held[rows], tick[rows], launch[rows]))]
-    first = np.ones(len(order), dtype=np.bool_)
-    first[1:] = (np.diff(launch[order]) != 0) | (np.diff(tick[order]) != 0)
-    return np.asarray(order[first], dtype=np.int64)
+    launch = owner[rows.track]
+    held = np.bincount(rows.track[rows.assigned >= 0], minlength=len(owner))[rows.track]
+    order = np.lexsort((-held, rows.tick, launch))
+    order = order[(is_scored & (launch >= 0))[order]]
+    is_in_force = np.ones(len(order), dtype=np.bool_)
+    is_in_force[1:] = (np.diff(launch[order]) != 0) | (np.diff(rows.tick[order]) != 0)
+    return rows.take(order[is_in_force])
 
 
 def _gospa(truth: SetTruth, state: FloatArray, tick: IntArray) -> FloatArray:
     """Return GOSPA of positions at each tick with scored launches, over the square root of their
     number.
     """
-    found = []
-    for now in np.flatnonzero(truth.is_scored.any(axis=0)).tolist():
-        scored = truth.state[truth.is_scored[:, now], now, :3]
-        distance = gospa(state[tick == now, :3], scored, cutoff=truth.cutoff_m).distance
-        found.append(distance / np.sqrt(len(scored)))
-    return np.array(found, dtype=np.float64)
+    distances = []
+    for number in np.flatnonzero(truth.is_scored.any(axis=0)).tolist():
+        scored = truth.state[truth.is_scored[:, number], number, :3]
+        distance = gospa(state[tick == number, :3], scored, cutoff=truth.cutoff_m).distance
+        distances.append(distance / np.sqrt(len(scored)))
+    return np.array(distances, dtype=np.float64)
 
 
 def _states(
-    truth: SetTruth, tracks: SetTracks, row: IntArray, launch: IntArray, tick: IntArray
+    truth: SetTruth, tracks: SetTracks, rows: _Rows, launch: IntArray
 ) -> Mapping[str, FloatArray]:
     """Return the columns `MEASURES` of the states in force."""
-    error = tracks.state[row] - truth.state[launch, tick]
-    covariance = tracks.covariance[row]
-    bound = truth.bounds[launch, tick]
-    # What an efficient estimate expects: half of a NEES of 6, and its covariance's determinant.
+    error = tracks.state[rows.row] - truth.state[launch, rows.tick]
+    covariance = tracks.covariance[rows.row]
+    bound = truth.bounds[launch, rows.tick]
+    # Of an efficient estimate: half of a NEES of 6, and its covariance's determinant.
     expected = 0.5 * (6.0 + bound[:, 3] + 6.0 * np.log(2.0 * np.pi))
     return {
         "position_m": np.sqrt(np.sum(error[:, :3] ** 2, axis=1)),
         "velocity_m_s": np.sqrt(np.sum(error[:, 3:] ** 2, axis=1)),
-        "energy_m": energy_scores(error, covariance, part=slice(0, 3)),
+        "energy_m": energy_scores(error, covariance, components=slice(0, 3)),
         "log_score": normal_log_scores(error, covariance),
         "nees": nees(error, covariance),
         "bound_m": bound[:, 0],

@@ -13,18 +13,13 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.errors import Problem, SceneError, nearest_names
 
 DESCRIPTION = "set.json"
 STATE = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 #: The upper triangle of a covariance, row by row: `c12` is that of x and y.
 COVARIANCE = tuple(f"c{row}{column}" for row in range(1, 7) for column in range(row, 7))
-#: Tracks are scored where they are at most this far from a tick, s.
-TICK_ROUNDING_S = 1e-3
-#: A row with a smaller probability of being a launch is none.
-LEAST_PROBABILITY = 0.5
-
 Table = Mapping[str, Sequence[Any]]
 
 
@@ -47,54 +42,62 @@ class SetTracks:
 
     def rows_of(self, scene: str) -> IntArray:
         """Return the rows of a scene."""
-        return np.flatnonzero(
-            np.array([each == scene for each in self.scene], dtype=np.bool_)
-        ).astype(np.int64)
+        is_of_scene = [name == scene for name in self.scene]
+        return np.flatnonzero(np.array(is_of_scene, dtype=np.bool_)).astype(np.int64)
 
 
 def read_tracks(path: Path, tick_s: float, scenes: Iterable[str]) -> SetTracks:
-    """Return the tracks of a file at whole multiples of `tick_s`; raises `SceneError` with what is
-    wrong in it.
+    """Return the tracks of a file at whole multiples of `tick_s`; raises `SceneError` with its
+    error.
     """
     table = read_table(path)
     _require(path, table, ("scene", "track", "time_s", *STATE))
-    scene = [str(each) for each in table["scene"]]
-    if unknown := sorted(set(scene) - set(scenes)):
-        raise _error(
-            path, "scene", f"no scene {unknown[0]!r} in the set{nearest_names(unknown[0], scenes)}"
-        )
+    scene = list(map(str, table["scene"]))
+    _require_scenes(path, scene, scenes)
     time_s = numbers(path, table, "time_s")
     state = np.stack([numbers(path, table, name) for name in STATE], axis=1)
-    if not np.isfinite(state).all() or not np.isfinite(time_s).all():
-        row = int(np.flatnonzero(~np.isfinite(state).all(axis=1) | ~np.isfinite(time_s))[0])
+    is_finite = np.isfinite(np.column_stack([time_s, state])).all(axis=1)
+    if not is_finite.all():
+        row = int(np.argmin(is_finite))
         raise _error(path, f"row {row + 1}", "a time, position or velocity is not finite")
     tick = np.round(time_s / tick_s)
-    chance = numbers(path, table, "probability") if "probability" in table else np.ones(len(time_s))
-    kept = np.flatnonzero(
-        (np.abs(time_s - tick * tick_s) <= TICK_ROUNDING_S) & (chance > LEAST_PROBABILITY)
-    )
-    found = SetTracks(
+    is_at_tick = np.abs(time_s - tick * tick_s) <= 1e-3
+    rows = np.flatnonzero(is_at_tick & _is_launch(path, table))
+    tracks = SetTracks(
         name=path.name,
-        scene=[scene[row] for row in kept.tolist()],
-        track=[str(table["track"][row]) for row in kept.tolist()],
-        time_s=tick[kept] * tick_s,
-        state=state[kept],
-        covariance=_covariances(path, table, len(time_s))[kept],
-        left_out=len(time_s) - len(kept),
+        scene=[scene[row] for row in rows.tolist()],
+        track=[str(table["track"][row]) for row in rows.tolist()],
+        time_s=tick[rows] * tick_s,
+        state=state[rows],
+        covariance=_covariances(path, table, len(time_s))[rows],
+        left_out=len(time_s) - len(rows),
     )
-    _require_unique(path, found)
-    return found
+    _require_unique(path, tracks)
+    return tracks
+
+
+def _is_launch(path: Path, table: Table) -> BoolArray:
+    """Whether rows (n,) are probably launches."""
+    if "probability" not in table:
+        return np.ones(len(table["time_s"]), dtype=np.bool_)
+    return numbers(path, table, "probability") > 0.5
+
+
+def _require_scenes(path: Path, names: Sequence[str], scenes: Iterable[str]) -> None:
+    if unknown := sorted(set(names) - set(scenes)):
+        hint = nearest_names(unknown[0], scenes)
+        raise _error(path, "scene", f"no scene {unknown[0]!r} in the set{hint}")
 
 
 def _require_unique(path: Path, tracks: SetTracks) -> None:
     """Raise `SceneError` for a track with two rows at a tick."""
-    seen: set[tuple[str, str, float]] = set()
-    for key in zip(tracks.scene, tracks.track, tracks.time_s.tolist(), strict=True):
-        if key in seen:
-            raise _error(
-                path, "track", f"track {key[1]} of scene {key[0]} has two rows at {key[2]:g} s"
-            )
-        seen.add(key)
+    rows: set[tuple[str, str, float]] = set()
+    for row in zip(tracks.scene, tracks.track, tracks.time_s.tolist(), strict=True):
+        if row in rows:
+            scene, track, time_s = row
+            words = f"track {track} of scene {scene} has two rows at {time_s:g} s"
+            raise _error(path, "track", words)
+        rows.add(row)
 
 
 def _covariances(path: Path, table: Table, count: int) -> FloatArray:
@@ -105,15 +108,14 @@ def _covariances(path: Path, table: Table, count: int) -> FloatArray:
     _require(path, table, COVARIANCE)
     upper = np.triu_indices(6)
     for name, row, column in zip(COVARIANCE, *upper, strict=True):
-        matrix[:, row, column] = matrix[:, column, row] = numbers(path, table, name)
-    known = np.isfinite(matrix).all(axis=(1, 2))
-    variance = np.diagonal(matrix[known], axis1=1, axis2=2)
+        values = numbers(path, table, name)
+        matrix[:, row, column] = values
+        matrix[:, column, row] = values
+    is_known = np.isfinite(matrix).all(axis=(1, 2))
+    variance = np.diagonal(matrix[is_known], axis1=1, axis2=2)
     if np.any(variance <= 0.0):
-        raise _error(
-            path,
-            "c11 … c66",
-            "a variance is not positive; are these standard deviations or correlations?",
-        )
+        words = "a variance is not positive; are these standard deviations or correlations?"
+        raise _error(path, "c11 … c66", words)
     return matrix
 
 
@@ -129,18 +131,16 @@ def read_table(path: Path) -> Table:
     except (OSError, UnicodeDecodeError) as error:
         raise _error(path, "", f"cannot be read: {error}") from error
     except (json.JSONDecodeError, TypeError, KeyError) as error:
-        raise _error(
-            path, "", f"is no table, a list of objects with the same names: {error}"
-        ) from error
+        words = f"is no table, a list of objects with the same names: {error}"
+        raise _error(path, "", words) from error
 
 
 def _csv(path: Path, text: str) -> Table:
     head, *rows = csv.reader(text.splitlines())
     wrong = next((number for number, row in enumerate(rows, 2) if len(row) != len(head)), None)
     if wrong is not None:
-        raise _error(
-            path, f"line {wrong}", f"has another number of cells than the header ({len(head)})"
-        )
+        words = f"has another number of cells than the header ({len(head)})"
+        raise _error(path, f"line {wrong}", words)
     columns = list(zip(*rows, strict=True)) or [()] * len(head)
     return dict(zip((name.strip() for name in head), columns, strict=True))
 
@@ -164,10 +164,8 @@ def numbers(path: Path, table: Table, name: str) -> FloatArray:
     text.
     """
     try:
-        cells = table[name]
-        return np.array(
-            [np.nan if cell in ("", None) else float(cell) for cell in cells], dtype=np.float64
-        )
+        cells = [np.nan if cell in ("", None) else float(cell) for cell in table[name]]
+        return np.array(cells, dtype=np.float64)
     except ValueError as error:
         raise _error(path, name, str(error)) from error
 

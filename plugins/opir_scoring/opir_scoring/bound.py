@@ -26,12 +26,6 @@ PRIOR_SIGMA = (1e6, 1e6, 1e6, 1e4, 1e4, 1e4)
 JERK_NOISE_M_S3 = 0.3
 FREE_PRIOR_SIGMA = (*PRIOR_SIGMA, 1e2, 1e2, 1e2, 1e1, 1e1, 1e1)
 
-#: Longest step of the bound with unknown thrust, s.
-_SLICE_S = 0.5
-
-#: Longest step with known thrust, s, over which the gravity gradient is constant.
-_STEP_S = 1.0
-
 
 class DetectedLooks(NamedTuple):
     """Looks (n,) that detected a target, in order of time.
@@ -70,22 +64,21 @@ def state_bound(tick_s: FloatArray, detected: DetectedLooks) -> FloatArray:
         return bounds
     looks = _Looks.of(detected)
     information = np.diag(1.0 / np.square([*PRIOR_SIGMA, *[1.0] * looks.biases]))
-    now = float(looks.time_s[0])
+    time_s = float(looks.time_s[0])
     row = 0
     for number, tick in enumerate(tick_s.tolist()):
         if tick < looks.time_s[0]:
             continue
-        for end in _steps(now, tick, _STEP_S):
-            near = looks.near(row)
-            last = int(np.searchsorted(looks.time_s, end, side="right"))
-            back = _widened(_transitions(near, np.array([now - end]))[0], looks.biases)
-            rows_ = looks.slope[row:last] @ _transitions(near, looks.time_s[row:last] - end)[:, :3]
-            rows_ = np.concatenate([rows_, looks.bias_slope[row:last]], axis=2).reshape(
-                -1, len(information)
-            )
-            information = back.T @ information @ back + rows_.T @ rows_
-            now = end
-            row = last
+        # The gravity gradient is constant over a second.
+        for end_s in _steps(time_s, tick, 1.0):
+            rows = looks.until(row, end_s)
+            place_m = looks.place_m(row)
+            back = _widened(_transitions(place_m, np.array([time_s - end_s]))[0], looks.biases)
+            transitions = _transitions(place_m, looks.time_s[rows] - end_s)[:, :3]
+            jacobian = looks.with_biases(looks.slope[rows] @ transitions, rows)
+            information = back.T @ information @ back + jacobian.T @ jacobian
+            time_s = end_s
+            row = rows.stop
         bounds[number] = np.linalg.inv(0.5 * (information + information.T))[:6, :6]
     return bounds
 
@@ -102,25 +95,25 @@ def free_bound(tick_s: FloatArray, detected: DetectedLooks) -> FloatArray:
     looks = _Looks.of(detected)
     motion = Motion(BOOST, JERK_NOISE_M_S3, Forces(zonal=()))
     root: FloatArray = np.diag(1.0 / np.array([*FREE_PRIOR_SIGMA, *[1.0] * looks.biases]))[None]
-    now = float(looks.time_s[0])
+    time_s = float(looks.time_s[0])
     row = 0
     for number, tick in enumerate(tick_s.tolist()):
         if tick < looks.time_s[0]:
             continue
-        for end in _steps(now, tick, _SLICE_S):
-            step = np.array([end - now])
-            last = int(np.searchsorted(looks.time_s, end, side="right"))
-            back = _widened(motion.transition(looks.near(row)[None], -step)[0], looks.biases)
-            noise = motion.noise_root(step)
-            wide = None if noise is None else np.pad(noise, ((0, 0), (0, looks.biases), (0, 0)))
-            weight = taylor_weights(looks.time_s[row:last] - end)[:, None, :4, None]
-            rows_ = (looks.slope[row:last, :, None, :] * weight).reshape(last - row, 2, BOOST)
-            rows = np.concatenate([rows_, looks.bias_slope[row:last]], axis=2).reshape(
-                -1, root.shape[1]
-            )
-            root = triangular(np.concatenate([time_update(root, back[None], wide)[0], rows])[None])
-            now = end
-            row = last
+        for end_s in _steps(time_s, tick, 0.5):
+            step_s = np.array([end_s - time_s])
+            rows = looks.until(row, end_s)
+            transition = motion.transition(looks.place_m(row)[None], -step_s)[0]
+            noise = motion.noise_root(step_s)
+            if noise is not None:
+                noise = np.pad(noise, ((0, 0), (0, looks.biases), (0, 0)))
+            weight = taylor_weights(looks.time_s[rows] - end_s)[:, None, :4, None]
+            slope = (looks.slope[rows, :, None, :] * weight).reshape(-1, 2, BOOST)
+            jacobian = looks.with_biases(slope, rows)
+            predicted = time_update(root, _widened(transition, looks.biases)[None], noise)[0]
+            root = triangular(np.concatenate([predicted, jacobian])[None])
+            time_s = end_s
+            row = rows.stop
         bounds[number] = covariance(root)[0, :6, :6]
     return bounds
 
@@ -139,33 +132,36 @@ class _Looks(NamedTuple):
 
     @classmethod
     def of(cls, detected: DetectedLooks) -> "_Looks":
-        target, sensor = (
-            ecef_to_eci(place, detected.look_s)
-            for place in (detected.target_ecef_m, detected.sensor_ecef_m)
-        )
-        line_m = target - sensor
+        look_s = detected.look_s
+        target_m = ecef_to_eci(detected.target_ecef_m, look_s)
+        line_m = target_m - ecef_to_eci(detected.sensor_ecef_m, look_s)
         # The whitened Jacobians (n, 2, 3), 1/m, of directions along lines (n, 3) by the position.
         range_m = np.linalg.norm(line_m, axis=1)
-        slope = (
-            tangent_axes(line_m / range_m[:, None])[:, :2]
-            / (range_m * detected.sigma_rad)[:, None, None]
-        )
-        # A turn moves the direction, and so what is a metre off at the target's distance, across
-        # the line.
-        count, biases, _ = detected.turn_ecef_rad.shape
-        turn = ecef_to_eci(
-            detected.turn_ecef_rad.reshape(-1, 3), np.repeat(detected.look_s, biases)
-        ).reshape(count, biases, 3)
-        shift = np.cross(turn, (target - sensor)[:, None])
-        return cls(detected.look_s, target, slope, slope @ shift.transpose(0, 2, 1))
+        axes = tangent_axes(line_m / range_m[:, None])[:, :2]
+        slope = axes / (range_m * detected.sigma_rad)[:, None, None]
+        # A turn moves the direction, and so the point at the target's distance, across the line.
+        shape = detected.turn_ecef_rad.shape
+        turns = detected.turn_ecef_rad.reshape(-1, 3)
+        turn = ecef_to_eci(turns, np.repeat(look_s, shape[1])).reshape(shape)
+        shift = np.cross(turn, line_m[:, None])
+        return cls(look_s, target_m, slope, slope @ shift.transpose(0, 2, 1))
 
     @property
     def biases(self) -> int:
         return int(self.bias_slope.shape[2])
 
-    def near(self, row: int) -> FloatArray:
+    def place_m(self, row: int) -> FloatArray:
         """Return the target position (3,) about the time of a look."""
         return self.target_m[min(row, len(self.target_m) - 1)]
+
+    def until(self, row: int, end_s: float) -> slice:
+        """Return the rows from one on up to a time."""
+        return slice(row, int(np.searchsorted(self.time_s, end_s, side="right")))
+
+    def with_biases(self, slope: FloatArray, rows: slice) -> FloatArray:
+        """Return the Jacobians (2n, d + p) of rows by a state of d components and the biases."""
+        jacobian = np.concatenate([slope, self.bias_slope[rows]], axis=2)
+        return jacobian.reshape(-1, jacobian.shape[2])
 
 
 def _steps(start_s: float, end_s: float, longest_s: float) -> list[float]:
@@ -192,12 +188,13 @@ def _transitions(position_m: FloatArray, span_s: FloatArray) -> FloatArray:
     unit = position_m / radius
     gradient = EARTH_MU_M3_S2 / radius**3 * (3.0 * np.outer(unit, unit) - np.eye(3))
     span = span_s[:, None, None]
-    bent = 0.5 * span_s[:, None, None] ** 2 * gradient
-    grown = np.zeros((len(span_s), 6, 6))
-    grown[:, :3, :3] = grown[:, 3:, 3:] = np.eye(3) + bent
-    grown[:, :3, 3:] = span * (np.eye(3) + bent / 3.0)
-    grown[:, 3:, :3] = span * gradient
-    return grown
+    bend = 0.5 * span**2 * gradient
+    transition = np.zeros((len(span_s), 6, 6))
+    transition[:, :3, :3] = np.eye(3) + bend
+    transition[:, 3:, 3:] = np.eye(3) + bend
+    transition[:, :3, 3:] = span * (np.eye(3) + bend / 3.0)
+    transition[:, 3:, :3] = span * gradient
+    return transition
 
 
 def position_and_velocity(bounds: FloatArray) -> tuple[FloatArray, FloatArray]:

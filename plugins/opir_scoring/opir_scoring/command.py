@@ -9,13 +9,10 @@ from pathlib import Path
 from opir_core.errors import Problem, SceneError
 from opir_scoring.benchmark_figures import figures_by_case, scored_set, set_text
 from opir_scoring.benchmark_tables import DESCRIPTION
-from opir_scoring.evidence import evidence_of_files
+from opir_scoring.evidence import RunEvidence, evidence_of_files
 from opir_scoring.scorecard_tables import scorecard_text
 from opir_scoring.scorecards import ScoreSettings, scorecard
 from opir_scoring.sensor_scores import sensor_scores, sensor_text
-
-#: Powers of ten that leave room for sums in a double.
-_LARGEST_POWER = 280.0
 
 
 def score(arguments: argparse.Namespace) -> int:
@@ -23,13 +20,10 @@ def score(arguments: argparse.Namespace) -> int:
     if (Path(arguments.events) / DESCRIPTION).exists():
         return _score_set(arguments)
     if arguments.case:
-        raise SceneError(
-            [Problem("--case", f"{arguments.events} is no benchmark set")], source="command line"
-        )
+        problem = Problem("--case", f"{arguments.events} is no benchmark set")
+        raise SceneError([problem], source="command line")
     settings = score_settings(arguments)
-    elsewhere = {name: getattr(arguments, name) for name in ("truth", "tracks", "manifest")}
-    given = {name: Path(path) for name, path in elsewhere.items() if path}
-    evidence = evidence_of_files(Path(arguments.events), **given)
+    evidence = _evidence(arguments)
     card = scorecard([evidence], settings)
     # Tracks from elsewhere are not those of the run's tracker.
     tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
@@ -37,23 +31,34 @@ def score(arguments: argparse.Namespace) -> int:
     if arguments.json:
         text = json.dumps({**card.as_plain(), "sensors": sensors}, indent=2)
     else:
-        text = "\n\n".join(
-            part for part in (scorecard_text({tracker: card}), sensor_text(sensors)) if part
-        )
+        texts = [scorecard_text({tracker: card}), sensor_text(sensors)]
+        text = "\n\n".join(filter(None, texts))
     sys.stdout.write(text + "\n")
     return 0
 
 
+def _evidence(arguments: argparse.Namespace) -> RunEvidence:
+    paths = {
+        name: Path(path)
+        for name in ("truth", "tracks", "manifest")
+        if (path := getattr(arguments, name))
+    }
+    return evidence_of_files(Path(arguments.events), **paths)
+
+
 def _score_set(arguments: argparse.Namespace) -> int:
     """Print the scores of tracks on a benchmark set."""
-    others = [f"--{name}" for name in ("truth", "manifest") if getattr(arguments, name)]
-    problems = [Problem(flag, "is of a run; a benchmark set has its own") for flag in others]
+    problems = [
+        Problem(f"--{name}", "is of a run; a benchmark set has its own")
+        for name in ("truth", "manifest")
+        if getattr(arguments, name)
+    ]
     if not arguments.tracks:
         problems.append(Problem("--tracks", "a benchmark set needs the file of your tracks"))
     if problems:
         raise SceneError(problems, source="command line")
     about, scores = scored_set(Path(arguments.events), Path(arguments.tracks), arguments.case)
-    figures = figures_by_case([each for _, each in scores])
+    figures = figures_by_case([scene for _, scene in scores])
     plain = {**about, "cases": figures}
     text = json.dumps(plain, indent=2) if arguments.json else set_text(about, figures)
     sys.stdout.write(text + "\n")
@@ -62,7 +67,21 @@ def _score_set(arguments: argparse.Namespace) -> int:
 
 def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
     """Return the score settings of the arguments; raises `SceneError` for values out of range."""
-    problems = [
+    problems = _setting_problems(arguments)
+    if problems:
+        raise SceneError(problems, source="command line")
+    return ScoreSettings(
+        bin_s=arguments.bin_s,
+        cutoff_m=arguments.cutoff_m,
+        order=arguments.order,
+        alpha=arguments.alpha,
+        launch_probability=arguments.launch_probability,
+        unknown=tuple(arguments.unknown),
+    )
+
+
+def _setting_problems(arguments: argparse.Namespace) -> list[Problem]:
+    return [
         Problem(flag, message)
         for flag, is_wrong, message in (
             ("--bin-s", not 0.01 <= arguments.bin_s < math.inf, "must be at least 0.01 and finite"),
@@ -82,24 +101,11 @@ def score_settings(arguments: argparse.Namespace) -> ScoreSettings:
         )
         if is_wrong
     ]
-    if problems:
-        raise SceneError(problems, source="command line")
-    return ScoreSettings(
-        bin_s=arguments.bin_s,
-        cutoff_m=arguments.cutoff_m,
-        order=arguments.order,
-        alpha=arguments.alpha,
-        launch_probability=arguments.launch_probability,
-        unknown=tuple(arguments.unknown),
-    )
 
 
 def _is_beyond(cutoff_m: float, order: float) -> bool:
-    """Return whether p-th powers of distances up to the cut-off, or their sums, overflow or
-    underflow.
+    """Whether p-th powers of distances up to the cut-off overflow or underflow in a double, or
+    leave no room for their sums.
     """
-    return (
-        0.0 < cutoff_m < math.inf
-        and 1.0 <= order < math.inf
-        and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER
-    )
+    is_valid = 0.0 < cutoff_m < math.inf and 1.0 <= order < math.inf
+    return is_valid and abs(order * math.log10(cutoff_m)) > 280.0

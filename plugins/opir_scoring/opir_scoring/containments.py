@@ -40,7 +40,7 @@ class Consistency:
 
     @property
     def is_inside(self) -> bool:
-        """Return whether the average is within its band."""
+        """Whether the average is within its band."""
         return self.lower <= self.mean <= self.upper
 
 
@@ -50,19 +50,26 @@ def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
     nan where an error or a covariance is unknown, inf where the covariance is not positive
     definite.
     """
-    known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
-    value = np.full(len(error), np.nan)
+    is_known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
     variance: FloatArray = np.diagonal(covariance, axis1=1, axis2=2)
-    value[known & (variance <= 0.0).any(axis=1)] = np.inf
-    rows = np.flatnonzero(known & ~np.isinf(value))
+    value = np.where(is_known, np.inf, np.nan)
+    rows = np.flatnonzero(is_known & ~(variance <= 0.0).any(axis=1))
+    value[rows] = _normalised_squares(error[rows], covariance[rows])
+    return value
+
+
+def _normalised_squares(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the NEES (n,) with covariances of positive variances; inf where they are not
+    definite.
+    """
+    value = np.full(len(error), np.inf)
     # Scaled to unit variances, so that metres and metres per second do not spoil the factorisation.
-    scale = np.sqrt(np.abs(np.diagonal(covariance[rows], axis1=1, axis2=2)))
-    correlation = covariance[rows] / (scale[:, :, None] * scale[:, None, :])
-    definite = np.linalg.eigvalsh(correlation).min(axis=1, initial=np.inf) > 0.0
-    value[rows[~definite]] = np.inf
-    whitened = (error[rows] / scale)[definite]
-    solved = np.linalg.solve(correlation[definite], whitened[:, :, None])[:, :, 0]
-    value[rows[definite]] = np.sum(whitened * solved, axis=1)
+    scale = np.sqrt(np.abs(np.diagonal(covariance, axis1=1, axis2=2)))
+    correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+    rows = np.flatnonzero(np.linalg.eigvalsh(correlation).min(axis=1, initial=np.inf) > 0.0)
+    whitened = (error / scale)[rows]
+    solved = np.linalg.solve(correlation[rows], whitened[:, :, None])[:, :, 0]
+    value[rows] = np.sum(whitened * solved, axis=1)
     return value
 
 
@@ -78,11 +85,8 @@ def consistency(values: FloatArray, freedom: int, probability: float = 0.99) -> 
     values = values[~np.isnan(values)]
     if not len(values):
         return Consistency(0, freedom, np.nan, np.nan, np.nan, np.nan)
-    degrees = len(values) * freedom
-    lower, upper = (
-        float(chi2.ppf(p, degrees)) / len(values)
-        for p in ((1 - probability) / 2, (1 + probability) / 2)
-    )
+    tails = ((1 - probability) / 2, (1 + probability) / 2)
+    lower, upper = (chi2.ppf(tails, len(values) * freedom) / len(values)).tolist()
     p_value = float(kstest(values, chi2(freedom).cdf).pvalue)
     return Consistency(len(values), freedom, float(values.mean()), lower, upper, p_value)
 
@@ -108,14 +112,15 @@ def on_normal_scale(
     usual = np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom))
     is_reported = np.asarray(np.isfinite(reported_sigmas).all(axis=1))
     radii = np.where(is_reported[:, None], reported_sigmas, usual)
-    at = np.column_stack([np.zeros(len(radii)), radii])
-    to = np.append(0.0, usual)
+    knots = np.column_stack([np.zeros(len(radii)), radii])
+    levels = np.append(0.0, usual)
     distance = np.sqrt(values)
-    part = np.minimum(np.sum(distance[:, None] > radii, axis=1), len(usual) - 1)
+    step = np.minimum(np.sum(distance[:, None] > radii, axis=1), len(usual) - 1)
     row = np.arange(len(radii))
-    slope = (to[part + 1] - to[part]) / (at[row, part + 1] - at[row, part])
-    within = to[part] + (distance - at[row, part]) * slope
-    beyond = distance * (to[-1] / radii[:, -1])
+    start = knots[row, step]
+    slope = (levels[step + 1] - levels[step]) / (knots[row, step + 1] - start)
+    within = levels[step] + (distance - start) * slope
+    beyond = distance * (levels[-1] / radii[:, -1])
     scaled = np.square(np.where(distance > radii[:, -1], beyond, within))
     return np.where(is_reported, scaled, values)
 
@@ -128,12 +133,10 @@ def proportion(successes: float, trials: int) -> tuple[float, float, float]:
         return np.nan, np.nan, np.nan
     z = 1.959963984540054
     share = successes / trials
-    middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    half = (
-        z
-        / (1 + z * z / trials)
-        * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
-    )
+    shrink = 1 + z * z / trials
+    middle = (share + z * z / (2 * trials)) / shrink
+    spread = np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    half = z / shrink * spread
     return share, max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
@@ -148,25 +151,34 @@ def root_mean_square(
     chapter 3). With ten normal errors 93 to 94 % of such intervals contain the truth, 84 to 87 % of
     bootstrap percentile intervals. With one cluster the interval is nan.
     """
-    known = np.isfinite(error_m)
-    square = np.square(error_m[known])
+    is_known = np.isfinite(error_m)
+    square = np.square(error_m[is_known])
     if not len(square):
         return np.nan, np.nan, np.nan
     value = float(np.sqrt(square.mean()))
-    group = (
-        np.arange(len(square))
-        if cluster is None
-        else np.unique(cluster[known], return_inverse=True)[1]
-    )
-    total = np.bincount(group, square)
-    count = np.bincount(group)
-    others = total.sum() - total
-    if len(total) < 2 or not others.min() > 0.0:
-        return value, np.nan, np.nan
-    left_out = 0.5 * np.log(others / (count.sum() - count))
-    error = np.sqrt((len(total) - 1) * np.mean(np.square(left_out - left_out.mean())))
-    factor = float(np.exp(student.ppf(0.975, len(total) - 1) * error))
+    group = np.arange(len(square))
+    if cluster is not None:
+        group = np.unique(cluster[is_known], return_inverse=True)[1]
+    total = np.bincount(group, square).astype(np.float64)
+    factor = _interval_factor(total, np.bincount(group))
     return value, value / factor, value * factor
+
+
+def _interval_factor(total: FloatArray, count: IntArray) -> float:
+    """Return the factor from a root mean square to the ends of its interval, by sums (k,) of
+    squares in clusters; nan for one cluster.
+    """
+    remaining = total.sum() - total
+    if len(total) < 2 or not remaining.min() > 0.0:
+        return np.nan
+    return float(np.exp(jackknife_half(0.5 * np.log(remaining / (count.sum() - count)))))
+
+
+def jackknife_half(left_out: FloatArray) -> float:
+    """Return half of the 95 % interval of a figure from its values (k,) without each cluster."""
+    degrees = len(left_out) - 1
+    error = np.sqrt(degrees * np.mean(np.square(left_out - left_out.mean())))
+    return float(student.ppf(0.975, degrees) * error)
 
 
 #: Detections later than this after a tick are left out, s: a boost of 50 m/s² deviates by 25 m from
@@ -193,26 +205,24 @@ class Innovations(Columns):
 def innovations(evidence: RunEvidence, owners: Ownership) -> Innovations:
     """Return the innovations of the tracks in force, by track."""
     tracks = evidence.tracks.take(rows_in_force(evidence, owners))
-    tracks = tracks.take(
-        np.isfinite(tracks.state).all(axis=1)
-        & np.isfinite(tracks.state_covariance).all(axis=(1, 2))
-    )
-    numbers = np.unique(tracks.track).tolist()
+    is_known = np.isfinite(tracks.state).all(axis=1)
+    tracks = tracks.take(is_known & np.isfinite(tracks.state_covariance).all(axis=(1, 2)))
     return Innovations.concatenate(
-        _of_track(evidence, tracks.take(tracks.track == each), owners) for each in numbers
+        _of_track(evidence, tracks.take(tracks.track == number), owners)
+        for number in np.unique(tracks.track).tolist()
     )
 
 
 def _of_track(evidence: RunEvidence, tracks: Tracks, owners: Ownership) -> Innovations:
     row = int(np.searchsorted(owners.track, tracks.track[0]))
     rows = np.flatnonzero(evidence.track == owners.track[row])
-    before = np.searchsorted(tracks.tick_s, evidence.time_s[rows], side="right") - 1
-    rows = rows[before >= 0]
-    before = before[before >= 0]
-    before, first = np.unique(before, return_index=True)
-    near = evidence.time_s[rows[first]] - tracks.tick_s[before] <= REACH_S
-    rows = rows[first][near]
-    tracks = tracks.take(before[near])
+    tick = np.searchsorted(tracks.tick_s, evidence.time_s[rows], side="right") - 1
+    rows = rows[tick >= 0]
+    tick, earliest = np.unique(tick[tick >= 0], return_index=True)
+    rows = rows[earliest]
+    is_near = evidence.time_s[rows] - tracks.tick_s[tick] <= REACH_S
+    rows = rows[is_near]
+    tracks = tracks.take(tick[is_near])
     target = int(owners.target[row])
     return Innovations(
         target=np.full(len(rows), target, dtype=np.int64),
@@ -227,78 +237,79 @@ def _normalised(evidence: RunEvidence, rows: IntArray, tracks: Tracks) -> FloatA
     """Return the NIS (n,) of detections; the state is extrapolated linearly to the time of
     emission.
     """
-    origin = evidence.sensor_ecef_m[rows]
-    after_s = evidence.time_s[rows] - tracks.tick_s
-    expected = tracks.state[:, :3] + tracks.state[:, 3:] * after_s[:, None]
+    sensor_m = evidence.sensor_ecef_m[rows]
+    age_s = evidence.time_s[rows] - tracks.tick_s
+    expected_m = tracks.state[:, :3] + tracks.state[:, 3:] * age_s[:, None]
     if evidence.plan.scene.light_time:
-        after_s = after_s - np.sqrt(np.sum((expected - origin) ** 2, axis=1)) / SPEED_OF_LIGHT_M_S
-        expected = tracks.state[:, :3] + tracks.state[:, 3:] * after_s[:, None]
-    apart = expected - origin
-    range_m = np.sqrt(np.sum(apart * apart, axis=1))
-    axes = tangent_axes(apart / range_m[:, None])
+        range_m = np.sqrt(np.sum((expected_m - sensor_m) ** 2, axis=1))
+        age_s = age_s - range_m / SPEED_OF_LIGHT_M_S
+        expected_m = tracks.state[:, :3] + tracks.state[:, 3:] * age_s[:, None]
+    line_m = expected_m - sensor_m
+    range_m = np.sqrt(np.sum(line_m * line_m, axis=1))
+    axes = tangent_axes(line_m / range_m[:, None])
     measured = matvec(axes, evidence.direction_ecef[rows])
     measured = measured[:, :2] / measured[:, 2:]
     slope = axes[:, :2] / range_m[:, None, None]
-    slope = np.concatenate([slope, slope * after_s[:, None, None]], axis=2)
+    slope = np.concatenate([slope, slope * age_s[:, None, None]], axis=2)
     spread = slope @ tracks.state_covariance @ slope.transpose(0, 2, 1)
     spread[:, [0, 1], [0, 1]] += np.square(evidence.sigma_rad[rows])[:, None]
     return np.sum(measured * np.linalg.solve(spread, measured[:, :, None])[:, :, 0], axis=1)
 
 
-_GROUND_FREEDOM = 2
-
-
-def rms(error: FloatArray, cluster: IntArray | None = None, most: float = np.inf) -> dict[str, Any]:
-    """Return the root mean square of errors (n,), at most `most`, dependent in a cluster (n,), with
-    its interval.
-    """
-    value, lower, upper = root_mean_square(error, cluster)
-    return {"value": value, "interval_95": [lower, min(upper, most)]}
-
-
-def energy(
-    score: FloatArray, cluster: IntArray | None = None, most: float = np.inf
-) -> dict[str, Any]:
-    """Return the mean of energy scores (n,), at most `most`, dependent in a cluster (n,), with its
-    interval.
-    """
-    value, lower, upper = np.square(root_mean_square(np.sqrt(score), cluster)).tolist()
-    return {"value": value, "interval_95": [lower, min(upper, most)]}
-
-
-def over(figure: Mapping[str, Any], bound: float) -> dict[str, Any]:
-    """Return a figure divided by a bound."""
-    low, high = figure["interval_95"]
-    return {"value": figure["value"] / bound, "interval_95": [low / bound, high / bound]}
-
-
-def share(value: float, lower: float, upper: float) -> dict[str, Any]:
-    """Return a share with its interval."""
+def figure(value: float, lower: float = np.nan, upper: float = np.nan) -> dict[str, Any]:
+    """Return a figure with its 95 % interval."""
     return {"value": value, "interval_95": [lower, upper]}
 
 
-def of_some(figure: Mapping[str, Any], count: int, every: int) -> dict[str, Any]:
-    """Return a figure with the `share` that it is of: `count` out of `every` launch or tick; nan of
-    none.
+def rms(
+    error: FloatArray, cluster: IntArray | None = None, limit: float = np.inf
+) -> dict[str, Any]:
+    """Return the root mean square of errors (n,), at most `limit`, dependent in a cluster (n,),
+    with its interval.
     """
-    return {**figure, "share": count / every if every else np.nan}
+    value, lower, upper = root_mean_square(error, cluster)
+    return figure(value, lower, min(upper, limit))
 
 
-def mean(values: FloatArray, most: float = np.inf) -> dict[str, Any]:
-    """Return the mean of the finite ones of independent values (n,) in [0, most], with Student's
+def energy(
+    score: FloatArray, cluster: IntArray | None = None, limit: float = np.inf
+) -> dict[str, Any]:
+    """Return the mean of energy scores (n,), at most `limit`, dependent in a cluster (n,), with its
+    interval.
+    """
+    value, lower, upper = np.square(root_mean_square(np.sqrt(score), cluster)).tolist()
+    return figure(value, lower, min(upper, limit))
+
+
+def over(numerator: Mapping[str, Any], bound: float) -> dict[str, Any]:
+    """Return a figure divided by a bound."""
+    low, high = numerator["interval_95"]
+    return figure(numerator["value"] / bound, low / bound, high / bound)
+
+
+def share(is_true: BoolArray) -> dict[str, Any]:
+    """Return the share of true ones of cases (n,), with its interval."""
+    return figure(*proportion(int(np.count_nonzero(is_true)), len(is_true)))
+
+
+def of_some(figure: Mapping[str, Any], count: int, total: int) -> dict[str, Any]:
+    """Return a figure with the `share` of `count` in the `total` launches or ticks; nan of none."""
+    return {**figure, "share": count / total if total else np.nan}
+
+
+def mean(values: FloatArray, limit: float = np.inf) -> dict[str, Any]:
+    """Return the mean of the finite ones of independent values (n,) in [0, limit], with Student's
     interval.
     """
     values = values[np.isfinite(values)]
-    if not len(values):
-        return {"value": np.nan, "interval_95": [np.nan, np.nan]}
-    centre = float(values.mean())
     count = len(values)
-    half = (
-        float(student.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count))
-        if count > 1
-        else np.nan
-    )
-    return {"value": centre, "interval_95": [max(centre - half, 0.0), min(centre + half, most)]}
+    if not count:
+        return figure(np.nan)
+    centre = float(values.mean())
+    half = np.nan
+    if count > 1:
+        half = float(student.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count))
+    return figure(centre, max(centre - half, 0.0), min(centre + half, limit))
 
 
 def consistent(result: Consistency) -> dict[str, Any]:
@@ -316,15 +327,14 @@ def contained(values: FloatArray) -> list[dict[str, Any]]:
     shares.
     """
     return [
-        {"nominal": nominal, **share(*containment(values, _GROUND_FREEDOM, nominal))}
-        for nominal in CONTAINMENTS
+        {"nominal": nominal, **figure(*containment(values, 2, nominal))} for nominal in CONTAINMENTS
     ]
 
 
 def plain(value: Any) -> Any:
     """Return figures for JSON, with null for nan and inf."""
     if isinstance(value, Mapping):
-        return {key: plain(each) for key, each in value.items()}
+        return {key: plain(member) for key, member in value.items()}
     if isinstance(value, list):
-        return [plain(each) for each in value]
+        return [plain(member) for member in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value

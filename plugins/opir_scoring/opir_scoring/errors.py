@@ -73,59 +73,64 @@ def state_errors(evidence: RunEvidence, owners: Ownership) -> StateErrors:
     """Return the errors of all targets' tracks in force, by target and tick."""
     tracks = evidence.tracks.take(rows_in_force(evidence, owners))
     target = owners.target[np.searchsorted(owners.track, tracks.track)]
-    parts = (
-        _errors_of(evidence, each, tracks.take(target == each), owners)
-        for each in np.unique(target).tolist()
+    return StateErrors.concatenate(
+        _errors_of(evidence, number, tracks.take(target == number), owners)
+        for number in np.unique(target).tolist()
     )
-    return StateErrors.concatenate(parts)
 
 
 def _errors_of(
     evidence: RunEvidence, target: int, tracks: Tracks, owners: Ownership
 ) -> StateErrors:
-    everyone = np.full(len(tracks), target, dtype=np.int32)
-    true = true_states_ecef(evidence.plan, everyone, tracks.tick_s)
-    known = np.isfinite(true).all(axis=1) & np.isfinite(tracks.state).all(axis=1)
-    tracks = tracks.take(known)
-    true = true[known]
+    targets = np.full(len(tracks), target, dtype=np.int32)
+    true = true_states_ecef(evidence.plan, targets, tracks.tick_s)
+    is_known = np.isfinite(true).all(axis=1) & np.isfinite(tracks.state).all(axis=1)
+    tracks = tracks.take(is_known)
     owner = np.searchsorted(owners.track, tracks.track)
-    error = tracks.state - true
-    looks = np.flatnonzero(evidence.target == target)
-    plan = evidence.plan
-    time_s = evidence.time_s[looks]
-    sensor = np.empty((len(looks), 3))
-    for number in np.unique(evidence.sensor[looks]).tolist():
-        rows = np.flatnonzero(evidence.sensor[looks] == number)
-        sensor[rows] = plan.sensors[number].orbit.position_ecef_m(time_s[rows])
-    held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
-    position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
-    turns = bias_turns(plan.sensors, evidence.sensor[looks], sensor)
-    looks_seen = DetectedLooks(time_s, position, sensor, evidence.sigma_rad[looks], turns)
-    known_thrust, free_thrust = (
-        position_and_velocity(bound(tracks.tick_s, looks_seen))
-        for bound in (state_bound, free_bound)
-    )
+    error = tracks.state - true[is_known]
+    looks = _detected_looks(evidence, target)
+    bound_m, bound_m_s = position_and_velocity(state_bound(tracks.tick_s, looks))
+    free_bound_m, free_bound_m_s = position_and_velocity(free_bound(tracks.tick_s, looks))
+    stated = (error, tracks.state_covariance, tracks.state_sigmas)
     return StateErrors(
         target=np.full(len(tracks), target, dtype=np.int64),
         since_s=tracks.tick_s - evidence.plan.targets.ignition_s[target],
-        seen_s=tracks.tick_s - (evidence.time_s[looks[0]] if len(looks) else np.nan),
+        seen_s=tracks.tick_s - (looks.look_s[0] if len(looks.look_s) else np.nan),
         is_stereo=owners.is_stereo[owner],
         is_biased=owners.is_biased[owner],
         position_m=np.linalg.norm(error[:, :3], axis=1),
         velocity_m_s=np.linalg.norm(error[:, 3:], axis=1),
-        position_energy_m=energy_scores(
-            error, tracks.state_covariance, tracks.state_sigmas, slice(0, 3)
-        ),
-        velocity_energy_m_s=energy_scores(
-            error, tracks.state_covariance, tracks.state_sigmas, slice(3, 6)
-        ),
+        position_energy_m=energy_scores(*stated, slice(0, 3)),
+        velocity_energy_m_s=energy_scores(*stated, slice(3, 6)),
         nees=on_normal_scale(nees(error, tracks.state_covariance), tracks.state_sigmas, 6),
-        position_bound_m=known_thrust[0],
-        velocity_bound_m_s=known_thrust[1],
-        position_free_bound_m=free_thrust[0],
-        velocity_free_bound_m_s=free_thrust[1],
+        position_bound_m=bound_m,
+        velocity_bound_m_s=bound_m_s,
+        position_free_bound_m=free_bound_m,
+        velocity_free_bound_m_s=free_bound_m_s,
         impact_m=_impact_error(tracks, evidence.plan.targets.truth()[target]),
     )
+
+
+def _detected_looks(evidence: RunEvidence, target: int) -> DetectedLooks:
+    """Return the looks that detected a target, with true positions."""
+    plan = evidence.plan
+    rows = np.flatnonzero(evidence.target == target)
+    time_s = evidence.time_s[rows]
+    sensor = evidence.sensor[rows]
+    sensor_m = _sensors_m(plan.sensors, sensor, time_s)
+    clipped_s = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
+    targets = np.full(len(rows), target, dtype=np.int32)
+    position_m = plan.targets.position_ecef_m(targets, clipped_s)
+    turns = bias_turns(plan.sensors, sensor, sensor_m)
+    return DetectedLooks(time_s, position_m, sensor_m, evidence.sigma_rad[rows], turns)
+
+
+def _sensors_m(sensors: Sequence[Sensor], sensor: IndexArray, time_s: FloatArray) -> FloatArray:
+    position_m = np.empty((len(sensor), 3))
+    for number in np.unique(sensor).tolist():
+        rows = np.flatnonzero(sensor == number)
+        position_m[rows] = sensors[number].orbit.position_ecef_m(time_s[rows])
+    return position_m
 
 
 def _impact_error(tracks: Tracks, truth: Mapping[str, Any]) -> FloatArray:
@@ -144,16 +149,13 @@ def bias_turns(
 
     As in `opir_core.planning.pointing_bias`: about east and north of the sensor position (n, 3).
     """
-    biased = [
-        each
-        for each in np.unique(sensor).tolist()
-        if sensors[each].line_of_sight_bias_sigma_rad > 0.0
-    ]
+    sigmas = [sensors[number].line_of_sight_bias_sigma_rad for number in range(len(sensors))]
+    biased = [number for number in np.unique(sensor).tolist() if sigmas[number] > 0.0]
     turns = np.zeros((len(sensor), 2 * len(biased), 3))
-    for number, each in enumerate(biased):
-        rows = np.flatnonzero(sensor == each)
+    for place, number in enumerate(biased):
+        rows = np.flatnonzero(sensor == number)
         axes = local_axes(sensor_ecef_m[rows])[:, :2]
-        turns[rows, 2 * number : 2 * number + 2] = sensors[each].line_of_sight_bias_sigma_rad * axes
+        turns[rows, 2 * place : 2 * place + 2] = sigmas[number] * axes
     return turns
 
 
@@ -163,30 +165,29 @@ def point_errors(evidence: RunEvidence, owners: Ownership) -> PointErrors:
     owner = np.searchsorted(owners.track, tracks.track)
     target = owners.target[owner]
     truth = evidence.plan.targets.truth()
-    launch, impact = (
-        [place_of(truth[number].get(name)) for number in target.tolist()]
-        for name in ("launch", "impact")
-    )
-    ignition_s = evidence.plan.targets.ignition_s[target]
-    impact_s = np.array([_time(truth[number].get("impact")) for number in target.tolist()])
-    launch_error, impact_error = (
-        ground_error(point, np.array(place, dtype=np.float64).reshape(-1, 3))
-        for point, place in ((tracks.launch, launch), (tracks.impact, impact))
-    )
+    truths = [truth[number] for number in target.tolist()]
+    impact_s = np.array([_time(true.get("impact")) for true in truths])
+    launch_error = ground_error(tracks.launch, _places(truths, "launch"))
+    impact_error = ground_error(tracks.impact, _places(truths, "impact"))
+    launch_covariance = tracks.launch_covariance[:, :2, :2]
+    impact_nees = nees(impact_error, tracks.impact_covariance[:, :2, :2])
     return PointErrors(
         target=target,
         is_stereo=owners.is_stereo[owner],
         is_biased=owners.is_biased[owner],
         launch_m=np.linalg.norm(launch_error, axis=1),
-        launch_energy_m=energy_scores(launch_error, tracks.launch_covariance[:, :2, :2]),
-        launch_nees=nees(launch_error, tracks.launch_covariance[:, :2, :2]),
-        launch_time_s=tracks.launch[:, 2] - ignition_s,
+        launch_energy_m=energy_scores(launch_error, launch_covariance),
+        launch_nees=nees(launch_error, launch_covariance),
+        launch_time_s=tracks.launch[:, 2] - evidence.plan.targets.ignition_s[target],
         impact_m=np.linalg.norm(impact_error, axis=1),
-        impact_nees=on_normal_scale(
-            nees(impact_error, tracks.impact_covariance[:, :2, :2]), tracks.impact_sigmas
-        ),
+        impact_nees=on_normal_scale(impact_nees, tracks.impact_sigmas),
         impact_time_s=tracks.impact[:, 2] - impact_s,
     )
+
+
+def _places(truths: Sequence[Mapping[str, Any]], name: str) -> FloatArray:
+    places = [place_of(truth.get(name)) for truth in truths]
+    return np.array(places, dtype=np.float64).reshape(-1, 3)
 
 
 def last_rows(evidence: RunEvidence, owners: Ownership) -> IntArray:
@@ -209,10 +210,6 @@ def _time(point: object) -> float:
     return float(point["time_s"]) if isinstance(point, dict) and "time_s" in point else np.nan
 
 
-#: Beyond this distance, m, the geodesic is used: within it a plane is wrong by 3 cm.
-_FLAT_M = 20e3
-
-
 def ground_error(point: FloatArray, place: FloatArray) -> FloatArray:
     """Return estimated minus true points (n, 2), m east and north at the estimate, with the
     geodesic's length.
@@ -222,13 +219,19 @@ def ground_error(point: FloatArray, place: FloatArray) -> FloatArray:
     """
     latitude = point[:, 0]
     longitude = point[:, 1]
-    here = geodetic_to_ecef(latitude, longitude, np.zeros(len(point)))
-    there = geodetic_to_ecef(place[:, 0], place[:, 1], np.zeros(len(place)))
-    axes = east_north_up_axes(latitude, longitude)
-    error: FloatArray = np.einsum("nij,nj->ni", axes[:, :2], here - there)
-    far = np.flatnonzero(np.linalg.norm(here - there, axis=1) > _FLAT_M)
-    way = geodesic_inverse(latitude[far], longitude[far], place[far, 0], place[far, 1])
-    error[far] = -way.distance_m[:, None] * np.stack(
-        [np.sin(way.bearing_rad), np.cos(way.bearing_rad)], axis=1
+    offset_m = geodetic_to_ecef(latitude, longitude, np.zeros(len(point))) - geodetic_to_ecef(
+        place[:, 0], place[:, 1], np.zeros(len(place))
     )
+    axes = east_north_up_axes(latitude, longitude)
+    error: FloatArray = np.einsum("nij,nj->ni", axes[:, :2], offset_m)
+    # Within this distance, m, a plane is wrong by 3 cm.
+    rows = np.flatnonzero(np.linalg.norm(offset_m, axis=1) > 20e3)
+    error[rows] = _geodesic_error(point[rows], place[rows])
     return error
+
+
+def _geodesic_error(point: FloatArray, place: FloatArray) -> FloatArray:
+    geodesic = geodesic_inverse(point[:, 0], point[:, 1], place[:, 0], place[:, 1])
+    bearing = geodesic.bearing_rad
+    direction = np.stack([np.sin(bearing), np.cos(bearing)], axis=1)
+    return -geodesic.distance_m[:, None] * direction

@@ -14,15 +14,10 @@ import numpy as np
 from attrs import frozen
 
 from opir_core import Plan, Run
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, RowArray
 from opir_core.errors import Problem, SceneError
 from opir_core.output import read_run, unix_microseconds
 from opir_core.plugin import Tracks
-
-#: Step of the finite difference for the true velocity, s: positions are interpolated to a
-#: centimetre and the jerk is below 2 m/s³, so the slope of a parabola is within 0.1 m/s, at the
-#: ends too.
-_VELOCITY_STEP_S = 0.25
 
 
 @frozen(eq=False)
@@ -45,33 +40,29 @@ class RunEvidence:
     sensor_ecef_m: FloatArray
     #: Processor time of the tracker, s, or nan if not measured.
     tracking_s: float = np.nan
-    #: What the tracker found of each sensor, as plain values, or None.
+    #: The tracker's estimate of each sensor's health, as plain values, or None.
     health: tuple[Mapping[str, Any] | None, ...] = ()
 
     @property
     def is_launch(self) -> BoolArray:
-        """Return which of the plan's targets are launches, not other hot sources."""
+        """Whether each of the plan's targets is a launch, not another hot source."""
         return np.arange(len(self.plan.targets.ids)) < len(self.plan.scene.targets)
 
 
 def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvidence:
     """Return the evidence of a run in memory with the plan of its scene."""
-    order = (
-        np.argsort(run.detections.time_ns, kind="stable")
-        if run.detections.is_delayed
-        else slice(None)
-    )
+    order: Any = slice(None)
+    if run.detections.is_delayed:
+        order = np.argsort(run.detections.time_ns, kind="stable")
     detections = run.detections.take(order)
-    owner = final_tracks(run.tracks, detections.track)
-    sigma_rad = detections.line_of_sight_sigma_rad
     return RunEvidence(
         plan=plan,
         tracks=run.tracks,
         # As in files, so that both score alike.
         time_s=np.multiply(unix_microseconds(detections.time_ns, 0), 1e-6, dtype=np.float64),
         sensor=detections.sensor,
-        sigma_rad=sigma_rad,
-        track=owner,
+        sigma_rad=detections.line_of_sight_sigma_rad,
+        track=final_tracks(run.tracks, detections.track),
         target=run.truth.target[order],
         direction_ecef=detections.line_of_sight_ecef,
         sensor_ecef_m=detections.sensor_ecef_m,
@@ -82,8 +73,7 @@ def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvid
 
 def final_tracks(tracks: Tracks, track: IntArray) -> IntArray:
     """Return the tracks of detections, -1 where the number is not among the reported tracks."""
-    known = np.unique(tracks.track)
-    return np.where(np.isin(track, known), track, -1)
+    return np.where(np.isin(track, np.unique(tracks.track)), track, -1)
 
 
 def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> FloatArray:
@@ -98,16 +88,20 @@ def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> Floa
     end = plan.targets.end_s[target]
     inside = (time_s >= start) & (time_s <= end)
     clipped = np.clip(time_s, start, end)
-    step = np.minimum(_VELOCITY_STEP_S, 0.5 * (end - start))
+    # Positions are interpolated to a centimetre and the jerk is below 2 m/s³, so with this step the
+    # slope of a parabola is within 0.1 m/s, at the ends too.
+    step = np.minimum(0.25, 0.5 * (end - start))
     # A parabola through three places: where the truth ends, as at burnout, they lie to one side.
     middle = np.clip(clipped, start + step, end - step)
-    position = plan.targets.position_ecef_m(target, clipped)
-    early, there, late = (
+    before_m, middle_m, after_m = (
         plan.targets.position_ecef_m(target, middle + side * step) for side in (-1.0, 0.0, 1.0)
     )
     per_step = (1.0 / step)[:, None]
-    curvature = (late - 2.0 * there + early) * per_step * ((clipped - middle) / step)[:, None]
-    states = np.concatenate([position, 0.5 * (late - early) * per_step + curvature], axis=1)
+    bend = after_m - 2.0 * middle_m + before_m
+    curvature = bend * per_step * ((clipped - middle) / step)[:, None]
+    velocity_m_s = 0.5 * (after_m - before_m) * per_step + curvature
+    position_m = plan.targets.position_ecef_m(target, clipped)
+    states = np.concatenate([position_m, velocity_m_s], axis=1)
     return np.where(inside[:, None], states, np.nan)
 
 
@@ -134,31 +128,40 @@ class Ownership:
 def ownership(evidence: RunEvidence) -> Ownership:
     """Return the targets of all reported tracks."""
     numbers = np.unique(evidence.tracks.track)
-    held = np.flatnonzero(evidence.track >= 0)
-    row = np.searchsorted(numbers, evidence.track[held])
-    targets = len(evidence.plan.targets.ids)
-    count = np.zeros((len(numbers), targets + 1), dtype=np.int64)
-    np.add.at(count, (row, evidence.target[held] + 1), 1)
+    rows = np.flatnonzero(evidence.track >= 0)
+    row = np.searchsorted(numbers, evidence.track[rows])
+    # The first column counts false alarms.
+    count = np.zeros((len(numbers), len(evidence.plan.targets.ids) + 1), dtype=np.int64)
+    np.add.at(count, (row, evidence.target[rows] + 1), 1)
     total = count.sum(axis=1)
-    owner = count.argmax(axis=1) - 1
-    of_owner = count.max(axis=1, initial=0)
+    source = np.where(total > 0, count.argmax(axis=1) - 1, -1)
+    held = count.max(axis=1, initial=0)
     is_launch = np.append(evidence.is_launch, False)
-    target = np.where((total > 0) & is_launch[owner], owner, -1)
-    seen = np.zeros((len(numbers), len(evidence.plan.sensors)), dtype=np.bool_)
-    seen[row, evidence.sensor[held]] = True
-    biased = np.array(
-        [sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in evidence.plan.sensors],
-        dtype=np.bool_,
-    )
+    sensors, biased_sensors = _sensor_counts(evidence, rows, row, len(numbers))
     return Ownership(
         track=numbers,
-        target=target,
-        purity=np.where(total > 0, of_owner / np.maximum(total, 1), 0.0),
-        held=of_owner,
-        is_stereo=seen.sum(axis=1) > 1,
-        is_biased=(seen & biased).sum(axis=1) > 0,
-        source=np.where(total > 0, owner, -1),
+        target=np.where(is_launch[source], source, -1),
+        purity=np.where(total > 0, held / np.maximum(total, 1), 0.0),
+        held=held,
+        is_stereo=sensors > 1,
+        is_biased=biased_sensors > 0,
+        source=source,
     )
+
+
+def _sensor_counts(
+    evidence: RunEvidence, rows: RowArray, track: RowArray, tracks: int
+) -> tuple[IntArray, IntArray]:
+    """Return the numbers (tracks,) of sensors with detections `rows` of each track (n,), and of
+    those with a bias.
+    """
+    sensors = evidence.plan.sensors
+    detects = np.zeros((tracks, len(sensors)), dtype=np.bool_)
+    detects[track, evidence.sensor[rows]] = True
+    is_biased = np.array(
+        [sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in sensors], np.bool_
+    )
+    return detects.sum(axis=1), (detects & is_biased).sum(axis=1)
 
 
 def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
@@ -173,9 +176,9 @@ def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
     tick_s = evidence.tracks.tick_s
     order = np.lexsort((owner, -owners.held[owner], tick_s, target))
     order = order[target[order] >= 0]
-    first = np.ones(len(order), dtype=np.bool_)
-    first[1:] = (np.diff(target[order]) != 0) | (np.diff(tick_s[order]) != 0.0)
-    return order[first]
+    is_in_force = np.ones(len(order), dtype=np.bool_)
+    is_in_force[1:] = (np.diff(target[order]) != 0) | (np.diff(tick_s[order]) != 0.0)
+    return order[is_in_force]
 
 
 def evidence_of_files(

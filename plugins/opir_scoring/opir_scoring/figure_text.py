@@ -1,26 +1,54 @@
 """The text of a figure, with its interval."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-#: The text has no interval whose ends differ by a larger factor: it says no more than "unknown".
-_WIDEST = 100.0
+from attrs import frozen
+
+
+@frozen
+class FigureRow:
+    """A row of a table of figures: its label, and the names, digits and factor of its figure."""
+
+    label: str
+    names: tuple[str, ...]
+    digits: int
+    scale: float = 1.0
+
+    def text(self, figures: Mapping[str, Any]) -> str:
+        """Return the text of the figure."""
+        figure: Any = figures
+        for name in self.names:
+            figure = figure[name]
+        if isinstance(figure, float):
+            return number_text(figure, self.digits)
+        return interval_text(figure, self.digits, self.scale)
+
+
+def figure_rows(*rows: tuple[Any, ...]) -> tuple[FigureRow, ...]:
+    """Return rows of (label, names with dots between, digits, factor)."""
+    return tuple(FigureRow(label, tuple(names.split(".")), *form) for label, names, *form in rows)
+
+
+def cells(figures: Mapping[str, Any], rows: Iterable[FigureRow]) -> tuple[str, ...]:
+    """Return the texts of the figures of rows."""
+    return tuple(row.text(figures) for row in rows)
 
 
 def interval_text(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
     """Return a figure with its interval, "-" where it is unknown.
 
-    The share that it is of follows where it has one, and this is not all: `0.28 [0.23, 0.34] (95
-    %)`.
+    Its share follows where it has one that is not all: `0.28 [0.23, 0.34] (95 %)`.
     """
     if not math.isfinite(figure["value"]):
         return "-"
     of = f" ({percent_text(figure['share'])})" if figure.get("share", 1.0) != 1.0 else ""
     value = f"{scale * figure['value']:.{digits}f}"
     low, high = (scale * edge for edge in figure["interval_95"])
-    # A single run, or track, has no interval; that of two targets may say nothing.
-    is_finite = math.isfinite(low) and not 0.0 < _WIDEST * low < high
+    # A single run, or track, has no interval. One whose ends differ by a factor of over a hundred,
+    # as of two targets, means no more than "unknown".
+    is_finite = math.isfinite(low) and not 0.0 < 100.0 * low < high
     return f"{value} [{low:.{digits}f}, {high:.{digits}f}]{of}" if is_finite else f"{value}{of}"
 
 

@@ -1,5 +1,5 @@
-"""Scores of the hypotheses that tracks weigh: log and Brier scores, reliability, what is recognised
-as unknown.
+"""Scores of the hypotheses that tracks weigh: log and Brier scores, reliability, recognition of
+unknown classes.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -11,7 +11,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import Columns
 from opir_core.plugin import LAUNCH_GROUPS
-from opir_scoring.containments import mean, proportion, share
+from opir_scoring.containments import mean, share
 from opir_scoring.evidence import Ownership, RunEvidence
 from opir_scoring.proper_scores import (
     brier_scores,
@@ -26,7 +26,7 @@ from opir_scoring.proper_scores import (
 AGES_S = (0.0, 5.0, 10.0, 20.0, 40.0)
 AGES = (*(f"{age_s:g} s" for age_s in AGES_S), "last estimate")
 
-#: The hypotheses of what is no launch, by name: of false alarms, bolides and all other sources.
+#: The hypotheses of no launch, by name: of false alarms, bolides and all other sources.
 _NOISE = "noise"
 _BOLIDE = "bolide"
 _GROUND = "ground source"
@@ -68,8 +68,8 @@ def true_hypotheses(
     """
     plan = evidence.plan
     names = [hypothesis.name for hypothesis in plan.hypotheses]
-    others = {_NOISE, _BOLIDE, _GROUND}
-    number = {name: place for place, name in enumerate(names) if name not in {*unknown, *others}}
+    excluded = {*unknown, _NOISE, _BOLIDE, _GROUND}
+    number = {name: place for place, name in enumerate(names) if name not in excluded}
     launched = [
         number.get(name, len(names) - 1)
         for name in plan.targets.class_names[: len(plan.scene.targets)]
@@ -95,7 +95,7 @@ def hypothesis_scores(
     truth = true_hypotheses(evidence, owners, unknown)[owner]
     best = probability.argmax(axis=1)
     none = len(groups) - 1
-    known = probability[:, :none]
+    of_classes = probability[:, :none]
     is_launch = np.isin(groups, LAUNCH_GROUPS)
     return HypothesisScores(
         age=age,
@@ -106,8 +106,8 @@ def hypothesis_scores(
         brier=brier_scores(probability, truth),
         none=probability[:, none],
         is_unknown=truth == none,
-        known=known.max(axis=1),
-        is_known_right=known.argmax(axis=1) == truth,
+        known=of_classes.max(axis=1),
+        is_known_right=of_classes.argmax(axis=1) == truth,
         launch=probability[:, is_launch].sum(axis=1),
         is_launch=owners.target[owner] >= 0,
     )
@@ -122,52 +122,49 @@ def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, In
     order = order[np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
     track = tracks.track[order]
     tick_s = tracks.tick_s[order]
-    first, last = (
-        np.searchsorted(track, np.unique(track), side=side) for side in ("left", "right")
-    )
+    if not len(order):
+        return order, order
+    _, start, count = np.unique(track, return_index=True, return_counts=True)
+    end = start + count - 1
+    since_s = tick_s - np.repeat(tick_s[start], count)
     rows = list[IntArray]()
-    ages = list[IntArray]()
-    since_s = tick_s - np.repeat(tick_s[first], last - first) if len(order) else tick_s
-    for number, age_s in enumerate(AGES_S):
-        young = np.add.reduceat(since_s <= age_s, first) if len(order) else first
-        reached = since_s[last - 1] >= age_s if len(order) else first
-        rows.append(order[(first + young - 1)[reached]])
-        ages.append(np.full(len(rows[-1]), number))
-    return np.concatenate([*rows, order[last - 1]]), np.concatenate(
-        [*ages, np.full(len(last), len(AGES_S))]
-    )
+    for age_s in AGES_S:
+        young = np.add.reduceat(since_s <= age_s, start)
+        is_reached = since_s[end] >= age_s
+        rows.append(order[(start + young - 1)[is_reached]])
+    rows.append(order[end])
+    ages = np.repeat(np.arange(len(rows)), [len(of_age) for of_age in rows])
+    return np.concatenate(rows), ages
 
 
 def hypothesis_figures(scores: HypothesisScores, names: Sequence[str]) -> Mapping[str, Any]:
     """Return the figures of hypotheses by age, and reliability and confusion at the last
     estimates.
     """
-    last = scores.take(scores.age == len(AGES_S))
+    final = scores.take(scores.age == len(AGES_S))
     return {
         "by_age": [
             {"age": name, **_of_age(scores.take(scores.age == age))}
             for age, name in enumerate(AGES)
         ],
-        "reliability": reliability(last.confidence, last.best == last.truth),
-        "launch_reliability": reliability(last.launch, last.is_launch),
-        "confusion": _confusion(last, names),
+        "reliability": reliability(final.confidence, final.best == final.truth),
+        "launch_reliability": reliability(final.launch, final.is_launch),
+        "confusion": _confusion(final, names),
     }
 
 
 def _of_age(scores: HypothesisScores) -> dict[str, Any]:
-    known = ~scores.is_unknown
-    right = int(np.count_nonzero(scores.best == scores.truth))
+    of_classes = scores.take(~scores.is_unknown)
+    unknown = scores.take(scores.is_unknown)
     return {
         "tracks": len(scores),
-        "right": share(*proportion(right, len(scores))),
+        "right": share(scores.best == scores.truth),
         "log_score": mean(scores.log_score),
         "brier": mean(scores.brier, 2.0),
-        "none": mean(scores.none[known], 1.0),
-        "unknown_tracks": int(np.count_nonzero(~known)),
-        "none_auroc": share_above(scores.none[~known], scores.none[known]),
-        "oscr": open_set_rate(
-            scores.known[known], scores.is_known_right[known], scores.known[~known]
-        ),
+        "none": mean(of_classes.none, 1.0),
+        "unknown_tracks": len(unknown),
+        "none_auroc": share_above(unknown.none, of_classes.none),
+        "oscr": open_set_rate(of_classes.known, of_classes.is_known_right, unknown.known),
     }
 
 

@@ -4,12 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from opir_core.cli import table
-from opir_scoring.figure_text import interval_text, number_text
+from opir_scoring.figure_text import cells, figure_rows, interval_text, number_text
 
 Figures = Mapping[str, Mapping[str, Any]]
-
-#: Largest number of launches whose times are printed one by one; JSON has all.
-_FEW = 20
 
 _TIMES = ("recognised_after_s", "sure_after_s")
 
@@ -25,80 +22,81 @@ def hypothesis_tables(figures: Figures) -> list[str]:
     hypotheses.
     """
     weighed = {
-        name: own["hypotheses"]
-        for name, own in figures.items()
-        if own["hypotheses"]["by_age"][-1]["tracks"]
+        name: of_tracker["hypotheses"]
+        for name, of_tracker in figures.items()
+        if of_tracker["hypotheses"]["by_age"][-1]["tracks"]
     }
     if not weighed:
         return []
     return ["hypotheses, by age of the track", *_by_age(weighed), *_launches(figures), _LEGEND]
 
 
+_AGE = figure_rows(
+    ("right, %", "right", 0, 100.0),
+    ("log", "log_score", 3),
+    ("Brier", "brier", 3),
+    ("P(none)", "none", 3),
+)
+_OPEN_SET = figure_rows(("AUROC", "none_auroc", 3), ("OSCR", "oscr", 3))
+
+
 def _by_age(weighed: Figures) -> list[str]:
-    ages = zip(*(own["by_age"] for own in weighed.values()), strict=True)
     rows = [
-        (part["age"], name, *_age_cells(part))
-        for parts in ages
-        for name, part in zip(weighed, parts, strict=True)
+        (
+            scores["age"],
+            name,
+            str(scores["tracks"]),
+            *cells(scores, _AGE),
+            str(scores["unknown_tracks"]),
+            *cells(scores, _OPEN_SET),
+        )
+        for of_age in zip(*(figures["by_age"] for figures in weighed.values()), strict=True)
+        for name, scores in zip(weighed, of_age, strict=True)
     ]
-    head = (
-        "age",
-        "tracker",
-        "tracks",
-        "right, %",
-        "log",
-        "Brier",
-        "P(none)",
-        "unknown",
-        "AUROC",
-        "OSCR",
-    )
-    confusion = [
+    labels = [row.label for row in _AGE]
+    open_set_labels = [row.label for row in _OPEN_SET]
+    head = ("age", "tracker", "tracks", *labels, "unknown", *open_set_labels)
+    return [
+        table(head, rows),
+        _confusion(weighed),
+        _reliability(weighed, "reliability", "stated, most probable"),
+        _reliability(weighed, "launch_reliability", "stated P(launch)"),
+    ]
+
+
+def _confusion(weighed: Figures) -> str:
+    rows = [
         (true, name, ", ".join(f"{best} {count}" for best, count in row.items()))
-        for name, own in weighed.items()
-        for true, row in own["confusion"].items()
+        for name, figures in weighed.items()
+        for true, row in figures["confusion"].items()
     ]
-    parts = [table(head, rows), table(("is", "tracker", "tracks that say"), confusion)]
-    for key, label in (
-        ("reliability", "stated, most probable"),
-        ("launch_reliability", "stated P(launch)"),
-    ):
-        rows = [
-            ("-".join(f"{edge:g}" for edge in part["stated"]), name, *_bin_cells(part))
-            for name, own in weighed.items()
-            for part in own[key]
-            if part["samples"]
-        ]
-        parts.append(table((label, "tracker", "tracks", "mean", "true"), rows))
-    return parts
+    return table(("is", "tracker", "tracks that say"), rows)
 
 
-def _age_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    return (
-        str(part["tracks"]),
-        interval_text(part["right"], 0, 100.0),
-        interval_text(part["log_score"], 3),
-        interval_text(part["brier"], 3),
-        interval_text(part["none"], 3),
-        str(part["unknown_tracks"]),
-        number_text(part["none_auroc"], 3),
-        number_text(part["oscr"], 3),
-    )
+def _reliability(weighed: Figures, key: str, label: str) -> str:
+    rows = [
+        ("-".join(f"{edge:g}" for edge in bin_["stated"]), name, *_bin_cells(bin_))
+        for name, figures in weighed.items()
+        for bin_ in figures[key]
+        if bin_["samples"]
+    ]
+    return table((label, "tracker", "tracks", "mean", "true"), rows)
 
 
-def _bin_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    return str(part["samples"]), number_text(part["stated_mean"], 3), interval_text(part, 3)
+def _bin_cells(bin_: Mapping[str, Any]) -> tuple[str, ...]:
+    return str(bin_["samples"]), number_text(bin_["stated_mean"], 3), interval_text(bin_, 3)
 
 
 def _launches(figures: Figures) -> list[str]:
     """Return the table of the times at which each launch was recognised, if they are few."""
     rows = [
-        (part["target"], str(part["seed"]), name, *(_time_text(part[key]) for key in _TIMES))
-        for name, own in figures.items()
-        for part in own["recognition"]["launches"]
+        (launch["target"], str(launch["seed"]), name, *(_time_text(launch[key]) for key in _TIMES))
+        for name, of_tracker in figures.items()
+        for launch in of_tracker["recognition"]["launches"]
     ]
     head = ("launch", "seed", "tracker", "recognised after s", "P(launch) > 0.95 after s")
-    return [table(head, rows)] if len(rows) <= _FEW * len(figures) else []
+    # JSON has the times of many launches.
+    return [table(head, rows)] if len(rows) <= 20 * len(figures) else []
 
 
 def _time_text(after_s: float) -> str:

@@ -16,7 +16,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import containment_ellipse
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS, Columns
 from opir_core.plugin import ImpactRegion, Tracks
-from opir_scoring.containments import FARTHEST_M, energy, mean, proportion, rms, share
+from opir_scoring.containments import FARTHEST_M, energy, mean, rms, share
 from opir_scoring.errors import ground_error, place_of
 from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force
 from opir_scoring.proper_scores import energy_scores
@@ -35,8 +35,8 @@ INSTANTS: tuple[tuple[float, float], ...] = (
 #: Names of the phases: the instants, and the last estimate of a target.
 PHASES = (
     *(
-        f"{after_s:g} s after burnout" if after_s else f"{100 * part:g} % of burn"
-        for part, after_s in INSTANTS
+        f"{after_s:g} s after burnout" if after_s else f"{100 * burned:g} % of burn"
+        for burned, after_s in INSTANTS
     ),
     "last estimate",
 )
@@ -45,13 +45,7 @@ PHASES = (
 #: longer.
 OLDEST_S = 5.0
 
-#: Regions of fewer effective samples are thin.
-FEW_SAMPLES = 100.0
-
 _COMES_DOWN, _BURN_OVER, _RELIGHTS = IMPACT_CONDITIONS
-
-#: A region is that of a probability which it differs from by no more than this.
-_SAME = 1e-6
 
 
 @frozen(eq=False, repr=False)
@@ -101,30 +95,33 @@ def impact_scores(evidence: RunEvidence, owners: Ownership) -> ImpactScores:
 
 def phase_scores(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, ImpactScores]:
     """Return phases (n,), numbers into `PHASES`, that targets' tracks reach, and the scores of
-    their estimates then.
+    their estimates at these.
     """
     rows = _rows(evidence, owners)
     target = _targets_of(evidence, owners, rows)
     tick_s = evidence.tracks.tick_s[rows]
-    ignition_s = evidence.plan.targets.ignition_s
-    burnout_s = evidence.plan.targets.burnout_s
     oldest_s = max(OLDEST_S, evidence.plan.make_tracker().cadence_s or 0.0)
-    phases = list[int]()
-    chosen = list[int]()
-    for each in np.unique(target).tolist():
-        own = np.flatnonzero(target == each)
-        for number, (part, after_s) in enumerate(INSTANTS):
-            instant_s = ignition_s[each] + part * (burnout_s[each] - ignition_s[each]) + after_s
-            last = int(np.searchsorted(tick_s[own], instant_s, side="right")) - 1
-            if last >= 0 and tick_s[own[last]] >= instant_s - oldest_s:
-                phases.append(number)
-                chosen.append(int(own[last]))
-        phases.append(len(INSTANTS))
-        chosen.append(int(own[-1]))
-    used, place = np.unique(np.array(chosen, dtype=np.int64), return_inverse=True)
-    scores = _scores(evidence, owners, rows[used])
-    energy_m = _energies_m(evidence.tracks.take(rows[used]), _impacts(evidence, scores.target))
-    return np.array(phases, dtype=np.int64), evolve(scores, energy_m=energy_m).take(place)
+    estimates = list[tuple[int, int]]()
+    for number in np.unique(target).tolist():
+        of_target = np.flatnonzero(target == number)
+        for phase, instant_s in enumerate(_instants_s(evidence, number)):
+            place = int(np.searchsorted(tick_s[of_target], instant_s, side="right")) - 1
+            if place >= 0 and tick_s[of_target[place]] >= instant_s - oldest_s:
+                estimates.append((phase, int(of_target[place])))
+        estimates.append((len(INSTANTS), int(of_target[-1])))
+    phases, estimate = np.array(estimates, dtype=np.int64).reshape(-1, 2).T
+    estimate, place_of_phase = np.unique(estimate, return_inverse=True)
+    scores = _scores(evidence, owners, rows[estimate])
+    tracks = evidence.tracks.take(rows[estimate])
+    energy_m = _energies_m(tracks, _impacts(evidence, scores.target))
+    return phases, evolve(scores, energy_m=energy_m).take(place_of_phase)
+
+
+def _instants_s(evidence: RunEvidence, target: int) -> list[float]:
+    """Return the scene times of `INSTANTS` of a target's flight."""
+    ignition_s = float(evidence.plan.targets.ignition_s[target])
+    burn_s = float(evidence.plan.targets.burnout_s[target]) - ignition_s
+    return [ignition_s + burned * burn_s + after_s for burned, after_s in INSTANTS]
 
 
 def phase_figures(phase: IntArray, scores: ImpactScores) -> list[dict[str, Any]]:
@@ -142,14 +139,15 @@ def _figures(scores: ImpactScores) -> dict[str, Any]:
     orbiting = scores.take(~scores.has_impact)
     return {
         "targets": len(landing),
-        "predicted": share(*proportion(int(np.count_nonzero(landing.is_predicted)), len(landing))),
-        "impact_m": rms(landing.impact_m, most=FARTHEST_M),
-        "energy_m": energy(landing.energy_m, most=FARTHEST_M),
+        "predicted": share(landing.is_predicted),
+        "impact_m": rms(landing.impact_m, limit=FARTHEST_M),
+        "energy_m": energy(landing.energy_m, limit=FARTHEST_M),
         "regions": _region_figures(landing.contained, landing.area_km2),
         "regions_given_condition": _region_figures(landing.contained_given, landing.area_given_km2),
         "condition_brier": mean(landing.condition_brier, 2.0),
         "effective_samples": _median(landing.effective_samples),
-        "thin": share(*_thin(landing.effective_samples)),
+        # Regions of fewer than a hundred effective samples are thin.
+        "thin": share(_finite(landing.effective_samples) < 100.0),
         "targets_without_impact": len(orbiting),
         "predicted_without_impact": int(np.count_nonzero(orbiting.is_predicted)),
     }
@@ -160,28 +158,20 @@ def _region_figures(contained: FloatArray, area_km2: FloatArray) -> list[dict[st
     return [
         {
             "nominal": nominal,
-            **share(
-                *proportion(
-                    int(np.count_nonzero(inside == 1.0)), int(np.count_nonzero(np.isfinite(inside)))
-                )
-            ),
+            **share(_finite(inside) == 1.0),
             "median_area_km2": _median(area),
         }
         for nominal, inside, area in zip(TRACK_CONTAINMENTS, contained.T, area_km2.T, strict=True)
     ]
 
 
+def _finite(values: FloatArray) -> FloatArray:
+    return values[np.isfinite(values)]
+
+
 def _median(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.nan
-
-
-def _thin(effective_samples: FloatArray) -> tuple[float, float, float]:
-    """Return the share, with its interval, of regions of fewer than `FEW_SAMPLES` effective
-    samples.
-    """
-    known = effective_samples[np.isfinite(effective_samples)]
-    return proportion(int(np.count_nonzero(known < FEW_SAMPLES)), len(known))
+    values = _finite(values)
+    return float(np.median(values)) if len(values) else np.nan
 
 
 def _targets_of(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> IntArray:
@@ -193,10 +183,9 @@ def _rows(evidence: RunEvidence, owners: Ownership) -> IntArray:
     to.
     """
     rows = rows_in_force(evidence, owners)
-    known = np.array(
-        [bool(truth.get("impact") or truth.get("orbit")) for truth in evidence.plan.targets.truth()]
-    )
-    return rows[known[_targets_of(evidence, owners, rows)]] if len(rows) else rows
+    truths = evidence.plan.targets.truth()
+    is_known = np.array([bool(truth.get("impact") or truth.get("orbit")) for truth in truths])
+    return rows[is_known[_targets_of(evidence, owners, rows)]] if len(rows) else rows
 
 
 def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactScores:
@@ -206,6 +195,7 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
     target = owners.target[owner]
     impact = _impacts(evidence, target)
     error = ground_error(tracks.impact, impact)
+    has_impact = np.isfinite(impact[:, 0])
     contained, area_km2 = _ellipses(tracks, error)
     contained_given = contained.copy()
     area_given_km2 = area_km2.copy()
@@ -213,28 +203,27 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
     is_over = tracks.tick_s >= evidence.plan.targets.burnout_s[target]
     for row in np.flatnonzero(tracks.impact_regions.astype(bool)).tolist():
         regions = tracks.impact_regions[row]
+        true_regions = regions_given(regions, is_over[row])
         contained[row], area_km2[row] = _regions(main_regions(regions), impact[row])
-        contained_given[row], area_given_km2[row] = _regions(
-            regions_given(regions, is_over[row]), impact[row]
-        )
+        contained_given[row], area_given_km2[row] = _regions(true_regions, impact[row])
         brier[row] = _condition_brier(regions, is_over[row])
-        samples[row] = np.min([each.effective_samples for each in regions])
-    contained[np.isnan(impact[:, 0])] = np.nan
-    contained_given[np.isnan(impact[:, 0])] = contained[np.isnan(impact[:, 0])]
+        samples[row] = np.min([region.effective_samples for region in regions])
+    for column in (contained, contained_given, brier):
+        column[~has_impact] = np.nan
+    has_region = np.count_nonzero(np.isfinite(area_km2), axis=1) > 0
     return ImpactScores(
         target=target,
         tick_s=tracks.tick_s,
         is_stereo=owners.is_stereo[owner],
         is_biased=owners.is_biased[owner],
-        has_impact=np.isfinite(impact[:, 0]),
-        is_predicted=np.isfinite(tracks.impact[:, 0])
-        | (np.count_nonzero(np.isfinite(area_km2), axis=1) > 0),
+        has_impact=has_impact,
+        is_predicted=np.isfinite(tracks.impact[:, 0]) | has_region,
         impact_m=np.linalg.norm(error, axis=1),
         contained=contained,
         area_km2=area_km2,
         contained_given=contained_given,
         area_given_km2=area_given_km2,
-        condition_brier=np.where(np.isfinite(impact[:, 0]), brier, np.nan),
+        condition_brier=brier,
         effective_samples=samples,
         energy_m=np.full(len(rows), np.nan),
     )
@@ -261,8 +250,8 @@ def regions_given(regions: Sequence[ImpactRegion], is_over: bool) -> list[Impact
     neither.
     """
     true = _BURN_OVER if is_over else _RELIGHTS
-    return [each for each in regions if each.condition == true] or [
-        each for each in regions if each.condition == _COMES_DOWN
+    return [region for region in regions if region.condition == true] or [
+        region for region in regions if region.condition == _COMES_DOWN
     ]
 
 
@@ -278,8 +267,8 @@ def _condition_brier(regions: Sequence[ImpactRegion], is_over: bool) -> float:
     if not stated:
         return np.nan
     over = stated.get(_BURN_OVER, 0.0)
-    again = stated.get(_RELIGHTS, 0.0)
-    return float((over - is_over) ** 2 + (again - (not is_over)) ** 2)
+    relights = stated.get(_RELIGHTS, 0.0)
+    return float((over - is_over) ** 2 + (relights - (not is_over)) ** 2)
 
 
 def _energies_m(tracks: Tracks, impact: FloatArray) -> FloatArray:
@@ -288,9 +277,8 @@ def _energies_m(tracks: Tracks, impact: FloatArray) -> FloatArray:
     """
     error = ground_error(tracks.impact, impact)
     energy_m = energy_scores(error, tracks.impact_covariance[:, :2, :2], tracks.impact_sigmas)
-    for row in np.flatnonzero(
-        tracks.impact_regions.astype(bool) & np.isfinite(impact[:, 0])
-    ).tolist():
+    has_regions = tracks.impact_regions.astype(bool) & np.isfinite(impact[:, 0])
+    for row in np.flatnonzero(has_regions).tolist():
         energy_m[row] = region_energy_m(tracks.impact_regions[row], impact[row])
     return energy_m
 
@@ -304,14 +292,20 @@ def _ellipses(tracks: Tracks, error_m: FloatArray) -> tuple[FloatArray, FloatArr
         major, minor, bearing = containment_ellipse(
             tracks.impact_covariance[:, :2, :2], containment, tracks.impact_sigmas
         )
-        east, north = error_m.T
-        along = east * np.sin(bearing) + north * np.cos(bearing)
-        across = east * np.cos(bearing) - north * np.sin(bearing)
-        known = np.isfinite(major) & np.isfinite(east)
-        inside = np.square(along * minor) + np.square(across * major) <= np.square(major * minor)
-        contained[:, place] = np.where(known, inside, np.nan)
+        contained[:, place] = _inside(error_m, major, minor, bearing)
         area_km2[:, place] = 1e-6 * np.pi * major * minor
     return contained, area_km2
+
+
+def _inside(
+    error_m: FloatArray, major: FloatArray, minor: FloatArray, bearing: FloatArray
+) -> FloatArray:
+    """Return 1 where errors (n, 2) lie inside ellipses (n,), else 0; nan where one is unknown."""
+    east, north = error_m.T
+    along = east * np.sin(bearing) + north * np.cos(bearing)
+    across = east * np.cos(bearing) - north * np.sin(bearing)
+    inside = np.square(along * minor) + np.square(across * major) <= np.square(major * minor)
+    return np.where(np.isfinite(major) & np.isfinite(east), inside, np.nan)
 
 
 def _regions(regions: Sequence[ImpactRegion], impact: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -321,7 +315,7 @@ def _regions(regions: Sequence[ImpactRegion], impact: FloatArray) -> tuple[Float
     contained, area_km2 = np.full((2, len(TRACK_CONTAINMENTS)), np.nan)
     for place, containment in enumerate(TRACK_CONTAINMENTS):
         for region in regions:
-            if abs(region.containment - containment) <= _SAME:
+            if abs(region.containment - containment) <= 1e-6:
                 contained[place] = region.contains(*impact[:2].tolist())
                 area_km2[place] = region.area_km2
     return contained, area_km2

@@ -6,6 +6,9 @@ and the ellipse of the launch point, as the tracker reports them, are small enou
 right is another question, which containments answer.
 """
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 from attrs import field, frozen
 
@@ -19,7 +22,7 @@ from opir_scoring.impacts import impact_scores
 
 @frozen(kw_only=True)
 class WarningRequirement:
-    """What an estimate must state to count as a warning; None: not required.
+    """Requirements on an estimate to count as a warning; None: not required.
 
     `region_km2` is the largest area of the impact region, and `launch_point_km` the largest
     semi-major axis of the ellipse of the launch point, both of `containment`.
@@ -53,10 +56,9 @@ class WarningTimes:
         """Set the warning times: from the warning to the impact, 0 for none or one after it, nan
         without an impact.
         """
-        left_s = np.where(
-            np.isnan(self.impact_s), np.nan, np.maximum(self.impact_s - self.warned_s, 0.0)
-        )
-        object.__setattr__(self, "warning_s", left_s)
+        remaining_s = np.maximum(self.impact_s - self.warned_s, 0.0)
+        warning_s = np.where(np.isnan(self.impact_s), np.nan, remaining_s)
+        object.__setattr__(self, "warning_s", warning_s)
 
 
 def warning_times(
@@ -65,31 +67,57 @@ def warning_times(
     """Return the warning times of a run's launches, from their tracks in force."""
     targets = evidence.plan.targets
     launches = len(evidence.plan.scene.targets)
-    impacts = [each.get("impact") or {} for each in targets.truth()[:launches]]
-    impact_s = np.array([each.get("time_s", np.nan) for each in impacts], dtype=np.float64)
     tracks = evidence.tracks.take(rows_in_force(evidence, owners))
     target = owners.target[np.searchsorted(owners.track, tracks.track)]
     available_s = np.fmax(tracks.available_s, tracks.tick_s)
+    area_km2, contained = _region_columns(evidence, owners, target, requirement.containment)
+    stays = _stays(_meets(tracks, area_km2, requirement), target)
+    ignition_s = targets.ignition_s[:launches]
+
+    def after_s(rows: BoolArray) -> FloatArray:
+        earliest_s = np.full(launches, np.inf)
+        np.minimum.at(earliest_s, target[rows], available_s[rows])
+        return earliest_s - ignition_s
+
+    return WarningTimes(
+        track_s=after_s(np.isfinite(available_s)),
+        region_s=after_s(np.isfinite(area_km2)),
+        warned_s=after_s(stays),
+        impact_s=_impacts_s(targets.truth()[:launches]) - ignition_s,
+        contained=_at_first(stays, target, contained, launches),
+    )
+
+
+def _at_first(rows: BoolArray, target: IntArray, values: FloatArray, launches: int) -> FloatArray:
+    """Return the values (launches,) at the first marked row of each target, nan without one."""
+    at_first = np.full(launches, np.nan)
+    marked = np.flatnonzero(rows)
+    _, earliest = np.unique(target[marked], return_index=True)
+    starts = marked[earliest]
+    at_first[target[starts]] = values[starts]
+    return at_first
+
+
+def _region_columns(
+    evidence: RunEvidence, owners: Ownership, target: IntArray, containment: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return areas, km², of impact regions of rows in force (n,), and whether they contain the
+    impact.
+    """
     # Rows of scores are those of the tracks whose launch is known to come down, or not, in the same
     # order.
     scores = impact_scores(evidence, owners)
-    place = _place(requirement.containment)
-    scored = np.isin(target, scores.target)
-    area_km2, contained = np.full((2, len(tracks)), np.nan)
-    area_km2[scored] = scores.area_km2[:, place]
-    contained[scored] = scores.contained[:, place]
-    stays = _stays(_meets(tracks, area_km2, requirement), target)
-    ignition_s = targets.ignition_s[:launches]
-    every = np.isfinite(available_s), np.isfinite(area_km2), stays
-    track_s, region_s, warned_s = (
-        _first(each, target, available_s, launches) - ignition_s for each in every
-    )
-    inside = np.full(launches, np.nan)
-    warnings = np.flatnonzero(stays)
-    _, earliest = np.unique(target[warnings], return_index=True)
-    starts = warnings[earliest]
-    inside[target[starts]] = contained[starts]
-    return WarningTimes(track_s, region_s, warned_s, impact_s - ignition_s, inside)
+    place = int(np.argmin(np.abs(np.array(TRACK_CONTAINMENTS) - containment)))
+    is_scored = np.isin(target, scores.target)
+    area_km2, contained = np.full((2, len(target)), np.nan)
+    area_km2[is_scored] = scores.area_km2[:, place]
+    contained[is_scored] = scores.contained[:, place]
+    return area_km2, contained
+
+
+def _impacts_s(truths: Sequence[Mapping[str, Any]]) -> FloatArray:
+    impacts = [truth.get("impact") or {} for truth in truths]
+    return np.array([impact.get("time_s", np.nan) for impact in impacts], dtype=np.float64)
 
 
 def _meets(tracks: Tracks, area_km2: FloatArray, requirement: WarningRequirement) -> BoolArray:
@@ -107,19 +135,8 @@ def _meets(tracks: Tracks, area_km2: FloatArray, requirement: WarningRequirement
     return met
 
 
-def _place(containment: float) -> int:
-    return int(np.argmin(np.abs(np.array(TRACK_CONTAINMENTS) - containment)))
-
-
 def _stays(met: BoolArray, target: IntArray) -> BoolArray:
     """Return whether rows (n,), by target and tick, and all later ones of their target are met."""
     failed = np.cumsum(~met)
-    last = np.searchsorted(target, target, side="right") - 1
-    return met & (failed == failed[last])
-
-
-def _first(rows: BoolArray, target: IntArray, time_s: FloatArray, launches: int) -> FloatArray:
-    """Return the earliest time (launches,) of the marked rows of each target, inf for none."""
-    first_s = np.full(launches, np.inf)
-    np.minimum.at(first_s, target[rows], time_s[rows])
-    return first_s
+    end = np.searchsorted(target, target, side="right") - 1
+    return met & (failed == failed[end])

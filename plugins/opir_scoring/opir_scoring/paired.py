@@ -1,26 +1,25 @@
-"""Trackers side by side on the same runs: errors at what all of them estimate, and their paired
-differences.
+"""Trackers side by side on the same runs: errors where all of them have an estimate, and their
+paired differences.
 
 A tracker that starts late is not scored at the early, bad ticks: errors over each tracker's own
 ticks say little of which is better. Here all are scored at the same ticks, launches and phases, and
 coverage is a figure of its own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import reduce
 from typing import Any
 
 import numpy as np
 from attrs import frozen
-from scipy.stats import t as student
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_scoring.containments import mean
+from opir_scoring.containments import figure, jackknife_half, mean
 from opir_scoring.impacts import PHASES
 from opir_scoring.scorecards import ScoredRun, ScoreSettings
 
-#: Bins of time since ignition of a comparison, at most: the width doubles until they are no more.
-MOST_BINS = 7
+#: Largest number of bins of time since ignition of a comparison: until then the width doubles.
+MAX_BINS = 7
 
 #: Keys are run, target and time, ms, in the bits of an integer: more targets and times than a scene
 #: can have.
@@ -54,16 +53,18 @@ IMPACT = Measure("energy_m", "m")
 
 @frozen(eq=False)
 class _Values:
-    """Errors (n,) by unique keys (n,) of what they are errors of."""
+    """Errors (n,) by unique keys (n,)."""
 
     key: IntArray
     value: FloatArray
 
     @classmethod
-    def known(cls, key: IntArray, value: FloatArray) -> "_Values":
-        known = np.flatnonzero(np.isfinite(value))
-        unique, first = np.unique(key[known], return_index=True)
-        return cls(unique, value[known][first])
+    def of_runs(cls, columns: Iterable[tuple[IntArray, FloatArray]]) -> "_Values":
+        """Return the finite errors of runs, each with its keys."""
+        keys, values = map(np.concatenate, zip(*columns, strict=True))
+        rows = np.flatnonzero(np.isfinite(values))
+        unique, index = np.unique(keys[rows], return_index=True)
+        return cls(unique, values[rows][index])
 
     def of(self, key: IntArray) -> FloatArray:
         """Return the errors of those keys (n,) that there are."""
@@ -86,32 +87,33 @@ def paired_figures(
     position, None where nothing is common; `certain` are the others that are worse for certain, to
     95 %.
     """
-    energies = {name: _states(own, DECIDING.name) for name, own in runs.items()}
-    compared = {name: runs[name] for name, own in energies.items() if len(own.key)}
+    energies = {name: _states(of_runs, DECIDING.name) for name, of_runs in runs.items()}
+    compared = {name: runs[name] for name, values in energies.items() if len(values.key)}
     common = _common([energies[name] for name in compared])
     several_runs = len(next(iter(runs.values()))) > 1
     states = {
-        each.name: {name: _states(own, each.name) for name, own in compared.items()}
-        for each in STATE_MEASURES
+        measure.name: {name: _states(of_runs, measure.name) for name, of_runs in compared.items()}
+        for measure in STATE_MEASURES
     }
     tables = _state_tables(states, common, several_runs)
-    best = tables[DECIDING.name]["best"]
-    differences = tables[DECIDING.name]["differences"]
+    deciding = tables[DECIDING.name]
+    launches = {name: _launches(of_runs) for name, of_runs in compared.items()}
+    nees = {name: _states(of_runs, "nees").of(common) for name, of_runs in compared.items()}
     return {
         "compared": list(compared),
         "without_estimates": [name for name in runs if name not in compared],
-        "ticks": {name: len(own.key) for name, own in energies.items()},
+        "ticks": {name: len(values.key) for name, values in energies.items()},
         "common_ticks": len(common),
         "paired_over": "runs" if several_runs else "launches",
-        "best": best,
-        "certain": [name for name, each in differences.items() if each["interval_95"][0] > 0.0],
+        "best": deciding["best"],
+        "certain": [
+            name
+            for name, difference in deciding["differences"].items()
+            if difference["interval_95"][0] > 0.0
+        ],
         "states": tables,
-        "nees": {
-            name: mean(_states(own, "nees").of(common) / 6.0) for name, own in compared.items()
-        },
-        "launch": _common_table(
-            {name: _launches(own) for name, own in compared.items()}, LAUNCH, several_runs
-        ),
+        "nees": {name: mean(values / 6.0) for name, values in nees.items()},
+        "launch": _common_table(launches, LAUNCH, several_runs),
         "impact_by_phase": _impact_tables(compared, several_runs),
         "by_time": [
             {"since_ignition_s": [start_s, end_s], **_state_tables(states, rows, several_runs)}
@@ -124,7 +126,8 @@ def _state_tables(
     states: Mapping[str, Mapping[str, "_Values"]], key: IntArray, several_runs: bool
 ) -> dict[str, Any]:
     return {
-        each.name: _table(states[each.name], key, each, several_runs) for each in STATE_MEASURES
+        measure.name: _table(states[measure.name], key, measure, several_runs)
+        for measure in STATE_MEASURES
     }
 
 
@@ -134,22 +137,22 @@ def _impact_tables(
     """Return the tables of impacts that are predicted at each phase of a flight."""
     tables = []
     for number, phase in enumerate(PHASES):
-        values = {name: _impacts(own, number) for name, own in runs.items()}
+        values = {name: _impacts(of_runs, number) for name, of_runs in runs.items()}
         tables.append({"phase": phase, **_common_table(values, IMPACT, several_runs)})
     return tables
 
 
 def _bins(common: IntArray, width_s: float) -> list[tuple[float, float, IntArray]]:
-    """Return the bins, of a width that leaves at most `MOST_BINS`, with the keys in each; empty
+    """Return the bins, of a width that leaves at most `MAX_BINS`, with the keys in each; empty
     ones are left out.
     """
     since_s = 1e-3 * (common % _TIMES)
-    while len(np.unique(np.floor(since_s / width_s))) > MOST_BINS:
+    while len(np.unique(np.floor(since_s / width_s))) > MAX_BINS:
         width_s *= 2.0
     number = np.floor(since_s / width_s).astype(np.int64)
     return [
-        (each * width_s, (each + 1) * width_s, common[number == each])
-        for each in np.unique(number).tolist()
+        (bin_ * width_s, (bin_ + 1) * width_s, common[number == bin_])
+        for bin_ in np.unique(number).tolist()
     ]
 
 
@@ -159,58 +162,45 @@ def _keys(run: int, target: IntArray, since_s: FloatArray | None = None) -> IntA
 
 
 def _clusters(key: IntArray, several_runs: bool) -> IntArray:
-    """Return what keys are of: runs, where there are several, for a scene's launches are the same
-    in each.
+    """Return the clusters (n,) of keys: runs, where there are several, for a scene's launches are
+    the same in each; else launches.
     """
     return key // (_TIMES * _TARGETS if several_runs else _TIMES)
 
 
-def _joined(parts: Sequence[tuple[IntArray, FloatArray]]) -> _Values:
-    return _Values.known(
-        np.concatenate([key for key, _ in parts]), np.concatenate([value for _, value in parts])
-    )
-
-
 def _states(runs: Sequence[ScoredRun], name: str) -> _Values:
-    return _joined(
-        [
-            (_keys(run, own.states.target, own.states.since_s), getattr(own.states, name))
-            for run, own in enumerate(runs)
-        ]
+    return _Values.of_runs(
+        (_keys(number, run.states.target, run.states.since_s), getattr(run.states, name))
+        for number, run in enumerate(runs)
     )
 
 
 def _launches(runs: Sequence[ScoredRun]) -> _Values:
-    return _joined(
-        [
-            (_keys(run, own.points.target), own.points.launch_energy_m)
-            for run, own in enumerate(runs)
-        ]
+    return _Values.of_runs(
+        (_keys(number, run.points.target), run.points.launch_energy_m)
+        for number, run in enumerate(runs)
     )
 
 
 def _impacts(runs: Sequence[ScoredRun], phase: int) -> _Values:
-    parts = []
-    for run, own in enumerate(runs):
-        here = own.impact_phase == phase
-        parts.append((_keys(run, own.impacts.target[here]), own.impacts.energy_m[here]))
-    return _joined(parts)
+    impacts = [run.impacts.take(run.impact_phase == phase) for run in runs]
+    return _Values.of_runs(
+        (_keys(number, scores.target), scores.energy_m) for number, scores in enumerate(impacts)
+    )
 
 
 def _common(values: Sequence[_Values]) -> IntArray:
-    return (
-        reduce(np.intersect1d, [own.key for own in values])
-        if values
-        else np.empty(0, dtype=np.int64)
-    )
+    if not values:
+        return np.empty(0, dtype=np.int64)
+    return reduce(np.intersect1d, [errors.key for errors in values])
 
 
 def _common_table(
     values: Mapping[str, _Values], measure: Measure, several_runs: bool
 ) -> dict[str, Any]:
-    """Return the table of what all trackers that have any estimate have."""
-    have = {name: own for name, own in values.items() if len(own.key)}
-    return _table(have, _common(list(have.values())), measure, several_runs)
+    """Return the table of the keys that all trackers with an estimate have."""
+    estimated = {name: errors for name, errors in values.items() if len(errors.key)}
+    return _table(estimated, _common(list(estimated.values())), measure, several_runs)
 
 
 def _table(
@@ -223,21 +213,21 @@ def _table(
         return {"unit": measure.unit, "count": 0, "errors": {}, "best": None, "differences": {}}
     cluster = np.unique(_clusters(key, several_runs), return_inverse=True)[1]
     count = np.bincount(cluster).astype(np.float64)
-    columns = {name: own.at(key) for name, own in values.items()}
-    sums: dict[str, FloatArray] = {
-        name: np.bincount(cluster, np.square(column) if measure.is_squared else column).astype(
-            np.float64
-        )
-        for name, column in columns.items()
-    }
+    sums: dict[str, FloatArray] = {}
+    for name, errors_of in values.items():
+        column = errors_of.at(key)
+        weights = np.square(column) if measure.is_squared else column
+        sums[name] = np.bincount(cluster, weights).astype(np.float64)
     average: Callable[[FloatArray], FloatArray] = np.sqrt if measure.is_squared else np.positive
     errors = {name: float(average(total.sum() / count.sum())) for name, total in sums.items()}
     best = min(errors, key=lambda name: errors[name])
-    differences = {
-        name: _difference(errors[name] - errors[best], total, sums[best], count, average)
-        for name, total in sums.items()
-        if name != best
-    }
+
+    differences: dict[str, dict[str, Any]] = {}
+    for name, total in sums.items():
+        if name != best:
+            difference = errors[name] - errors[best]
+            half = _half_interval(total, sums[best], count, average)
+            differences[name] = figure(difference, difference - half, difference + half)
     return {
         "unit": measure.unit,
         "count": len(key),
@@ -247,22 +237,21 @@ def _table(
     }
 
 
-def _difference(
-    value: float,
-    ours: FloatArray,
-    theirs: FloatArray,
+def _half_interval(
+    total: FloatArray,
+    best_total: FloatArray,
     count: FloatArray,
     average: Callable[[FloatArray], FloatArray],
-) -> dict[str, Any]:
-    """Return a difference of averages with its 95 % interval by the jackknife over clusters (Efron,
-    1982, chapter 3).
+) -> float:
+    """Return half of the 95 % interval of a difference of averages, by the jackknife over clusters
+    (Efron, 1982, chapter 3).
 
-    Of sums (k,) in clusters of counts (k,); the interval is nan for one cluster.
+    Of sums (k,) in clusters of counts (k,); nan for one cluster.
     """
     if len(count) < 2:
-        return {"value": value, "interval_95": [np.nan, np.nan]}
-    left = count.sum() - count
-    left_out = average((ours.sum() - ours) / left) - average((theirs.sum() - theirs) / left)
-    error = np.sqrt((len(count) - 1) * np.mean(np.square(left_out - left_out.mean())))
-    half = float(student.ppf(0.975, len(count) - 1) * error)
-    return {"value": value, "interval_95": [value - half, value + half]}
+        return np.nan
+    remaining = count.sum() - count
+    return jackknife_half(
+        average((total.sum() - total) / remaining)
+        - average((best_total.sum() - best_total) / remaining)
+    )

@@ -1,18 +1,15 @@
 """The short text of a comparison of trackers: a verdict, paired differences, coverage."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from opir_core.cli import table
-from opir_scoring.figure_text import interval_text, number_text
+from opir_scoring.figure_text import figure_rows, interval_text, number_text
 from opir_scoring.paired import DECIDING
 from opir_scoring.scorecard_tables import runs_text
 from opir_scoring.scorecards import Scorecard
-
-#: A coverage that is less by this is named in the verdict.
-_LESS = 0.02
 
 #: Phases of a flight at which energy scores of impacts are printed; the others are in the figures.
 _PHASES = ("50 % of burn", "95 % of burn", "20 s after burnout")
@@ -28,10 +25,10 @@ def comparison_text(paired: Mapping[str, Any], cards: Mapping[str, Scorecard]) -
     of each by itself.
     """
     figures = {name: card.figures for name, card in cards.items()}
-    parts = [runs_text(next(iter(figures.values()))), verdict(paired, figures)]
+    texts = [runs_text(next(iter(figures.values()))), verdict(paired, figures)]
     if len(cards) > 1 and paired["common_ticks"]:
-        parts += [_common(paired, list(cards)), _by_time(paired, list(cards))]
-    return "\n\n".join([*parts, _each(figures), LEGEND])
+        texts += [_common(paired, list(cards)), _by_time(paired, list(cards))]
+    return "\n\n".join([*texts, _by_itself(figures), LEGEND])
 
 
 def verdict(paired: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]]) -> str:
@@ -39,52 +36,72 @@ def verdict(paired: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]])
     certain that is.
     """
     best = paired["best"]
-    others = [name for name in paired["compared"] if name != paired["best"]]
+    rivals = [name for name in paired["compared"] if name != best]
     lines = [
         f"{name} never estimates a state while the truth is known."
         for name in paired["without_estimates"]
     ]
     if best is None:
         return "\n".join(["No verdict: there is no tick that all trackers estimate.", *lines])
-    if not others:
+    if not rivals:
         return "\n".join([f"{best}: nothing to compare it with.", *lines])
     certain = paired["certain"]
-    count = paired["common_ticks"]
-    open_ = [name for name in others if name not in certain]
+    uncertain = [name for name in rivals if name not in certain]
+    if certain and uncertain:
+        lines.append(f"It is not certain to be better than {' or '.join(uncertain)}.")
+    coverage = {name: figures[name]["completeness"]["value"] for name in paired["compared"]}
+    lines = [_best(paired, [best, *rivals]), *lines, *_exceptions(paired)]
+    return "\n".join([*lines, *_coverage(best, coverage)])
+
+
+def _best(paired: Mapping[str, Any], names: Sequence[str]) -> str:
+    """Return a sentence on the best tracker, the first of the names, with the scores of all."""
     errors = paired["states"][DECIDING.name]["errors"]
-    scores = ", ".join(f"{name} {_short(errors[name])} m" for name in (best, *others))
-    head = (
-        f"Best on the {count} ticks that all have: {best}"
-        if certain
-        else "No tracker is certain to be the best"
-    )
-    lines.insert(0, f"{head} (energy score of position: {scores}).")
-    if certain and open_:
-        lines.append(f"It is not certain to be better than {' or '.join(open_)}.")
-    lines += _elsewhere(paired)
-    covered = {name: figures[name]["completeness"]["value"] for name in paired["compared"]}
-    if all(np.isfinite(list(covered.values()))) and covered[best] < max(covered.values()) - _LESS:
-        most = max(covered, key=lambda name: covered[name])
-        words = f"covers {covered[best]:.0%} of the ticks, {most} {covered[most]:.0%}"
-        lines.append(f"{best} {words}: the verdict is of the common ones alone.")
-    return "\n".join(lines)
+    scores = ", ".join(f"{name} {_short(errors[name])} m" for name in names)
+    head = "No tracker is certain to be the best"
+    if paired["certain"]:
+        head = f"Best on the {paired['common_ticks']} ticks that all have: {names[0]}"
+    return f"{head} (energy score of position: {scores})."
 
 
-def _elsewhere(paired: Mapping[str, Any]) -> list[str]:
-    """Return at which times the best tracker is certain to be worse than another."""
-    found: dict[str, list[str]] = {}
-    for part in paired["by_time"]:
-        own = part[DECIDING.name]
-        (start_s, end_s) = part["since_ignition_s"]
+def _exceptions(paired: Mapping[str, Any]) -> list[str]:
+    """Return sentences on the times at which the best tracker is certain to be worse than
+    another.
+    """
+    times: dict[str, list[str]] = {}
+    for bin_ in paired["by_time"]:
+        energies = bin_[DECIDING.name]
+        winner = energies["best"]
+        start_s, end_s = bin_["since_ignition_s"]
         if (
-            own["best"] != paired["best"]
-            and own["differences"][paired["best"]]["interval_95"][0] > 0.0
+            winner != paired["best"]
+            and energies["differences"][paired["best"]]["interval_95"][0] > 0.0
         ):
-            found.setdefault(own["best"], []).append(f"{start_s:g}-{end_s:g} s")
-    return [f"{name} is better at {', '.join(times)}." for name, times in found.items()]
+            times.setdefault(winner, []).append(f"{start_s:g}-{end_s:g} s")
+    return [f"{name} is better at {', '.join(bins)}." for name, bins in times.items()]
+
+
+def _coverage(best: str, coverage: Mapping[str, float]) -> list[str]:
+    """Return a sentence on the coverage of the best tracker, if it is less than that of another."""
+    widest = max(coverage, key=lambda name: coverage[name])
+    if not all(np.isfinite(list(coverage.values()))) or coverage[best] >= coverage[widest] - 0.02:
+        return []
+    words = f"covers {coverage[best]:.0%} of the ticks, {widest} {coverage[widest]:.0%}"
+    return [f"{best} {words}: the verdict is of the common ones alone."]
 
 
 def _common(paired: Mapping[str, Any], names: Sequence[str]) -> str:
+    cells = [
+        (label, *(_cell(errors, name, scale) for name in names))
+        for label, errors, scale in _common_rows(paired)
+        if errors["count"]
+    ]
+    nees = (number_text(paired["nees"].get(name, {"value": np.nan})["value"], 2) for name in names)
+    return table((f"common ({paired['common_ticks']} ticks)", *names), [*cells, ("NEES/6", *nees)])
+
+
+def _common_rows(paired: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any], float]]:
+    """Return labels, paired errors and factors to the unit of the label."""
     states = paired["states"]
     rows = [
         ("E position, m", states["position_energy_m"], 1.0),
@@ -94,47 +111,40 @@ def _common(paired: Mapping[str, Any], names: Sequence[str]) -> str:
         (f"E launch point, m (n {paired['launch']['count']})", paired["launch"], 1.0),
     ]
     rows += [
-        (f"E impact, km, {part['phase']} (n {part['count']})", part, 1e-3)
-        for part in paired["impact_by_phase"]
-        if part["phase"] in _PHASES and part["count"]
+        (f"E impact, km, {phase['phase']} (n {phase['count']})", phase, 1e-3)
+        for phase in paired["impact_by_phase"]
+        if phase["phase"] in _PHASES and phase["count"]
     ]
-    cells = [
-        (label, *(_cell(own, name, scale) for name in names))
-        for label, own, scale in rows
-        if own["count"]
-    ]
-    nees = (number_text(paired["nees"].get(name, {"value": np.nan})["value"], 2) for name in names)
-    return table((f"common ({paired['common_ticks']} ticks)", *names), [*cells, ("NEES/6", *nees)])
+    return rows
 
 
 def _by_time(paired: Mapping[str, Any], names: Sequence[str]) -> str:
     head = ("E position, m, at s (n)", *names)
     rows = []
-    for part in paired["by_time"]:
-        own = part[DECIDING.name]
-        (start_s, end_s) = part["since_ignition_s"]
-        rows.append(
-            (f"{start_s:g}-{end_s:g} ({own['count']})", *(_cell(own, name, 1.0) for name in names))
-        )
+    for bin_ in paired["by_time"]:
+        errors = bin_[DECIDING.name]
+        start_s, end_s = bin_["since_ignition_s"]
+        label = f"{start_s:g}-{end_s:g} ({errors['count']})"
+        rows.append((label, *(_cell(errors, name, 1.0) for name in names)))
     return table(head, rows)
 
 
-def _cell(own: Mapping[str, Any], name: str, scale: float) -> str:
-    """Return a tracker's error, with the interval of its difference to the best; "-" where it has
-    none.
+def _cell(errors: Mapping[str, Any], name: str, scale: float) -> str:
+    """Return a tracker's error, with the interval of its difference to the best; "-" without
+    one.
     """
-    if name not in own["errors"]:
+    if name not in errors["errors"]:
         return "-"
-    text = _short(scale * own["errors"][name])
-    if name == own["best"]:
+    text = _short(scale * errors["errors"][name])
+    if name == errors["best"]:
         return text
-    low, high = own["differences"][name]["interval_95"]
+    difference = errors["differences"][name]
+    low, high = difference["interval_95"]
     if not np.isfinite(low):
         return text
-    return (
-        f"{text} (+{_short(scale * own['differences'][name]['value'])} ±"
-        f" {_short(scale * 0.5 * (high - low))})" + (" *" if low > 0.0 else "")
-    )
+    half = _short(scale * 0.5 * (high - low))
+    mark = " *" if low > 0.0 else ""
+    return f"{text} (+{_short(scale * difference['value'])} ± {half}){mark}"
 
 
 def _short(value: float) -> str:
@@ -142,30 +152,32 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
 
 
-def _of_tracks(part: Mapping[str, Any], name: str) -> str:
-    """Return a score of hypotheses with the number of tracks that it is of."""
-    text = interval_text(part[name], 3)
-    return text if text == "-" else f"{text} (n {part['tracks']})"
+_BY_ITSELF = figure_rows(
+    ("coverage, %", "completeness", 1, 100.0),
+    ("launches tracked, %", "launches_tracked", 0, 100.0),
+    ("first track after, s", "first_track_after_s", 2),
+    ("false tracks per run", "false_tracks_a_run", 2),
+    ("launches recognised, %", "recognition.launches_recognised", 0, 100.0),
+    ("false launches per hour", "recognition.false_launches_an_hour", 2),
+    ("type correct, %", "type_right", 0, 100.0),
+)
+_PACE = figure_rows(("time per track update, us", "tracking_us_a_track_update", 0))
 
 
-def _each(figures: Mapping[str, Mapping[str, Any]]) -> str:
-    rows: Sequence[tuple[str, Callable[[Mapping[str, Any]], str]]] = (
-        ("coverage, %", lambda f: interval_text(f["completeness"], 1, 100.0)),
-        ("launches tracked, %", lambda f: interval_text(f["launches_tracked"], 0, 100.0)),
-        ("first track after, s", lambda f: interval_text(f["first_track_after_s"], 2)),
-        ("false tracks per run", lambda f: interval_text(f["false_tracks_a_run"], 2)),
-        (
-            "launches recognised, %",
-            lambda f: interval_text(f["recognition"]["launches_recognised"], 0, 100.0),
-        ),
-        (
-            "false launches per hour",
-            lambda f: interval_text(f["recognition"]["false_launches_an_hour"], 2),
-        ),
-        ("type correct, %", lambda f: interval_text(f["type_right"], 0, 100.0)),
-        ("hypotheses: log score", lambda f: _of_tracks(f["hypotheses"]["by_age"][-1], "log_score")),
-        ("hypotheses: Brier score", lambda f: _of_tracks(f["hypotheses"]["by_age"][-1], "brier")),
-        ("time per track update, us", lambda f: interval_text(f["tracking_us_a_track_update"], 0)),
+def _by_itself(figures: Mapping[str, Mapping[str, Any]]) -> str:
+    rows, pace = (
+        [(row.label, *map(row.text, figures.values())) for row in group]
+        for group in (_BY_ITSELF, _PACE)
     )
-    cells = [(label, *(text(own) for own in figures.values())) for label, text in rows]
-    return table(("each by itself", *figures), cells)
+    last_ages = [own["hypotheses"]["by_age"][-1] for own in figures.values()]
+    hypotheses = [
+        (f"hypotheses: {label}", *(_of_tracks(age, name) for age in last_ages))
+        for label, name in (("log score", "log_score"), ("Brier score", "brier"))
+    ]
+    return table(("each by itself", *figures), [*rows, *hypotheses, *pace])
+
+
+def _of_tracks(scores: Mapping[str, Any], name: str) -> str:
+    """Return a score of hypotheses with its number of tracks."""
+    text = interval_text(scores[name], 3)
+    return text if text == "-" else f"{text} (n {scores['tracks']})"

@@ -8,14 +8,14 @@ of these are losses: less is better.
 
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.stats import chi2
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import TRACK_CONTAINMENTS
-from opir_scoring.containments import nees, proportion, share
+from opir_scoring.containments import nees, share
 
 #: Reported probabilities below this count as this: tracks files round, and a single zero would
 #: outweigh all else.
@@ -24,25 +24,12 @@ LEAST_PROBABILITY = 1e-6
 #: Edges of the bins of stated probabilities; the last ones are where warnings are given.
 RELIABILITY_EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 0.99, 1.0)
 
-#: Step and half range of the integral over ln t: the integrand falls as exp(-|ln t| / 2), to 1e-8
-#: at the ends, and the trapezoid rule errs by exp(-π² / step).
-_STEP = 0.5
-_REACH = 37.0
-
-#: Points of a distribution with reported radii, and how many differences of each with others are
-#: averaged.
-_POINTS = 512
-_DIFFERENCES = 16
-
-#: Rows that are sampled at once, 20 MB.
-_BLOCK = 256
-
 
 def energy_scores(
     error: FloatArray,
     covariance: FloatArray,
     sigmas: FloatArray | None = None,
-    part: slice = slice(None),
+    components: slice = slice(None),
 ) -> FloatArray:
     """Return energy scores (n,) of estimates with errors (n, d) and covariances (n, d, d), in the
     unit of the error.
@@ -51,24 +38,22 @@ def energy_scores(
     stated distribution (Gneiting and Raftery, equation 22 with exponent 1); in one dimension it is
     the CRPS. That of a normal distribution is an integral over one variable, good to 1e-7. Where
     the radii `sigmas` (n, 3) of the ellipsoids of `TRACK_CONTAINMENTS` are reported, the difference
-    to the normal distribution is sampled at fixed points, to about 1 %. `part` are the components
+    to the normal distribution is sampled at fixed points, to about 1 %. `components` are those
     that are scored. Without a covariance the estimate is a point: its score is the length of its
     error. nan where the error is unknown.
     """
-    score = np.sqrt(np.sum(np.square(error[:, part]), axis=1))
-    known = np.flatnonzero(
-        np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
-    )
-    variance, axes = np.linalg.eigh(covariance[known][:, part, part])
+    score = np.sqrt(np.sum(np.square(error[:, components]), axis=1))
+    is_known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    variance, axes = np.linalg.eigh(covariance[is_known][:, components, components])
     variance = np.maximum(variance, 0.0)
-    across = np.sum(axes * error[known][:, part][:, :, None], axis=1)
-    score[known] = _mean_length(across, variance) - 0.5 * _mean_length(
-        np.zeros_like(across), 2.0 * variance
-    )
+    across = np.sum(axes * error[is_known][:, components][:, :, None], axis=1)
+    spread = _mean_length(np.zeros_like(across), 2.0 * variance)
+    score[is_known] = _mean_length(across, variance) - 0.5 * spread
     if sigmas is not None:
-        radial = np.intersect1d(known, np.flatnonzero(np.isfinite(sigmas).all(axis=1)))
-        for rows in np.array_split(radial, max(1, -(-len(radial) // _BLOCK))):
-            score[rows] += _gain_of_radii(error[rows], covariance[rows], sigmas[rows], part)
+        radial = np.flatnonzero(is_known & np.isfinite(sigmas).all(axis=1))
+        # 256 rows at once are 20 MB.
+        for rows in np.array_split(radial, max(1, -(-len(radial) // 256))):
+            score[rows] += _gain_of_radii(error[rows], covariance[rows], sigmas[rows], components)
     return score
 
 
@@ -76,75 +61,80 @@ def _mean_length(mean: FloatArray, variance: FloatArray) -> FloatArray:
     """Return E|X| (n,) of normal vectors with independent components, their means and variances (n,
     d).
 
-    |x| is the integral of (1 - exp(-t x²)) t^(-3/2) over t > 0, over 2 √π; the mean of exp(-t x²) has a closed form.
+    |x| is the integral of (1 - exp(-t x²)) t^(-3/2) over t > 0, over 2 √π; the mean of exp(-t x²)
+    has a closed form. Over ln t the integrand falls as exp(-|ln t| / 2), to 1e-8 at the ends, and
+    the trapezoid rule errs by exp(-π² / step).
     """
+    step = 0.5
+    reach = 37.0
     square = np.sum(mean * mean + variance, axis=1)
-    t = (
-        np.exp(np.arange(-_REACH, _REACH + _STEP, _STEP))
-        / np.where(square > 0.0, square, 1.0)[:, None]
-    )
-    grown = 1.0 + 2.0 * t[:, :, None] * variance[:, None, :]
-    log_mean = np.sum(
-        -0.5 * np.log(grown) - t[:, :, None] * (mean * mean)[:, None, :] / grown, axis=2
-    )
-    length = _STEP * np.sum(-np.expm1(log_mean) / np.sqrt(t), axis=1) / (2.0 * np.sqrt(np.pi))
+    scale = np.where(square > 0.0, square, 1.0)[:, None]
+    t = np.exp(np.arange(-reach, reach + step, step)) / scale
+    log_mean = _log_mean_decay(t, mean, variance)
+    length = step * np.sum(-np.expm1(log_mean) / np.sqrt(t), axis=1) / (2.0 * np.sqrt(np.pi))
     return np.where(square > 0.0, length, 0.0)
+
+
+def _log_mean_decay(t: FloatArray, mean: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return ln E exp(-t x²) (n, k) of normal vectors at t (n, k)."""
+    spread = 1.0 + 2.0 * t[:, :, None] * variance[:, None, :]
+    falling = t[:, :, None] * (mean * mean)[:, None, :] / spread
+    return np.asarray(np.sum(-0.5 * np.log(spread) - falling, axis=2))
 
 
 @cache
 def _normal_points(size: int) -> FloatArray:
     """Return fixed points (k, d) of a normal distribution, each with its opposite."""
-    half = np.random.default_rng(20260401).normal(size=(_POINTS // 2, size))
+    half = np.random.default_rng(20260401).normal(size=(256, size))
     return np.concatenate([half, -half])
 
 
 def _gain_of_radii(
-    error: FloatArray, covariance: FloatArray, sigmas: FloatArray, part: slice
+    error: FloatArray, covariance: FloatArray, sigmas: FloatArray, components: slice
 ) -> FloatArray:
-    """Return by how much (n,) the energy scores exceed those of normal distributions, for
-    ellipsoids of given radii.
+    """Return the excess (n,) of the energy scores over those of normal distributions, for
+    ellipsoids of these radii.
     """
     variance, axes = np.linalg.eigh(covariance)
-    root = (axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :])[:, part]
+    root = (axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :])[:, components]
     points = _normal_points(error.shape[1])
     normal = points @ root.transpose(0, 2, 1)
-    stated = (
-        _stretch(np.sqrt(np.sum(points * points, axis=1)), sigmas, error.shape[1])[:, :, None]
-        * normal
-    )
-    return _sampled(stated, error[:, part]) - _sampled(normal, error[:, part])
+    factor = _stretch(np.sqrt(np.sum(points * points, axis=1)), sigmas, error.shape[1])
+    stated = factor[:, :, None] * normal
+    return _sampled(stated, error[:, components]) - _sampled(normal, error[:, components])
 
 
 def _stretch(radius: FloatArray, sigmas: FloatArray, freedom: int) -> FloatArray:
-    """Return what points (k,) of a normal distribution are multiplied by, (n, k), as
-    `on_normal_scale` divides.
+    """Return factors (n, k) on points (k,) of a normal distribution, the inverse of those of
+    `on_normal_scale`.
     """
     usual = np.append(0.0, np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom)))
     stated = np.concatenate([np.zeros((len(sigmas), 1)), sigmas], axis=1)
-    part = np.minimum(np.searchsorted(usual, radius, side="right") - 1, len(usual) - 2)
+    step = np.minimum(np.searchsorted(usual, radius, side="right") - 1, len(usual) - 2)
     slope = np.diff(stated, axis=1) / np.diff(usual)
-    within = stated[:, part] + (radius - usual[part]) * slope[:, part]
+    within = stated[:, step] + (radius - usual[step]) * slope[:, step]
     return np.where(radius > usual[-1], (sigmas[:, -1] / usual[-1])[:, None], within / radius)
 
 
 def _sampled(points: FloatArray, error: FloatArray) -> FloatArray:
     """Return the energy scores (n,) of points (n, k, d) about estimates with errors (n, d)."""
+
+    def mean_distance(offsets: FloatArray) -> FloatArray:
+        return np.sqrt(np.sum(np.square(offsets), axis=2)).mean(axis=1)
+
+    # 16 differences of each point with other points.
+    shifts = np.linspace(1, points.shape[1] // 2 - 1, 16).astype(int).tolist()
+    spread = [mean_distance(points - np.roll(points, shift, axis=1)) for shift in shifts]
     # The truth lies at minus the error.
-    away = np.sqrt(np.sum(np.square(points + error[:, None, :]), axis=2)).mean(axis=1)
-    shifts = np.linspace(1, points.shape[1] // 2 - 1, _DIFFERENCES).astype(int).tolist()
-    apart = [
-        np.sqrt(np.sum(np.square(points - np.roll(points, by, axis=1)), axis=2)).mean(axis=1)
-        for by in shifts
-    ]
-    return away - 0.5 * np.mean(apart, axis=0)
+    return mean_distance(points + error[:, None, :]) - 0.5 * np.mean(spread, axis=0)
 
 
-def weighted_energy(weight: FloatArray, away: FloatArray, apart: FloatArray) -> float:
-    """Return the energy score of weighted points (k,), `away` (k,) from the truth and `apart` (k,
-    k) of each other.
+def weighted_energy(weight: FloatArray, error: FloatArray, distance: FloatArray) -> float:
+    """Return the energy score of weighted points (k,), with distances `error` (k,) to the truth and
+    `distance` (k, k) to each other.
     """
     weight = weight / weight.sum()
-    return float(weight @ away - 0.5 * weight @ apart @ weight)
+    return float(weight @ error - 0.5 * weight @ distance @ weight)
 
 
 def normal_log_scores(error: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -159,16 +149,13 @@ def normal_log_scores(error: FloatArray, covariance: FloatArray) -> FloatArray:
     sigma = np.sqrt(np.diagonal(covariance[rows], axis1=1, axis2=2))
     # By correlations: the determinant of a state's covariance itself loses digits.
     volume = np.linalg.slogdet(covariance[rows] / (sigma[:, :, None] * sigma[:, None, :]))[1]
-    score[rows] += (
-        0.5 * volume + np.sum(np.log(sigma), axis=1) + 0.5 * error.shape[1] * np.log(2.0 * np.pi)
-    )
+    norm = 0.5 * error.shape[1] * np.log(2.0 * np.pi)
+    score[rows] += 0.5 * volume + np.sum(np.log(sigma), axis=1) + norm
     return score
 
 
 def log_scores(probability: FloatArray, truth: IntArray) -> FloatArray:
-    """Return -ln of the probability (n, h) of what is true (n,), at most -ln of
-    `LEAST_PROBABILITY`.
-    """
+    """Return -ln of the probability (n, h) of the truth (n,), at most -ln of `LEAST_PROBABILITY`."""
     return -np.log(np.maximum(probability[np.arange(len(truth)), truth], LEAST_PROBABILITY))
 
 
@@ -187,23 +174,23 @@ def reliability(stated: FloatArray, is_true: BoolArray) -> list[dict[str, Any]]:
     number = np.digitize(stated, RELIABILITY_EDGES[1:-1])
     rows = []
     for place, edges in enumerate(pairwise(RELIABILITY_EDGES)):
-        mine = number == place
-        count = int(np.count_nonzero(mine))
-        stated_mean = float(stated[mine].mean()) if count else np.nan
-        right = share(*proportion(int(np.count_nonzero(is_true[mine])), count))
-        rows.append({"stated": list(edges), "samples": count, "stated_mean": stated_mean, **right})
+        in_bin = np.flatnonzero(number == place)
+        row: dict[str, Any] = {"stated": list(edges), "samples": len(in_bin)}
+        row["stated_mean"] = float(stated[in_bin].mean()) if len(in_bin) else np.nan
+        rows.append({**row, **share(is_true[in_bin])})
     return rows
 
 
-def share_above(one: FloatArray, other: FloatArray) -> float:
-    """Return the share of pairs in which one is above the other, ties half: the area under an ROC
-    curve.
+def share_above(values: FloatArray, references: FloatArray) -> float:
+    """Return the share of pairs in which a value is above a reference, ties half: the area under an
+    ROC curve.
     """
-    if not len(one) or not len(other):
+    if not len(values) or not len(references):
         return np.nan
-    ordered = np.sort(other)
-    below = np.searchsorted(ordered, one, side="left") + np.searchsorted(ordered, one, side="right")
-    return float(below.sum()) / (2.0 * len(one) * len(other))
+    ordered = np.sort(references)
+    sides: tuple[Literal["left", "right"], ...] = ("left", "right")
+    below = sum(np.searchsorted(ordered, values, side=side).sum() for side in sides)
+    return float(below) / (2.0 * len(values) * len(references))
 
 
 def open_set_rate(confidence: FloatArray, is_right: BoolArray, unknown: FloatArray) -> float:
@@ -218,8 +205,6 @@ def open_set_rate(confidence: FloatArray, is_right: BoolArray, unknown: FloatArr
     """
     if not len(confidence) or not len(unknown):
         return np.nan
-    return (
-        float(is_right.mean()) * share_above(confidence[is_right], unknown)
-        if is_right.any()
-        else 0.0
-    )
+    if not is_right.any():
+        return 0.0
+    return float(is_right.mean()) * share_above(confidence[is_right], unknown)

@@ -1,16 +1,16 @@
-"""Which tracks are recognised as launches: of launches, and after which time; and of what is none,
-false launches.
+"""Tracks that are recognised as launches: of launches, and after which time; of other sources and
+noise, false launches.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 from scipy.stats import chi2
 
-from opir_core.arrays import FloatArray
-from opir_scoring.containments import proportion, share
+from opir_core.arrays import BoolArray, FloatArray
+from opir_scoring.containments import figure, share
 from opir_scoring.evidence import Ownership, RunEvidence
 
 #: The probability of a launch from which on a warning is taken as sure.
@@ -40,57 +40,67 @@ def recognition(evidence: RunEvidence, owners: Ownership, threshold: float) -> R
     plan = evidence.plan
     launches = len(plan.scene.targets)
     owner = np.searchsorted(owners.track, tracks.track)
-    weighs = not len(tracks) or bool(np.isfinite(tracks.probability_launch).any())
-    above = tracks.probability_launch > threshold
-    false = len(np.unique(tracks.track[above & (owners.target[owner] < 0)]))
+    target = owners.target[owner]
+    # A tracker that weighs no launches has no figures.
+    unknown = 0.0
+    if len(tracks) and not np.isfinite(tracks.probability_launch).any():
+        unknown = np.nan
     available_s = np.fmax(tracks.available_s, tracks.tick_s)
-    after = []
-    for passed in (above, tracks.probability_launch > SURE):
-        first_s = np.full(launches, np.inf)
-        rows = np.flatnonzero(passed & (owners.target[owner] >= 0))
-        np.minimum.at(first_s, owners.target[owner[rows]], available_s[rows])
-        after.append(
-            first_s - plan.targets.ignition_s[:launches] if weighs else np.full(launches, np.nan)
-        )
-    hours = plan.end_ns / 3.6e12
-    ids = plan.targets.ids[:launches]
-    return Recognition(hours, float(false) if weighs else np.nan, ids, *after)
+
+    def after_s(is_above: BoolArray) -> FloatArray:
+        earliest_s = np.full(launches, np.inf)
+        rows = np.flatnonzero(is_above & (target >= 0))
+        np.minimum.at(earliest_s, target[rows], available_s[rows])
+        return earliest_s - plan.targets.ignition_s[:launches] + unknown
+
+    is_above = tracks.probability_launch > threshold
+    return Recognition(
+        hours=plan.end_ns / 3.6e12,
+        false_launches=len(np.unique(tracks.track[is_above & (target < 0)])) + unknown,
+        targets=plan.targets.ids[:launches],
+        recognised_after_s=after_s(is_above),
+        sure_after_s=after_s(tracks.probability_launch > SURE),
+    )
 
 
-def recognition_figures(found: Sequence[Recognition], seeds: Sequence[int]) -> dict[str, Any]:
+def recognition_figures(runs: Sequence[Recognition], seeds: Sequence[int]) -> dict[str, Any]:
     """Return the figures of runs with these seeds: false launches per hour, the share recognised,
     and the times.
     """
-    recognised, sure = (
-        np.concatenate([getattr(each, name) for each in found])
-        for name in ("recognised_after_s", "sure_after_s")
-    )
-    known = ~np.isnan(recognised)
-    names = [(seed, name) for each, seed in zip(found, seeds, strict=True) for name in each.targets]
+    recognised_s = np.concatenate([run.recognised_after_s for run in runs])
+    sure_s = np.concatenate([run.sure_after_s for run in runs])
+    is_weighed = ~np.isnan(recognised_s)
+    false_launches = sum(run.false_launches for run in runs)
+    hours = sum(run.hours for run in runs)
     return {
-        "false_launches": sum(each.false_launches for each in found),
-        "hours": sum(each.hours for each in found),
-        "false_launches_an_hour": _rate(
-            sum(each.false_launches for each in found), sum(each.hours for each in found)
-        ),
-        "launches_recognised": share(
-            *proportion(int(np.isfinite(recognised).sum()), int(known.sum()))
-        ),
-        "launches_sure": share(*proportion(int(np.isfinite(sure).sum()), int(known.sum()))),
-        "median_sure_after_s": float(np.median(sure[known])) if known.any() else np.nan,
+        "false_launches": false_launches,
+        "hours": hours,
+        "false_launches_an_hour": _rate(false_launches, hours),
+        "launches_recognised": share(np.isfinite(recognised_s[is_weighed])),
+        "launches_sure": share(np.isfinite(sure_s[is_weighed])),
+        "median_sure_after_s": float(np.median(sure_s[is_weighed])) if is_weighed.any() else np.nan,
         "launches": [
-            {"seed": seed, "target": name, "recognised_after_s": first, "sure_after_s": later}
-            for (seed, name), first, later in zip(
-                names, recognised.tolist(), sure.tolist(), strict=True
-            )
+            launch for run, seed in zip(runs, seeds, strict=True) for launch in _launches(run, seed)
         ],
     }
+
+
+def _launches(run: Recognition, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield the times of each launch of a run, as plain values."""
+    times = (run.targets, run.recognised_after_s.tolist(), run.sure_after_s.tolist())
+    for target, recognised_s, sure_s in zip(*times, strict=True):
+        yield {
+            "seed": seed,
+            "target": target,
+            "recognised_after_s": recognised_s,
+            "sure_after_s": sure_s,
+        }
 
 
 def _rate(count: float, hours: float) -> dict[str, Any]:
     """Return a Poisson rate with its exact 95 % interval (Garwood, Biometrika 28 (1936), 437)."""
     if np.isnan(count) or not hours > 0.0:
-        return share(np.nan, np.nan, np.nan)
+        return figure(np.nan)
     low = float(chi2.ppf(0.025, 2.0 * count)) / 2.0 if count else 0.0
     high = float(chi2.ppf(0.975, 2.0 * count + 2.0)) / 2.0
-    return share(count / hours, low / hours, high / hours)
+    return figure(count / hours, low / hours, high / hours)

@@ -1,12 +1,12 @@
 """Tables of scorecards, as `opir score` and `opir compare` print them."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from opir_core.cli import table
 from opir_core.plugin import REPORTED_TYPES
-from opir_scoring.figure_text import interval_text, number_text
+from opir_scoring.figure_text import FigureRow, cells, figure_rows, interval_text, number_text
 from opir_scoring.hypothesis_tables import hypothesis_tables
 from opir_scoring.scorecards import GEOMETRIES, Scorecard, by_class
 
@@ -15,11 +15,11 @@ Cards = Mapping[str, Scorecard]
 
 def scorecard_text(cards: Cards) -> str:
     """Return tables of scorecards: overall figures, then mono and stereo by time since ignition."""
-    parts = [_heading(next(iter(cards.values())).figures), _overall(cards), _confusions(cards)]
-    parts += hypothesis_tables({name: card.figures for name, card in cards.items()})
+    texts = [_heading(next(iter(cards.values())).figures), _overall(cards), _confusions(cards)]
+    texts += hypothesis_tables({name: card.figures for name, card in cards.items()})
     for geometry in GEOMETRIES:
-        parts += _geometry(cards, geometry)
-    return "\n\n".join(part for part in [*parts, LEGEND] if part)
+        texts += _geometry(cards, geometry)
+    return "\n\n".join(filter(None, [*texts, LEGEND]))
 
 
 LEGEND = """\
@@ -52,189 +52,184 @@ def _heading(figures: Mapping[str, Any]) -> str:
     return f"{runs_text(figures)}; GOSPA: {parameters}"
 
 
+_OVERALL = figure_rows(
+    ("launches tracked", "launches_tracked", 3),
+    ("tracks per launch", "tracks_a_launch", 2),
+    ("false tracks per run", "false_tracks_a_run", 2),
+    ("purity", "purity", 4),
+    ("completeness", "completeness", 3),
+    ("first track after, s", "first_track_after_s", 2),
+    ("GOSPA per target, m", "gospa.a_target_m", 0),
+)
+_RECOGNISED = figure_rows(
+    ("launches recognised", "recognition.launches_recognised", 3),
+    ("P(launch) > 0.95 after, s", "recognition.median_sure_after_s", 1),
+    ("false launches per hour", "recognition.false_launches_an_hour", 2),
+    ("type correct", "type_right", 3),
+    ("time per detection, us", "tracking_us_a_detection", 1),
+    ("time per track update, us", "tracking_us_a_track_update", 0),
+)
+
+
 def _overall(cards: Cards) -> str:
-    rows: Sequence[tuple[str, Callable[[Mapping[str, Any]], str]]] = (
-        ("launches tracked", lambda f: interval_text(f["launches_tracked"], 3)),
-        ("tracks per launch", lambda f: interval_text(f["tracks_a_launch"], 2)),
-        ("false tracks per run", lambda f: interval_text(f["false_tracks_a_run"], 2)),
-        ("purity", lambda f: interval_text(f["purity"], 4)),
-        ("completeness", lambda f: interval_text(f["completeness"], 3)),
-        ("first track after, s", lambda f: interval_text(f["first_track_after_s"], 2)),
-        ("GOSPA per target, m", lambda f: interval_text(f["gospa"]["a_target_m"], 0)),
-        ("  localisation, missed, false", lambda f: _shares(f["gospa"])),
-        (
-            "launches recognised",
-            lambda f: interval_text(f["recognition"]["launches_recognised"], 3),
-        ),
-        (
-            "P(launch) > 0.95 after, s",
-            lambda f: number_text(f["recognition"]["median_sure_after_s"], 1),
-        ),
-        (
-            "false launches per hour",
-            lambda f: interval_text(f["recognition"]["false_launches_an_hour"], 2),
-        ),
-        ("type correct", lambda f: interval_text(f["type_right"], 3)),
-        ("time per detection, us", lambda f: interval_text(f["tracking_us_a_detection"], 1)),
-        ("time per track update, us", lambda f: interval_text(f["tracking_us_a_track_update"], 0)),
+    figures = [card.figures for card in cards.values()]
+    rows, recognised = (
+        [(row.label, *map(row.text, figures)) for row in group] for group in (_OVERALL, _RECOGNISED)
     )
-    return table(
-        ("", *cards),
-        [(label, *(text(card.figures) for card in cards.values())) for label, text in rows],
-    )
+    gospa = [_shares(own["gospa"]) for own in figures]
+    return table(("", *cards), [*rows, ("  localisation, missed, false", *gospa), *recognised])
 
 
 def _confusions(cards: Cards) -> str:
+    confusions = {name: card.figures["type_confusion"] for name, card in cards.items()}
+    types = by_class(true for confusion in confusions.values() for true in confusion)
     rows = [
-        (true, name, *(str(row[reported]) for reported in REPORTED_TYPES))
-        for true in by_class(
-            true for card in cards.values() for true in card.figures["type_confusion"]
-        )
-        for name, card in cards.items()
-        if (row := card.figures["type_confusion"].get(true))
+        (true, name, *(str(confusion[true][reported]) for reported in REPORTED_TYPES))
+        for true in types
+        for name, confusion in confusions.items()
+        if true in confusion
     ]
-    return (
-        table(("type", "tracker", *(f"reported {reported}" for reported in REPORTED_TYPES)), rows)
-        if rows
-        else ""
-    )
+    head = ("type", "tracker", *(f"reported {reported}" for reported in REPORTED_TYPES))
+    return table(head, rows) if rows else ""
+
+
+_PLACE = figure_rows(
+    ("position m", "position_m", 0),
+    ("/known", "position_over_bound", 2),
+    ("/unknown", "position_over_free_bound", 2),
+    ("energy m", "position_energy_m", 0),
+    ("impact km", "impact_m", 1, 1e-3),
+)
+_SPEED = figure_rows(
+    ("velocity m/s", "velocity_m_s", 1),
+    ("/known", "velocity_over_bound", 2),
+    ("/unknown", "velocity_over_free_bound", 2),
+    ("energy m/s", "velocity_energy_m_s", 1),
+)
+_POINTS = figure_rows(
+    ("launch m", "launch_m", 0),
+    ("energy m", "launch_energy_m", 0),
+    ("launch s", "launch_time_s", 2),
+    ("impact km", "impact_m", 1, 1e-3),
+    ("impact s", "impact_time_s", 2),
+)
+_IMPACTS = figure_rows(
+    ("predicted, %", "predicted", 0, 100.0),
+    ("impact km", "impact_m", 1, 1e-3),
+    ("energy km", "energy_m", 1, 1e-3),
+)
+_CONDITIONS = figure_rows(
+    ("Brier", "condition_brier", 3),
+    ("samples", "effective_samples", 0),
+    ("thin", "thin", 2),
+)
+
+#: A tracker's name and its figures.
+_Named = tuple[str, Mapping[str, Any]]
+
+
+def _labels(rows: Sequence[FigureRow]) -> list[str]:
+    return [row.label for row in rows]
 
 
 def _geometry(cards: Cards, geometry: str) -> list[str]:
     """Return the tables of one geometry: errors and consistency by time, then of launch and
     impact.
     """
-    binned = [
-        (part["since_ignition_s"], name, part)
-        for name, card in cards.items()
-        for part in card.figures[geometry]["by_time"]
-    ]
     figures = [(name, card.figures[geometry]) for name, card in cards.items()]
     title = geometry.replace("_biased", " with biased sensors")
-    if not binned:
+    by_time = _by_time(figures)
+    if not by_time:
         return _phases(title, figures)
-    binned.sort(key=lambda row: row[0][0])
-    over = ("/known", "/unknown")
-    place = ("time s", "tracker", "n", "position m", *over, "energy m", "impact km")
-    speed = ("time s", "tracker", "n", "velocity m/s", *over, "energy m/s")
-    consistency = (
-        "time s",
-        "tracker",
-        "n",
-        "NEES/6",
-        "99 % band",
-        "p",
-        "n",
-        "NIS/2",
-        "99 % band",
-        "p",
-    )
-    label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
-    points: tuple[str, ...] = ("tracker", "targets", "launch points", "impact points")
-    points += ("launch m", "energy m", "launch s", "impact km", "impact s")
-    nominal = [f"{100.0 * part['nominal']:g} %" for part in figures[0][1]["launch_containment"]]
+    counts = ("targets", "launches_reported", "impacts_reported")
+    points = [
+        (name, *(str(own[count]) for count in counts), *cells(own, _POINTS))
+        for name, own in figures
+    ]
+    nominal = [f"{100.0 * level['nominal']:g} %" for level in figures[0][1]["launch_containment"]]
     return [
         f"{title}, by time since ignition",
-        table(place, [(since, name, *_place_cells(part)) for since, name, part in label]),
-        table(speed, [(since, name, *_speed_cells(part)) for since, name, part in label]),
-        table(
-            consistency, [(since, name, *_consistency_cells(part)) for since, name, part in label]
-        ),
+        *by_time,
         f"{title}, launch and impact points",
-        table(points, [(name, *_point_cells(part)) for name, part in figures]),
+        table(("tracker", "targets", "launch points", "impact points", *_labels(_POINTS)), points),
         table(("containment, %", "tracker", *nominal), _curves(figures)),
         *_phases(title, figures),
     ]
 
 
-def _phases(title: str, figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """Return the table of impact regions by phase; nothing without targets that reach one."""
-    phases = zip(*(row["impact_by_phase"] for _, row in figures), strict=True)
-    named = [
-        (name, part) for parts in phases for (name, _), part in zip(figures, parts, strict=True)
-    ]
-    cells = [
-        (part["phase"], name, *_phase_cells(part)) for name, part in named if _is_reached(part)
-    ]
-    probabilities = [f"{100 * region['nominal']:g} %" for region in named[0][1]["regions"]]
-    inside = (f"in {each}" for each in probabilities)
-    areas = (f"{each} km2" for each in probabilities)
-    head = (
-        "phase",
-        "tracker",
-        "n",
-        "predicted, %",
-        "impact km",
-        "energy km",
-        *inside,
-        *areas,
-        "without impact",
-    )
-    if not cells:
+def _by_time(figures: Sequence[_Named]) -> list[str]:
+    """Return the tables of errors and consistency by time since ignition; nothing without ticks."""
+    binned = [(own_bin, name) for name, own in figures for own_bin in own["by_time"]]
+    if not binned:
         return []
-    given = [
-        (part["phase"], name, *_given_cells(part)) for name, part in named if _is_reached(part)
+    binned.sort(key=lambda row: row[0]["since_ignition_s"][0])
+    label = [
+        ("{:g}-{:g}".format(*own_bin["since_ignition_s"]), name, own_bin)
+        for own_bin, name in binned
     ]
-    given_head = ("true condition", "tracker", *(f"in {each}" for each in probabilities))
-    given_head += (f"{probabilities[-1]} km2", "Brier", "samples", "thin")
-    return [f"{title}, predicted impact regions", table(head, cells), table(given_head, given)]
+    head = ("time s", "tracker", "n")
+    places, speeds = (
+        table(
+            (*head, *_labels(rows)),
+            [
+                (since, name, str(own_bin["samples"]), *cells(own_bin, rows))
+                for since, name, own_bin in label
+            ],
+        )
+        for rows in (_PLACE, _SPEED)
+    )
+    consistency = [
+        (since, name, *_consistent_cells(own_bin["nees"]), *_consistent_cells(own_bin["nis"]))
+        for since, name, own_bin in label
+    ]
+    names = ("NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
+    return [places, speeds, table((*head, *names), consistency)]
 
 
-def _is_reached(part: Mapping[str, Any]) -> bool:
-    return bool(part["targets"] or part["targets_without_impact"])
+def _phases(title: str, figures: Sequence[_Named]) -> list[str]:
+    """Return the tables of impact regions by phase; nothing without targets that reach one."""
+    phases = zip(*(own["impact_by_phase"] for _, own in figures), strict=True)
+    reached = [
+        (name, phase)
+        for of_trackers in phases
+        for (name, _), phase in zip(figures, of_trackers, strict=True)
+        if phase["targets"] or phase["targets_without_impact"]
+    ]
+    if not reached:
+        return []
+    probabilities = [f"{100 * region['nominal']:g} %" for region in reached[0][1]["regions"]]
+    inside = [f"in {probability}" for probability in probabilities]
+    areas = [f"{probability} km2" for probability in probabilities]
+    head = ("phase", "tracker", "n", *_labels(_IMPACTS), *inside, *areas, "without impact")
+    rows = [(phase["phase"], name, *_phase_cells(phase)) for name, phase in reached]
+    true_head = ("true condition", "tracker", *inside, areas[-1], *_labels(_CONDITIONS))
+    true_rows = [(phase["phase"], name, *_given_cells(phase)) for name, phase in reached]
+    return [f"{title}, predicted impact regions", table(head, rows), table(true_head, true_rows)]
 
 
-def _phase_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    none = f"{part['predicted_without_impact']} of {part['targets_without_impact']}"
+def _phase_cells(phase: Mapping[str, Any]) -> tuple[str, ...]:
+    orbiting = phase["targets_without_impact"]
+    regions = phase["regions"]
     return (
-        str(part["targets"]),
-        interval_text(part["predicted"], 0, 100.0),
-        interval_text(part["impact_m"], 1, 1e-3),
-        interval_text(part["energy_m"], 1, 1e-3),
-        *(interval_text(region, 0, 100.0) for region in part["regions"]),
-        *(_significant(region["median_area_km2"]) for region in part["regions"]),
-        none if part["targets_without_impact"] else "-",
+        str(phase["targets"]),
+        *cells(phase, _IMPACTS),
+        *(interval_text(region, 0, 100.0) for region in regions),
+        *(_significant(region["median_area_km2"]) for region in regions),
+        f"{phase['predicted_without_impact']} of {orbiting}" if orbiting else "-",
     )
 
 
-def _given_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    regions = part["regions_given_condition"]
+def _given_cells(phase: Mapping[str, Any]) -> tuple[str, ...]:
+    regions = phase["regions_given_condition"]
     return (
         *(interval_text(region, 0, 100.0) for region in regions),
         _significant(regions[-1]["median_area_km2"]),
-        interval_text(part["condition_brier"], 3),
-        number_text(part["effective_samples"], 0),
-        interval_text(part["thin"], 2),
+        *cells(phase, _CONDITIONS),
     )
 
 
 def _significant(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else "-"
-
-
-def _place_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    return (
-        str(part["samples"]),
-        interval_text(part["position_m"], 0),
-        interval_text(part["position_over_bound"], 2),
-        interval_text(part["position_over_free_bound"], 2),
-        interval_text(part["position_energy_m"], 0),
-        interval_text(part["impact_m"], 1, 1e-3),
-    )
-
-
-def _speed_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    return (
-        str(part["samples"]),
-        interval_text(part["velocity_m_s"], 1),
-        interval_text(part["velocity_over_bound"], 2),
-        interval_text(part["velocity_over_free_bound"], 2),
-        interval_text(part["velocity_energy_m_s"], 1),
-    )
-
-
-def _consistency_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(cell for name in ("nees", "nis") for cell in _consistent_cells(part[name]))
 
 
 def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
@@ -248,27 +243,17 @@ def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
-    return (
-        *(str(figures[name]) for name in ("targets", "launches_reported", "impacts_reported")),
-        interval_text(figures["launch_m"], 0),
-        interval_text(figures["launch_energy_m"], 0),
-        interval_text(figures["launch_time_s"], 2),
-        interval_text(figures["impact_m"], 1, 1e-3),
-        interval_text(figures["impact_time_s"], 2),
-    )
-
-
-def _curves(figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, ...]]:
+def _curves(figures: Sequence[_Named]) -> list[tuple[str, ...]]:
     return [
-        (point, name, *(interval_text(part, 0, 100.0) for part in row[f"{point}_containment"]))
+        (point, name, *(interval_text(level, 0, 100.0) for level in own[f"{point}_containment"]))
         for point in ("launch", "impact")
-        for name, row in figures
+        for name, own in figures
     ]
 
 
 def _shares(gospa: Mapping[str, Any]) -> str:
     """Return the share of each part in GOSPA's p-th power."""
-    parts = [gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")]
-    total = sum(parts)
-    return ", ".join(f"{100.0 * part / total:.0f} %" for part in parts) if total > 0.0 else "-"
+    names = ("localisation", "missed", "false")
+    powers = [gospa[f"{name}_a_target"]["value"] for name in names]
+    total = sum(powers)
+    return ", ".join(f"{100.0 * power / total:.0f} %" for power in powers) if total > 0.0 else "-"

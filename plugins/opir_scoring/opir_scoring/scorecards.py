@@ -16,6 +16,7 @@ from opir_scoring.containments import (
     consistent,
     contained,
     energy,
+    figure,
     innovations,
     mean,
     of_some,
@@ -23,7 +24,6 @@ from opir_scoring.containments import (
     plain,
     proportion,
     rms,
-    share,
 )
 from opir_scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
 from opir_scoring.evidence import Ownership, RunEvidence, ownership
@@ -32,9 +32,8 @@ from opir_scoring.impacts import ImpactScores, phase_figures, phase_scores
 from opir_scoring.recognition import Recognition, recognition, recognition_figures
 from opir_scoring.sensor_coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
 
-_STATE_FREEDOM = 6
-_DIRECTION_FREEDOM = 2
-#: Sensor geometries: whether several sensors saw the target, and whether one of them has a bias.
+#: Sensor geometries: whether several sensors detected the target, and whether one of them has a
+#: bias.
 GEOMETRIES: Mapping[str, tuple[bool, bool]] = {
     "mono": (False, False),
     "stereo": (True, False),
@@ -44,14 +43,11 @@ GEOMETRIES: Mapping[str, tuple[bool, bool]] = {
 #: Errors are divided by bounds where the position bound is below this, m: above, directions hardly
 #: determine the position.
 LARGEST_BOUND_M = 100e3
-#: More targets than a scene can have.
-_MANY = 10**9
 
 
 @frozen(kw_only=True)
 class ScoreSettings(GospaSettings):
-    """Settings of a score: GOSPA's parameters, bins of time since ignition, and what counts as
-    recognised.
+    """Settings of a score: GOSPA's parameters, bins of time since ignition, and recognition.
 
     A track with a probability of a launch above `launch_probability` is taken as one. Target
     classes named as `unknown` are none of the hypotheses: "none of these" is right for them.
@@ -111,15 +107,16 @@ def scorecard(
 
 def scorecard_of(runs: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecard:
     """Return the scorecard of scored runs with the same settings."""
-    geometry = {name: _geometry(runs, *seen, settings) for name, seen in GEOMETRIES.items()}
-    biased = any(each.is_biased for each in runs)
     return Scorecard(
         {
             "runs": len(runs),
-            "seeds": [each.seed for each in runs],
-            "sensors_biased": biased,
+            "seeds": [run.seed for run in runs],
+            "sensors_biased": any(run.is_biased for run in runs),
             **_counts(runs),
-            **geometry,
+            **{
+                name: _geometry(runs, is_stereo, is_biased, settings)
+                for name, (is_stereo, is_biased) in GEOMETRIES.items()
+            },
             "gospa": _gospa(runs, settings),
             **_reported_types(runs),
             **_hypotheses(runs),
@@ -169,85 +166,102 @@ def _types(evidence: RunEvidence, owners: Ownership) -> Mapping[str, IntArray]:
     """
     tracks = evidence.tracks.take(last_rows(evidence, owners))
     target = owners.target[np.searchsorted(owners.track, tracks.track)]
-    known = np.isfinite(tracks.type_probability).all(axis=1)
-    likeliest = tracks.type_probability[known].argmax(axis=1)
+    rows = np.flatnonzero(np.isfinite(tracks.type_probability).all(axis=1))
+    likeliest = tracks.type_probability[rows].argmax(axis=1)
     counts: dict[str, IntArray] = {}
-    for row, reported in zip(target[known].tolist(), likeliest.tolist(), strict=True):
+    for row, reported in zip(target[rows].tolist(), likeliest.tolist(), strict=True):
         name = evidence.plan.targets.class_names[row]
         counts.setdefault(name, np.zeros(len(REPORTED_TYPES), dtype=np.int64))[reported] += 1
     return counts
 
 
 def _counts(runs: Sequence[ScoredRun]) -> dict[str, Any]:
-    launches = sum(each.launches for each in runs)
-    tracks, completeness, first_track_s = (
-        np.concatenate([getattr(each.coverage, name) for each in runs])
-        for name in ("tracks", "share", "first_track_s")
-    )
-    known = [int(np.count_nonzero(np.isfinite(each))) for each in (completeness, first_track_s)]
-    tracked = int(np.count_nonzero(tracks))
-    purity = np.concatenate([each.owners.purity[each.owners.target >= 0] for each in runs])
+    launches = sum(run.launches for run in runs)
+    purity = np.concatenate([run.owners.purity[run.owners.target >= 0] for run in runs])
+    false_tracks = np.array([np.count_nonzero(run.owners.target < 0) for run in runs])
+    coverage = _coverage_figures([run.coverage for run in runs], launches)
     return {
-        "launches_tracked": share(*proportion(tracked, launches)),
-        "tracks_a_launch": of_some(mean(tracks[tracks > 0].astype(np.float64)), tracked, launches),
-        "false_tracks_a_run": mean(
-            np.array([np.count_nonzero(each.owners.target < 0) for each in runs])
-        ),
+        "launches_tracked": coverage["launches_tracked"],
+        "tracks_a_launch": coverage["tracks_a_launch"],
+        "false_tracks_a_run": mean(false_tracks),
         "purity": mean(purity, 1.0),
-        "completeness": of_some(mean(completeness, 1.0), known[0], launches),
-        "first_track_after_s": of_some(mean(first_track_s), known[1], launches),
-        "tracking_us_a_detection": _pace(runs, [each.detections for each in runs]),
-        "tracking_us_a_track_update": _pace(runs, [each.track_updates for each in runs]),
+        "completeness": coverage["completeness"],
+        "first_track_after_s": coverage["first_track_after_s"],
+        "tracking_us_a_detection": _pace(runs, [run.detections for run in runs]),
+        "tracking_us_a_track_update": _pace(runs, [run.track_updates for run in runs]),
     }
+
+
+def _coverage_figures(runs: Sequence[Coverage], launches: int) -> dict[str, Any]:
+    tracks = np.concatenate([run.tracks for run in runs])
+    completeness = np.concatenate([run.share for run in runs])
+    first_track_s = np.concatenate([run.first_track_s for run in runs])
+    tracked = tracks[tracks > 0].astype(np.float64)
+    return {
+        "launches_tracked": figure(*proportion(len(tracked), launches)),
+        "tracks_a_launch": of_some(mean(tracked), len(tracked), launches),
+        "completeness": of_some(mean(completeness, 1.0), _finite_count(completeness), launches),
+        "first_track_after_s": of_some(mean(first_track_s), _finite_count(first_track_s), launches),
+    }
+
+
+def _finite_count(values: FloatArray) -> int:
+    return int(np.count_nonzero(np.isfinite(values)))
 
 
 def _pace(runs: Sequence[ScoredRun], count: Sequence[int]) -> dict[str, Any]:
     """Return the processor time per count, µs, over runs."""
-    taken = np.array([each.tracking_s for each in runs])
-    return mean(1e6 * taken / np.maximum(np.array(count), 1))
+    tracking_s = np.array([run.tracking_s for run in runs])
+    return mean(1e6 * tracking_s / np.maximum(np.array(count), 1))
 
 
 def _geometry(
     runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, settings: ScoreSettings
 ) -> dict[str, Any]:
     """Return the figures of the targets of one geometry."""
-    states = StateErrors.concatenate(each.states for each in runs)
-    points = PointErrors.concatenate(each.points for each in runs)
-    innovations = Innovations.concatenate(each.innovations for each in runs)
-    impacts = ImpactScores.concatenate(each.impacts for each in runs)
-    impact_phase = np.concatenate([each.impact_phase for each in runs])
-    run = np.repeat(np.arange(len(runs)), [len(each.states) for each in runs])
-    state_rows, innovation_rows, point_rows, impact_rows = (
-        (each.is_stereo == is_stereo) & (each.is_biased == is_biased)
-        for each in (states, innovations, points, impacts)
-    )
-    states = states.take(state_rows)
-    run = run[state_rows]
-    points = points.take(point_rows)
-    nis = innovations.nis[innovation_rows]
-    nis_bin = _bins(innovations.since_s[innovation_rows], settings)
-    bins = _bins(states.since_s, settings)
+
+    def rows_of(errors: StateErrors | PointErrors | Innovations | ImpactScores) -> BoolArray:
+        return (errors.is_stereo == is_stereo) & (errors.is_biased == is_biased)
+
+    points = PointErrors.concatenate(run.points.take(rows_of(run.points)) for run in runs)
+    impacts = ImpactScores.concatenate(run.impacts.take(rows_of(run.impacts)) for run in runs)
+    impact_phase = np.concatenate([run.impact_phase[rows_of(run.impacts)] for run in runs])
     return {
-        "by_time": [
-            {
-                "since_ignition_s": [number * settings.bin_s, (number + 1) * settings.bin_s],
-                **_bin(states.take(bins == number), run[bins == number]),
-                "nis": consistent(consistency(nis[nis_bin == number], _DIRECTION_FREEDOM)),
-            }
-            for number in np.unique(bins).tolist()
-        ],
+        "by_time": _by_time(
+            [run.states.take(rows_of(run.states)) for run in runs],
+            Innovations.concatenate(run.innovations.take(rows_of(run.innovations)) for run in runs),
+            settings,
+        ),
         "targets": len(points),
-        "launches_reported": int(np.count_nonzero(np.isfinite(points.launch_m))),
-        "impacts_reported": int(np.count_nonzero(np.isfinite(points.impact_m))),
-        "launch_m": rms(points.launch_m, most=FARTHEST_M),
-        "launch_energy_m": energy(points.launch_energy_m, most=FARTHEST_M),
+        "launches_reported": _finite_count(points.launch_m),
+        "impacts_reported": _finite_count(points.impact_m),
+        "launch_m": rms(points.launch_m, limit=FARTHEST_M),
+        "launch_energy_m": energy(points.launch_energy_m, limit=FARTHEST_M),
         "launch_time_s": rms(points.launch_time_s),
-        "impact_m": rms(points.impact_m, most=FARTHEST_M),
+        "impact_m": rms(points.impact_m, limit=FARTHEST_M),
         "impact_time_s": rms(points.impact_time_s),
         "launch_containment": contained(points.launch_nees),
         "impact_containment": contained(points.impact_nees),
-        "impact_by_phase": phase_figures(impact_phase[impact_rows], impacts.take(impact_rows)),
+        "impact_by_phase": phase_figures(impact_phase, impacts),
     }
+
+
+def _by_time(
+    states_of_run: Sequence[StateErrors], innovations: Innovations, settings: ScoreSettings
+) -> list[dict[str, Any]]:
+    """Return the figures of each bin of time since ignition."""
+    states = StateErrors.concatenate(states_of_run)
+    run = np.repeat(np.arange(len(states_of_run)), [len(errors) for errors in states_of_run])
+    bins = _bins(states.since_s, settings)
+    nis_bins = _bins(innovations.since_s, settings)
+    return [
+        {
+            "since_ignition_s": [number * settings.bin_s, (number + 1) * settings.bin_s],
+            **_bin(states.take(bins == number), run[bins == number]),
+            "nis": consistent(consistency(innovations.nis[nis_bins == number], 2)),
+        }
+        for number in np.unique(bins).tolist()
+    ]
 
 
 def _bins(since_s: FloatArray, settings: ScoreSettings) -> IntArray:
@@ -260,8 +274,9 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
 
     Ticks of one target are dependent, which the χ² band assumes they are not.
     """
-    track = run * _MANY + states.target
-    predicted = int(np.count_nonzero(np.isfinite(states.impact_m)))
+    # More targets than a scene can have.
+    track = run * 10**9 + states.target
+    predicted = _finite_count(states.impact_m)
     return {
         "samples": len(states),
         "position_m": rms(states.position_m, track),
@@ -273,7 +288,7 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
             states, track, "free_", states.position_free_bound_m, states.velocity_free_bound_m_s
         ),
         "impact_m": of_some(rms(states.impact_m, track, FARTHEST_M), predicted, len(states)),
-        "nees": consistent(consistency(states.nees[_last_of_each(states)], _STATE_FREEDOM)),
+        "nees": consistent(consistency(states.nees[_is_last(states)], 6)),
     }
 
 
@@ -288,18 +303,19 @@ def _over_bounds(
     determined = position_m < LARGEST_BOUND_M
     count = int(np.count_nonzero(determined))
     figures = {}
-    for what, unit, error, bound in (
+    for quantity, unit, error, bound in (
         ("position", "m", states.position_m, position_m),
         ("velocity", "m_s", states.velocity_m_s, velocity_m_s),
     ):
-        figures[f"{what}_{name}bound_{unit}"] = rms(bound[determined])["value"]
-        ratio = over(rms(error[determined], track[determined]), rms(bound[determined])["value"])
-        figures[f"{what}_over_{name}bound"] = of_some(ratio, count, len(determined))
+        mean_bound = rms(bound[determined])["value"]
+        figures[f"{quantity}_{name}bound_{unit}"] = mean_bound
+        ratio = over(rms(error[determined], track[determined]), mean_bound)
+        figures[f"{quantity}_over_{name}bound"] = of_some(ratio, count, len(determined))
     return figures
 
 
-def _last_of_each(states: StateErrors) -> BoolArray:
-    """Return which rows are the last of their track in a bin; rows are sorted by track and time."""
+def _is_last(states: StateErrors) -> BoolArray:
+    """Whether rows, sorted by track and time, are the last of their track in a bin."""
     if not len(states):
         return np.empty(0, dtype=np.bool_)
     changes = (np.diff(states.target) != 0) | (np.diff(states.since_s) <= 0.0)
@@ -310,7 +326,7 @@ def _gospa(runs: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, Any]
     """Return the distances, averaged over the ticks of a run, and their parts, which are p-th
     powers.
     """
-    means = np.array([mean_gospa(each.gospa_parts, settings.order) for each in runs]).reshape(-1, 5)
+    means = np.array([mean_gospa(run.gospa_parts, settings.order) for run in runs]).reshape(-1, 5)
     names = ("mean_m", "a_target_m", "localisation_a_target", "missed_a_target", "false_a_target")
     return {
         "cutoff_m": settings.cutoff_m,
@@ -322,33 +338,36 @@ def _gospa(runs: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, Any]
 
 def _reported_types(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     """Return the share of types reported correctly, and the confusion matrix."""
-    found = {name for each in runs for name in each.confusion}
-    none = np.zeros(len(REPORTED_TYPES), dtype=np.int64)
-    count = {
-        name: sum((each.confusion.get(name, none) for each in runs), none)
-        for name in by_class(found)
-    }
-    right_types = {name: right for each in runs for name, right in each.right_types.items()}
+    count = _type_counts(runs)
+    right_types = {name: right for run in runs for name, right in run.right_types.items()}
     right = sum(int(row[REPORTED_TYPES.index(right_types[name])]) for name, row in count.items())
-    confusion = {
-        name: dict(zip(REPORTED_TYPES, row.tolist(), strict=True)) for name, row in count.items()
-    }
     total = sum(int(row.sum()) for row in count.values())
-    launches = sum(each.launches for each in runs)
+    launches = sum(run.launches for run in runs)
     return {
-        "type_right": of_some(share(*proportion(right, total)), total, launches),
-        "type_confusion": confusion,
+        "type_right": of_some(figure(*proportion(right, total)), total, launches),
+        "type_confusion": {
+            name: dict(zip(REPORTED_TYPES, row.tolist(), strict=True))
+            for name, row in count.items()
+        },
+    }
+
+
+def _type_counts(runs: Sequence[ScoredRun]) -> dict[str, IntArray]:
+    """Return, by target class, counts (reported types,) over runs."""
+    zero = np.zeros(len(REPORTED_TYPES), dtype=np.int64)
+    return {
+        name: sum((run.confusion.get(name, zero) for run in runs), zero)
+        for name in by_class(name for run in runs for name in run.confusion)
     }
 
 
 def _hypotheses(runs: Sequence[ScoredRun]) -> dict[str, Any]:
-    """Return the scores of hypotheses, and what was recognised as a launch."""
-    scores = HypothesisScores.concatenate(each.hypothesis_scores for each in runs)
+    """Return the scores of hypotheses, and the recognition of launches."""
+    scores = HypothesisScores.concatenate(run.hypothesis_scores for run in runs)
+    recognitions = [run.recognition for run in runs]
     return {
         "hypotheses": hypothesis_figures(scores, runs[0].hypotheses if runs else ()),
-        "recognition": recognition_figures(
-            [each.recognition for each in runs], [each.seed for each in runs]
-        ),
+        "recognition": recognition_figures(recognitions, [run.seed for run in runs]),
     }
 
 

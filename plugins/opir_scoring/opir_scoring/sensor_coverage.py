@@ -9,8 +9,6 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_scoring.evidence import Ownership, RunEvidence, true_states_ecef
 from opir_scoring.gospa_metric import gospa
 
-_NS = 1_000_000_000
-
 
 @frozen(kw_only=True)
 class GospaSettings:
@@ -46,8 +44,8 @@ def ticks_s(evidence: RunEvidence) -> FloatArray:
     end_ns = evidence.plan.end_ns
     if cadence_s is None:
         return times
-    step_ns = max(1, round(cadence_s * _NS))
-    ticks: FloatArray = np.append(np.arange(step_ns, end_ns, step_ns), end_ns) / _NS
+    step_ns = max(1, round(cadence_s * 10**9))
+    ticks: FloatArray = np.append(np.arange(step_ns, end_ns, step_ns), end_ns) / 10**9
     return ticks if np.isin(times, ticks).all() else times
 
 
@@ -58,23 +56,21 @@ def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
     # Files of other trackers may not say when estimates became available: as soon as they are
     # valid.
     available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
-    shares = []
-    firsts = []
-    counts = []
+    rows = []
     for target in range(len(evidence.plan.scene.targets)):
         detected_s = evidence.time_s[evidence.target == target]
         if not len(detected_s):
             continue
-        times = np.unique(evidence.tracks.tick_s[owner == target])
-        expected = ticks[
-            (ticks >= detected_s[0]) & (ticks <= evidence.plan.targets.burnout_s[target])
-        ]
-        shares.append(float(np.isin(expected, times).mean()) if len(expected) else np.nan)
-        firsts.append(
-            float(available_s[owner == target].min() - detected_s[0]) if len(times) else np.nan
-        )
-        counts.append(np.count_nonzero(owners.target == target))
-    return Coverage(np.array(shares), np.array(firsts), np.array(counts, dtype=np.int64))
+        of_target = owner == target
+        burnout_s = evidence.plan.targets.burnout_s[target]
+        expected = ticks[(ticks >= detected_s[0]) & (ticks <= burnout_s)]
+        tracked = np.isin(expected, evidence.tracks.tick_s[of_target])
+        share = tracked.mean() if len(expected) else np.nan
+        first_track_s = available_s[of_target].min(initial=np.inf) - detected_s[0]
+        rows.append((share, first_track_s, np.count_nonzero(owners.target == target)))
+    shares, first_tracks_s, counts = np.array(rows, dtype=np.float64).reshape(-1, 3).T
+    first_tracks_s = np.where(np.isinf(first_tracks_s), np.nan, first_tracks_s)
+    return Coverage(shares, first_tracks_s, counts.astype(np.int64))
 
 
 def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSettings) -> FloatArray:
@@ -83,25 +79,35 @@ def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSetting
 
     A track of a launch whose truth is no longer known, as after burnout, is left out.
     """
-    targets = evidence.plan.targets
-    tracks = evidence.tracks
-    launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
-    owner = owners.target[np.searchsorted(owners.track, tracks.track)]
     rows = []
     for tick_s in ticks_s(evidence).tolist():
-        known = launches[
-            (targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)
-        ]
-        if not len(known):
-            continue
-        true = true_states_ecef(evidence.plan, known, np.full(len(known), tick_s))[:, :3]
-        is_finite = (tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0])
-        estimates = tracks.state[is_finite & ((owner < 0) | np.isin(owner, known)), :3]
-        result = gospa(
-            estimates, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha
-        )
-        rows.append((result.distance, result.localisation, result.missed, result.false, len(known)))
+        estimates, true = _estimates_and_truth(evidence, owners, tick_s)
+        if len(true):
+            result = gospa(
+                estimates,
+                true,
+                cutoff=settings.cutoff_m,
+                order=settings.order,
+                alpha=settings.alpha,
+            )
+            powers = (result.localisation, result.missed, result.false)
+            rows.append((result.distance, *powers, len(true)))
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
+
+
+def _estimates_and_truth(
+    evidence: RunEvidence, owners: Ownership, tick_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the positions of tracks (m, 3) and of flying launches (n, 3) at a tick, m."""
+    targets = evidence.plan.targets
+    tracks = evidence.tracks.take(evidence.tracks.tick_s == tick_s)
+    launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
+    is_flying = (targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)
+    flying = launches[is_flying]
+    true = true_states_ecef(evidence.plan, flying, np.full(len(flying), tick_s))[:, :3]
+    owner = owners.target[np.searchsorted(owners.track, tracks.track)]
+    is_scored = np.isfinite(tracks.state[:, 0]) & ((owner < 0) | np.isin(owner, flying))
+    return tracks.state[is_scored, :3], true
 
 
 def mean_gospa(parts: FloatArray, order: float) -> FloatArray:
@@ -114,5 +120,5 @@ def mean_gospa(parts: FloatArray, order: float) -> FloatArray:
     if not len(parts):
         return np.full(5, np.nan)
     powers = parts[:, 1:4] / parts[:, 4:]
-    each = powers.sum(axis=1) ** (1.0 / order)
-    return np.concatenate([parts[:, :1], each[:, None], powers], axis=1).mean(axis=0)
+    per_target = powers.sum(axis=1, keepdims=True) ** (1.0 / order)
+    return np.concatenate([parts[:, :1], per_target, powers], axis=1).mean(axis=0)

@@ -6,10 +6,16 @@ import re
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from opir_coverage import CoverageSettings, Requirement, computed_coverage
+from opir_coverage import (
+    CoverageSettings,
+    PlaceGrid,
+    Requirement,
+    computed_coverage,
+    percent_below,
+    runs,
+)
 from opir_coverage.difference import difference
-from opir_coverage.grid import PlaceGrid, SeenPoints
-from opir_coverage.merits import percent_below, runs
+from opir_coverage.grid import SeenPoints
 from opir_coverage.summary import as_text, table_rows
 from opir_coverage.visibility import Fleet
 from repository import ROOT
@@ -72,14 +78,14 @@ def test_the_area_of_cells_is_that_of_the_sphere():
 
 def test_runs_are_counted_with_their_ends():
     pattern = np.array([[1, 1, 0, 0, 0, 1, 0, 1], [0] * 8], dtype=np.bool_).T
-    found = runs(pattern, 10.0)
-    assert found.number.tolist() == [3, 0]
-    assert [found.least_s[0], found.mean_s[0], found.most_s[0]] == [
+    result = runs(pattern, 10.0)
+    assert result.number.tolist() == [3, 0]
+    assert [result.least_s[0], result.mean_s[0], result.most_s[0]] == [
         10.0,
         pytest.approx(40.0 / 3.0),
         20.0,
     ]
-    assert np.isnan(found.mean_s[1])
+    assert np.isnan(result.mean_s[1])
     gaps = runs(~pattern, 10.0)
     assert gaps.square_s2[0] == 30.0**2 + 10.0**2
 
@@ -110,26 +116,26 @@ def test_requirements_are_read_and_refused():
         computed_coverage(SCENE, CoverageSettings(**{**COARSE, "target_class": "BOAT"}))
 
 
-def test_the_mean_of_a_requirements_row_is_the_percent_of_area_that_meets_it():
+def test_requirement_rows_are_percents_of_area():
     """Cells without a value, never seen, do not meet it; those without a gap meet a limit of
     gaps.
     """
     words = ("age_of_data_mean<=1800", "revisit_time_max<=3600")
     settings = {**COARSE, "target_class": None, "assets": (4,), "heights_km": (10.0,)}
-    found = computed_coverage(
+    result = computed_coverage(
         SCENE, CoverageSettings(**settings, requirements=tuple(map(Requirement.of, words)))
     )
-    weights = found.grid.weights()
+    weights = result.grid.weights()
     for number, (name, limit) in enumerate(
         (("age_of_data_mean", 1800.0), ("revisit_time_max", 3600.0)), start=1
     ):
-        values = np.asarray(found[name].values, dtype=float).reshape(-1)
-        row = next(each for each in table_rows(found) if each["layer"] == f"share_{number}")
+        values = np.asarray(result[name].values, dtype=float).reshape(-1)
+        row = next(each for each in table_rows(result) if each["layer"] == f"share_{number}")
         assert row["mean"] == pytest.approx(
             percent_below(values, np.nextafter(limit, np.inf), weights)
         )
         assert row["percent_of_area"] == pytest.approx(100.0)
-        assert number == 1 or np.array_equal(values == 0.0, found["gaps"].values.reshape(-1) == 0)
+        assert number == 1 or np.array_equal(values == 0.0, result["gaps"].values.reshape(-1) == 0)
         assert words[number - 1] in as_text([row])
 
 

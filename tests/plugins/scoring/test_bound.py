@@ -25,7 +25,7 @@ from opir_core.geometry import eci_to_ecef, local_axes
 from opir_core.planning.sensor_states import PointingBias
 
 
-def test_the_bound_of_one_look_of_two_sensors_is_that_of_triangulation():
+def test_bound_of_two_looks_is_that_of_triangulation():
     target = np.array([[6.6e6, 0.0, 0.0]] * 2)
     sensor = np.array([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]])
     sigma = np.array([2e-5, 3e-5])
@@ -38,7 +38,7 @@ def test_the_bound_of_one_look_of_two_sensors_is_that_of_triangulation():
 
 
 @pytest.mark.parametrize("name", ["crlb_geo_60deg_apart", "crlb_three_geo"])
-def test_the_bound_is_the_published_one(name):
+def test_the_bound_matches_published_values(name):
     cases = json.loads((DATA / "reference_cases.json").read_text())["cases"]
     case = next(each for each in cases if each["id"] == name)
     given = case["inputs"]
@@ -57,7 +57,7 @@ def test_the_bound_is_the_published_one(name):
     assert position_and_velocity(bounds)[0][0] == pytest.approx(expected["rss_m"], rel=1e-6)
 
 
-def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
+def test_the_bound_grows_as_differences_of_orbits():
     state = np.array([6.9e6, 1.0e6, 2.0e6, -1000.0, 5500.0, 3000.0])
     looks = np.array([0.0, 40.0, 80.0])
     tick = 100.0
@@ -66,7 +66,7 @@ def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
         np.array([[4.0e7, 1.0e7, 0.0], [3.0e7, -3.0e7, 0.0], [4.0e7, 0.0, 1.0e7]]), looks
     )
     sigma = np.full(3, 1e-5)
-    found = state_bound(
+    result = state_bound(
         np.array([tick]), DetectedLooks.unbiased(looks, eci_to_ecef(at, looks), sensors, sigma)
     )[0]
     information = np.zeros((6, 6))
@@ -83,13 +83,13 @@ def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
     # The inertial frame of the bound is the Earth-fixed one at the scene's epoch: that of the
     # sensors here.
     expected = np.linalg.inv(information + back.T @ prior @ back)
-    for ours, theirs in zip(
-        position_and_velocity(found[None]), position_and_velocity(expected[None]), strict=True
+    for computed, reference in zip(
+        position_and_velocity(result[None]), position_and_velocity(expected[None]), strict=True
     ):
-        assert ours == pytest.approx(theirs, rel=1e-3)
+        assert computed == pytest.approx(reference, rel=1e-3)
 
 
-def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
+def test_free_bound_is_that_of_kalmans_recursion():
     looks = np.arange(0.0, 20.0, 0.4)
     path = np.array([6.9e6, 0.0, 0.0]) + np.array([0.0, 2000.0, 0.0]) * looks[:, None]
     target = eci_to_ecef(path, looks)
@@ -98,7 +98,7 @@ def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
     )
     sigma = np.full(len(looks), 2e-5)
     seen = DetectedLooks.unbiased(looks, target, eci_to_ecef(inertial, looks), sigma)
-    found = free_bound(np.array([19.6]), seen)[0]
+    result = free_bound(np.array([19.6]), seen)[0]
     covariance = np.diag(np.square(FREE_PRIOR_SIGMA))
     power = np.array(
         [[0.4 ** (b - a) / factorial(b - a) if b >= a else 0.0 for b in range(4)] for a in range(4)]
@@ -117,16 +117,16 @@ def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
         across = np.linalg.svd(unit[None])[2][1:] / (np.linalg.norm(line) * 2e-5)
         slope = np.concatenate([across, np.zeros((2, 9))], axis=1)
         gain = covariance @ slope.T @ np.linalg.inv(slope @ covariance @ slope.T + np.eye(2))
-        rest = np.eye(12) - gain @ slope
-        covariance = rest @ covariance @ rest.T + gain @ gain.T
-    for ours, theirs in zip(
-        position_and_velocity(found[None]),
+        remainder = np.eye(12) - gain @ slope
+        covariance = remainder @ covariance @ remainder.T + gain @ gain.T
+    for computed, reference in zip(
+        position_and_velocity(result[None]),
         position_and_velocity(covariance[None, :6, :6]),
         strict=True,
     ):
-        assert ours == pytest.approx(theirs, rel=1e-5)
+        assert computed == pytest.approx(reference, rel=1e-5)
     known = state_bound(np.array([19.6]), seen)
-    assert (position_and_velocity(known)[0] < position_and_velocity(found[None])[0]).all()
+    assert (position_and_velocity(known)[0] < position_and_velocity(result[None])[0]).all()
 
 
 def test_a_bias_takes_back_what_averaging_gains():
@@ -141,7 +141,7 @@ def test_a_bias_takes_back_what_averaging_gains():
     for number in range(2):
         turn[number::2, 2 * number : 2 * number + 2] = bias * local_axes(sensor[:2])[number, :2]
     sigma = np.full(count, 2e-5)
-    found = state_bound(np.zeros(1), DetectedLooks(np.zeros(count), target, sensor, sigma, turn))
+    result = state_bound(np.zeros(1), DetectedLooks(np.zeros(count), target, sensor, sigma, turn))
     # A turn about east and north moves what is straight down by the same angle both ways, what is
     # beside it by less.
     mean = np.hypot(2e-5 / np.sqrt(count / 2), bias)
@@ -157,7 +157,7 @@ def test_a_bias_takes_back_what_averaging_gains():
         )
         assert np.linalg.eigvalsh(spread) == pytest.approx((distance * mean) ** 2, rel=0.02)
         information += across.T @ np.linalg.inv(spread) @ across
-    assert found[0, :3, :3] == pytest.approx(np.linalg.inv(information), rel=1e-6)
+    assert result[0, :3, :3] == pytest.approx(np.linalg.inv(information), rel=1e-6)
     seen = DetectedLooks(np.linspace(0.0, 20.0, count), target, sensor, sigma, turn)
     pair = (
         free_bound(np.array([20.0]), seen),
@@ -180,7 +180,7 @@ def test_biases_of_no_size_leave_the_bounds_as_they_are():
         )
 
 
-def test_the_turns_of_the_bound_are_those_that_bias_what_sensors_see():
+def test_bound_turns_match_pointing_biases():
     sensors = (stub_sensor("A"), stub_sensor("B", line_of_sight_bias_sigma_rad=2e-6))
     random = np.random.default_rng(4)
     place = random.normal(size=(40, 3)) * 1e7 + [4e7, 0.0, 0.0]

@@ -5,16 +5,24 @@ track was lost.
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import evidence_of_run, scorecard, scorecard_text
-from opir_scoring.errors import point_errors, state_errors
-from opir_scoring.evidence import ownership, rows_in_force, true_states_ecef
-from opir_scoring.scorecards import GEOMETRIES, Scorecard
-from opir_scoring.sensor_coverage import GospaSettings, coverage, gospa_parts, mean_gospa, ticks_s
+from opir_scoring import (
+    GEOMETRIES,
+    Scorecard,
+    coverage,
+    evidence_of_run,
+    ownership,
+    point_errors,
+    rows_in_force,
+    scorecard,
+    scorecard_text,
+    state_errors,
+    true_states_ecef,
+)
+from opir_scoring.sensor_coverage import GospaSettings, gospa_parts, mean_gospa, ticks_s
 from scored_scene import SCENE
 
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan, run_of_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 
 FIRST_S = 30.0
 LAST_S = 80.0
@@ -57,12 +65,12 @@ def test_ticks_are_those_at_which_the_tracker_is_asked(reported):
     assert np.array_equal(ticks_s(elsewhere), np.unique(reported.tracks.tick_s + 0.3))
 
 
-def test_a_tick_without_a_track_is_not_covered_and_the_launch_missed(reported):
+def test_ticks_without_tracks_are_not_covered(reported):
     seen_s = reported.time_s[reported.target == 0][0]
     due = np.arange(np.ceil(seen_s), 91.0)
-    found = coverage(reported, ownership(reported))
-    assert found.share == pytest.approx([51.0 / len(due)])
-    assert found.first_track_s == pytest.approx([FIRST_S - seen_s])
+    result = coverage(reported, ownership(reported))
+    assert result.share == pytest.approx([51.0 / len(due)])
+    assert result.first_track_s == pytest.approx([FIRST_S - seen_s])
     parts = gospa_parts(reported, ownership(reported), GospaSettings())
     # Truth is known from ignition, at 10 s, on.
     assert len(parts) == 81
@@ -80,7 +88,7 @@ def test_a_run_without_tracks_misses_everything(reported):
     assert figures["gospa"]["a_target_m"]["value"] == pytest.approx(5000.0 / np.sqrt(2.0))
 
 
-def test_the_distance_a_target_does_not_depend_on_how_many_there_are():
+def test_distance_per_target_is_free_of_their_number():
     power = 150.0**2
     for targets in (1.0, 4.0, 100.0):
         parts = np.array([[np.sqrt(targets * power), targets * power, 0.0, 0.0, targets]])
@@ -94,9 +102,9 @@ def test_what_is_reported_after_a_track_was_lost_is_judged_too(reported):
     evidence = lost_and_found(reported)
     owners = ownership(evidence)
     assert owners.target.tolist() == [0, 0]
-    found = coverage(evidence, owners)
-    assert found.tracks.tolist() == [2]
-    assert found.share[0] == pytest.approx(
+    result = coverage(evidence, owners)
+    assert result.tracks.tolist() == [2]
+    assert result.share[0] == pytest.approx(
         coverage(reported, ownership(reported)).share[0] * 46.0 / 51.0
     )
     errors = state_errors(evidence, owners)
@@ -110,7 +118,7 @@ def test_what_is_reported_after_a_track_was_lost_is_judged_too(reported):
     )
 
 
-def test_of_tracks_reported_at_once_the_one_of_most_detections_is_in_force(reported):
+def test_the_track_with_most_detections_is_in_force(reported):
     both = evolve(reported.tracks, track=reported.tracks.track + 5)
     tracks = reported.tracks.concatenate([reported.tracks, both])
     tracks = tracks.take(np.lexsort((tracks.track, tracks.tick_s)))

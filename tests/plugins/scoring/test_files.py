@@ -7,7 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
-from opir_scoring.evidence import evidence_of_files
+from opir_scoring import evidence_of_files
 from scored_scene import SCENE
 
 from opir_core.cli.main import main
@@ -100,11 +100,11 @@ def test_a_truth_of_another_launch_is_refused(runs, copied):
 
 
 @pytest.mark.slow
-def test_tracks_from_elsewhere_are_judged_where_they_are_asked_for(runs, copied, tmp_path):
+def test_external_tracks_are_scored_on_request(runs, copied, tmp_path):
     rows = lines_of(runs / "one.tracks.jsonl")
     (tmp_path / "mine.jsonl").write_text("".join(reversed(rows)))
-    found = evidence_of_files(copied, tracks=tmp_path / "mine.jsonl").tracks
-    assert np.array_equal(found.state, evidence_of_files(runs / "one.jsonl").tracks.state)
+    result = evidence_of_files(copied, tracks=tmp_path / "mine.jsonl").tracks
+    assert np.array_equal(result.state, evidence_of_files(runs / "one.jsonl").tracks.state)
 
 
 def test_a_track_reported_twice_at_a_tick_is_refused(runs, copied, tmp_path):
@@ -143,14 +143,14 @@ def test_a_truth_that_burns_otherwise_is_refused(copied):
     changed since.
     """
     path = copied.with_suffix(".truth.jsonl")
-    first, *rest = lines_of(path)
+    first, *remainder = lines_of(path)
     reported = json.loads(first)
     changed = (
         {"burnout_s": reported["burnout_s"] + 1.0},
         {"burnout": {**reported["burnout"], "lat_deg": 35.0}},
     )
     for change in changed:
-        path.write_text("".join([json.dumps({**reported, **change}) + "\n", *rest]))
+        path.write_text("".join([json.dumps({**reported, **change}) + "\n", *remainder]))
         with pytest.raises(
             SceneError, match="T1 has another trajectory in the manifest's scene, with the plugins"
         ):

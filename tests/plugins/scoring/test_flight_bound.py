@@ -36,10 +36,10 @@ def turned(rows, time_s):
     return START_M + 0.5 * (steps[:, 1:] + steps[:, :-1]).sum(axis=1) * (time_s / 30.0)[:, None]
 
 
-def test_the_bound_of_a_target_at_rest_is_that_of_its_looks_together():
+def test_bound_of_a_target_at_rest():
     times = np.arange(0.0, 10.0)
     target = np.broadcast_to(START_M, (10, 3))
-    found = parameter_bound(
+    result = parameter_bound(
         np.array([9.0]),
         looks(times, target),
         np.broadcast_to(np.eye(3), (10, 3, 3)),
@@ -50,25 +50,25 @@ def test_the_bound_of_a_target_at_rest_is_that_of_its_looks_together():
         line = START_M - sensor
         far = np.linalg.norm(line)
         information += 5.0 * (np.eye(3) - np.outer(line, line) / far**2) / (far * SIGMA_RAD) ** 2
-    assert found[0] == pytest.approx(np.linalg.inv(information), rel=1e-9, abs=1e-3)
+    assert result[0] == pytest.approx(np.linalg.inv(information), rel=1e-9, abs=1e-3)
 
 
 def test_looks_after_a_tick_do_not_count_and_a_prior_does():
     times = np.arange(0.0, 10.0)
     target = np.broadcast_to(START_M, (10, 3))
     slope = np.broadcast_to(np.eye(3), (10, 3, 3))
-    found = parameter_bound(
+    result = parameter_bound(
         np.array([-1.0, 3.0, 9.0]), looks(times, target), slope, np.array([1e3, 2e3, 3e3])
     )
-    assert np.diagonal(found[0]) == pytest.approx([1e6, 4e6, 9e6], rel=1e-9)
+    assert np.diagonal(result[0]) == pytest.approx([1e6, 4e6, 9e6], rel=1e-9)
     alone = parameter_bound(
         np.array([3.0]), looks(times[:4], target[:4]), slope[:4], np.array([1e3, 2e3, 3e3])
     )
-    assert found[1] == pytest.approx(alone[0], rel=1e-9)
-    assert np.all(np.diff([np.trace(each) for each in found]) < 0.0)
+    assert result[1] == pytest.approx(alone[0], rel=1e-9)
+    assert np.all(np.diff([np.trace(each) for each in result]) < 0.0)
 
 
-def test_of_a_free_flight_it_is_the_bound_of_the_states_recursion():
+def test_free_flight_bound_is_that_of_the_recursion():
     """The parameters are position and velocity at the first look: a straight line, over seconds."""
     times = np.arange(0.0, 4.0, 0.2)
     speed = np.array([900.0, 300.0, 0.0])
@@ -77,9 +77,9 @@ def test_of_a_free_flight_it_is_the_bound_of_the_states_recursion():
         [np.broadcast_to(np.eye(3), (20, 3, 3)), times[:, None, None] * np.eye(3)], axis=2
     )
     sigma = np.repeat([1e6, 1e4], 3)
-    found = parameter_bound(np.array([times[-1]]), looks(times, target), slope, sigma)
+    result = parameter_bound(np.array([times[-1]]), looks(times, target), slope, sigma)
     last = np.block([[np.eye(3), times[-1] * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
-    carried = bound_of(found, last[None])
+    carried = bound_of(result, last[None])
     known = state_bound(times[-1:], looks(times, target))
     # Gravity's gradient and the rotation of the frame change it by a few parts in 1e4 within 4 s.
     assert np.trace(carried[0, :3, :3]) == pytest.approx(np.trace(known[0, :3, :3]), rel=1e-3)
@@ -110,10 +110,10 @@ def test_biases_are_parameters_of_unit_variance():
     biased = DetectedLooks(np.zeros(count), target, sensor, np.full(count, SIGMA_RAD), turn)
     aside = np.cross([0.0, 0.0, 1.0], START_M - SENSORS[0])
     slope = np.broadcast_to((aside / np.linalg.norm(aside))[:, None], (count, 3, 1))
-    found = parameter_bound(np.zeros(1), biased, slope, np.array([1e9]))
+    result = parameter_bound(np.zeros(1), biased, slope, np.array([1e9]))
     far = np.linalg.norm(START_M - SENSORS[0])
     wide = np.linalg.norm(aside)
-    assert np.sqrt(found[0, 0, 0]) == pytest.approx(
+    assert np.sqrt(result[0, 0, 0]) == pytest.approx(
         np.hypot(wide * 1e-4, far * SIGMA_RAD / 200.0), rel=1e-3
     )
 
@@ -141,13 +141,13 @@ def test_an_efficient_estimator_reaches_it_and_none_is_below():
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     axes = np.stack([side, np.cross(true, side)], axis=1)
     noise = rng.normal(0.0, SIGMA_RAD, (runs, len(times), 2))
-    found = np.tile(truth, (runs, 1))
+    result = np.tile(truth, (runs, 1))
     gain = np.einsum("nac,ncp->nap", axes, central_slopes(directions, truth, step)).reshape(-1, 3)
     # The slopes at the truth: this far from it, those elsewhere differ by less than 1e-3.
     for _ in range(3):
-        left = noise - np.einsum("nac,rnc->rna", axes, directions(found) - true)
-        found = found + left.reshape(runs, -1) @ np.linalg.pinv(gain).T
-    error = found - truth
+        remaining = noise - np.einsum("nac,rnc->rna", axes, directions(result) - true)
+        result = result + remaining.reshape(runs, -1) @ np.linalg.pinv(gain).T
+    error = result - truth
     squares = np.einsum("rp,pq,rq->r", error, np.linalg.inv(bound), error)
     assert np.mean(squares) == pytest.approx(3.0, abs=4.0 * np.sqrt(6.0 / runs))
     spread = np.std(error, axis=0) / np.sqrt(np.diag(bound))

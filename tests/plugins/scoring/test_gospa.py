@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from opir_scoring.gospa_metric import gospa
+from opir_scoring import gospa
 
 from examples import examples
 
@@ -30,14 +30,14 @@ def test_gospa_is_a_metric(seed: int, first: int, second: int, third: int, alpha
 
 
 def test_the_parts_of_gospa_by_hand() -> None:
-    found = np.array([[0.0, 0.0], [100.0, 0.0]])
+    result = np.array([[0.0, 0.0], [100.0, 0.0]])
     true = np.array([[3.0, 4.0], [0.0, 100.0], [0.0, 200.0]])
-    score = gospa(found, true, cutoff=10.0)
+    score = gospa(result, true, cutoff=10.0)
     assert (score.localisation, score.missed, score.false) == (25.0, 100.0, 50.0)
     assert (score.missed_count, score.false_count) == (2, 1)
     assert score.assigned.tolist() == [[0, 0]]
     assert score.distance == pytest.approx(np.sqrt(175.0))
-    assert gospa(found, true, cutoff=10.0, alpha=1.0).distance == pytest.approx(
+    assert gospa(result, true, cutoff=10.0, alpha=1.0).distance == pytest.approx(
         np.sqrt(25.0 + 100.0 + 100.0)
     )
 

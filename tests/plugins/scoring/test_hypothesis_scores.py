@@ -7,13 +7,21 @@ from functools import cache
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import RunEvidence, ScoreSettings, ownership, scorecard, scorecard_text
+from opir_scoring import (
+    RunEvidence,
+    ScoreSettings,
+    open_set_rate,
+    ownership,
+    reliability,
+    scorecard,
+    scorecard_text,
+)
 from opir_scoring.hypothesis_scores import AGES, hypothesis_scores, true_hypotheses
-from opir_scoring.proper_scores import LEAST_PROBABILITY, open_set_rate, reliability, share_above
+from opir_scoring.proper_scores import LEAST_PROBABILITY, share_above
 from opir_scoring.recognition import recognition
-from opir_testing.doubles import stub_estimates
+from opir_testing import stub_estimates
 
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan
 from opir_core.reading import scene_from_mapping
 
 LAUNCH = {"lat_deg": 28.5, "lon_deg": -140.6}
@@ -57,9 +65,9 @@ def names():
 
 def stated(name, probability):
     """Return probabilities with that of one hypothesis; the rest is spread evenly."""
-    rest = np.full(len(names()), (1.0 - probability) / (len(names()) - 1))
-    rest[names().index(name)] = probability
-    return rest
+    remainder = np.full(len(names()), (1.0 - probability) / (len(names()) - 1))
+    remainder[names().index(name)] = probability
+    return remainder
 
 
 def evidence_of(rows):
@@ -117,9 +125,9 @@ def test_a_tracker_that_weighs_nothing_has_no_scores():
     evidence = evidence_of([(20.0, 0, stated("IRBM", 0.9))])
     silent = evolve(evidence, tracks=stub_estimates(1, tick_s=20.0))
     assert not len(hypothesis_scores(silent, ownership(silent)))
-    found = scorecard([silent]).figures["recognition"]
-    assert np.isnan(found["false_launches_an_hour"]["value"])
-    assert np.isnan(found["launches_recognised"]["value"])
+    result = scorecard([silent]).figures["recognition"]
+    assert np.isnan(result["false_launches_an_hour"]["value"])
+    assert np.isnan(result["launches_recognised"]["value"])
     assert "by age of the track" not in scorecard_text({"silent": scorecard([silent])})
 
 
@@ -135,11 +143,11 @@ def test_launches_are_recognised_and_false_ones_counted():
         (21.0, 3, stated("bolide", 0.99)),
     ]
     evidence = evidence_of(rows)
-    found = recognition(evidence, ownership(evidence), 0.5)
-    assert found.false_launches == 1
-    assert found.hours == 0.5
-    assert found.recognised_after_s.tolist() == [11.0, np.inf]
-    assert found.sure_after_s.tolist() == [15.0, np.inf]
+    result = recognition(evidence, ownership(evidence), 0.5)
+    assert result.false_launches == 1
+    assert result.hours == 0.5
+    assert result.recognised_after_s.tolist() == [11.0, np.inf]
+    assert result.sure_after_s.tolist() == [15.0, np.inf]
     assert recognition(evidence, ownership(evidence), 0.95).false_launches == 0
     figures = scorecard([evidence]).figures["recognition"]
     assert figures["false_launches_an_hour"]["value"] == 2.0
@@ -175,7 +183,7 @@ def test_classes_that_are_left_out_are_unknown():
     assert confusion["bolide"] == {"bolide": 1}
 
 
-def test_probabilities_that_are_right_as_often_as_stated_are_reliable():
+def test_calibrated_probabilities_are_reliable():
     rng = np.random.default_rng(3)
     probability = rng.uniform(size=20_000)
     rows = reliability(probability, rng.uniform(size=20_000) < probability)

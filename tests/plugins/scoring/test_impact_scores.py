@@ -7,16 +7,21 @@ import numpy as np
 import pytest
 from attrs import evolve
 from geographiclib.geodesic import Geodesic
-from opir_scoring import RunEvidence, impact_scores, ownership, scorecard, scorecard_text
+from opir_scoring import (
+    PHASES,
+    RunEvidence,
+    impact_scores,
+    ownership,
+    region_energy_m,
+    scorecard,
+    scorecard_text,
+)
 from opir_scoring.containments import FARTHEST_M, energy, rms
-from opir_scoring.impacts import PHASES
-from opir_scoring.region_points import region_energy_m
-from opir_testing.doubles import stub_estimates
+from opir_testing import stub_estimates
 from scipy.stats import chi2
 
-from opir_core import ImpactRegion
-from opir_core.interfaces.records import TRACK_CONTAINMENTS
-from opir_core.planning.plan import compile_plan
+from opir_core import ImpactRegion, compile_plan
+from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.reading import scene_from_mapping
 
 LANDS = {
@@ -108,7 +113,7 @@ def regions_at(tick_s, offset_m=20e3, radii_m=(10e3, 30e3, 40e3)):
     return tuple(disc(centre, *row) for row in zip(radii_m, TRACK_CONTAINMENTS, areas, strict=True))
 
 
-def test_each_region_contains_the_true_impact_or_not_at_each_tick():
+def test_regions_are_tested_at_each_tick():
     ticks = np.array([20.0, 21.0, 22.0, 20.0, 21.0])
     reported = [regions_at(20.0), regions_at(21.0, 35e3), (), regions_at(20.0), ()]
     evidence = evidence_of(ticks, [0, 0, 0, 1, 1], impact_regions=reported)
@@ -176,7 +181,7 @@ def instants_s():
 
 
 @pytest.mark.slow
-def test_a_phase_takes_the_last_estimate_before_it_and_none_that_is_old():
+def test_phases_take_the_last_recent_estimate():
     ticks = np.arange(15.0, burn_s()[1] + 40.0, 2.0)
     half = instants_s()[1]
     # A track that pauses for 20 s before half of the burn.
@@ -266,22 +271,22 @@ def test_the_energy_of_regions_is_that_of_the_area_they_state():
     # Uniform over a disc about the truth: 2/3 R from its centre, 128 R / 45 pi between two points
     # of it.
     radius_m = 50e3
-    whole = disc(beyond(0.0), radius_m, 0.95, 0.0)
+    total = disc(beyond(0.0), radius_m, 0.95, 0.0)
     parts = tuple(disc(beyond(0.0), radius_m * np.sqrt(share), share, 0.0) for share in (0.5, 0.9))
     expected = radius_m * (2.0 / 3.0 - 64.0 / (45.0 * np.pi))
     place = np.array([*beyond(0.0), 0.0])
-    assert region_energy_m((whole,), place) == pytest.approx(expected, rel=0.02)
-    assert region_energy_m((*parts, whole), place) == pytest.approx(expected, rel=0.02)
+    assert region_energy_m((total,), place) == pytest.approx(expected, rel=0.02)
+    assert region_energy_m((*parts, total), place) == pytest.approx(expected, rel=0.02)
     # Two conditions: half of the weight lies around a place that is far away.
     far_m = 2000e3
     away = disc(beyond(far_m), radius_m, 0.95, 0.0)
-    both = (*with_condition((whole,), "burn over", 0.4), *with_condition((away,), "relights", 0.4))
+    both = (*with_condition((total,), "burn over", 0.4), *with_condition((away,), "relights", 0.4))
     within = 128.0 * radius_m / (45.0 * np.pi)
     mixed = 0.5 * (2.0 / 3.0 * radius_m + far_m) - 0.5 * (0.5 * within + 0.5 * far_m)
     assert region_energy_m(both, place) == pytest.approx(mixed, rel=0.01)
 
 
-def test_the_energy_of_an_area_across_the_pole_and_with_a_hole_is_that_of_a_ring():
+def test_energy_of_an_area_with_a_hole_across_the_pole():
     ring_of = lambda radius_m: disc(np.radians([89.9, 10.0]), radius_m, 0.95, 0.0).polygons[0][0]  # noqa: E731
     ring = ImpactRegion(0.95, 0.0, ((ring_of(80e3), ring_of(60e3)),))
     place = np.append(np.radians([89.9, 10.0]), 0.0)
@@ -331,12 +336,12 @@ def test_a_target_of_unknown_impact_is_not_scored(tmp_path):
     assert impact_scores(evidence, ownership(evidence)).target.tolist() == [1]
 
 
-def test_no_interval_of_an_impact_error_is_longer_than_half_the_equator() -> None:
+def test_impact_intervals_end_at_half_the_equator() -> None:
     two = np.array([5e3, 4.6e6])
     low, high = rms(two)["interval_95"]
     assert (low < 1e3, high > 1e9) == (True, True)
-    assert rms(two, most=FARTHEST_M)["interval_95"] == [low, pytest.approx(20_037_508.3)]
+    assert rms(two, limit=FARTHEST_M)["interval_95"] == [low, pytest.approx(20_037_508.3)]
     assert energy(two)["interval_95"][1] > 1e9
-    assert energy(two, most=FARTHEST_M)["interval_95"][1] == pytest.approx(20_037_508.3)
+    assert energy(two, limit=FARTHEST_M)["interval_95"][1] == pytest.approx(20_037_508.3)
     few = np.array([1e3, 1.1e3, 0.9e3])
-    assert rms(few, most=FARTHEST_M) == rms(few)
+    assert rms(few, limit=FARTHEST_M) == rms(few)

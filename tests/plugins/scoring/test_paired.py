@@ -9,17 +9,16 @@ from opir_scoring import (
     evidence_of_run,
     paired_figures,
     scorecard_of,
+    scorecard_text,
     scored_run,
+    true_states_ecef,
 )
-from opir_scoring.evidence import true_states_ecef
-from opir_scoring.scorecard_tables import scorecard_text
 from scipy.stats import ttest_rel
 from scored_scene import SCENE
 
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan, run_of_plan
 from opir_core.plugin import Tracks
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 
 SETTINGS = ScoreSettings()
 LATE_S = 50.0
@@ -62,11 +61,11 @@ def test_a_late_start_wins_nothing(seen):
     early = [(2000.0, 300.0), (2100.0, 310.0), (1900.0, 305.0)]
     late = [(np.nan, 400.0), (np.nan, 415.0), (np.nan, 395.0)]
     runs = {"early": estimating(seen, early), "late": estimating(seen, late, LATE_S)}
-    found = paired_figures(runs, SETTINGS)
-    assert found["ticks"]["late"] == found["common_ticks"] < found["ticks"]["early"]
-    table = found["states"]["position_energy_m"]
-    assert found["best"] == "early"
-    assert found["certain"] == ["late"]
+    result = paired_figures(runs, SETTINGS)
+    assert result["ticks"]["late"] == result["common_ticks"] < result["ticks"]["early"]
+    table = result["states"]["position_energy_m"]
+    assert result["best"] == "early"
+    assert result["certain"] == ["late"]
     assert table["errors"] == pytest.approx(
         {"early": 305.0, "late": np.mean([400.0, 415.0, 395.0])}
     )
@@ -76,7 +75,7 @@ def test_a_late_start_wins_nothing(seen):
         [expected.low, expected.high]
     )
     cards = {name: scorecard_of(own, SETTINGS) for name, own in runs.items()}
-    assert "Best on the" in comparison_text(found, cards)
+    assert "Best on the" in comparison_text(result, cards)
     # Each by itself says the opposite, so coverage is beside.
     early_m, late_m = (
         np.concatenate([run.states.position_energy_m for run in own]).mean()
@@ -105,11 +104,11 @@ def test_what_differs_from_run_to_run_is_not_certain(seen):
         "one": estimating(seen, [(100.0, 100.0), (300.0, 300.0), (200.0, 200.0)]),
         "other": estimating(seen, [(210.0, 210.0), (190.0, 190.0), (230.0, 230.0)]),
     }
-    found = paired_figures(runs, SETTINGS)
-    assert found["best"] == "one"
-    assert found["certain"] == []
+    result = paired_figures(runs, SETTINGS)
+    assert result["best"] == "one"
+    assert result["certain"] == []
     cards = {name: scorecard_of(own, SETTINGS) for name, own in runs.items()}
-    assert "No tracker is certain to be the best" in comparison_text(found, cards)
+    assert "No tracker is certain to be the best" in comparison_text(result, cards)
 
 
 def test_a_time_at_which_another_is_better_is_named(seen):
@@ -129,11 +128,11 @@ def test_a_tracker_without_estimates_spoils_no_comparison(seen):
         "other": estimating(seen, [(200.0, 200.0)]),
         "silent": estimating(seen, [(np.nan, np.nan)]),
     }
-    found = paired_figures(runs, SETTINGS)
-    assert found["without_estimates"] == ["silent"]
-    assert found["common_ticks"] == found["ticks"]["one"] > 0
+    result = paired_figures(runs, SETTINGS)
+    assert result["without_estimates"] == ["silent"]
+    assert result["common_ticks"] == result["ticks"]["one"] > 0
     cards = {name: scorecard_of(own, SETTINGS) for name, own in runs.items()}
-    assert "silent never estimates a state" in comparison_text(found, cards)
+    assert "silent never estimates a state" in comparison_text(result, cards)
 
 
 def test_figures_of_some_launches_have_their_share_beside_them(seen):

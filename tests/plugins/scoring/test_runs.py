@@ -7,18 +7,23 @@ import pickle
 
 import numpy as np
 import pytest
-from opir_scoring import evidence_of_run, scorecard, scorecard_text
-from opir_scoring.evidence import RunEvidence, evidence_of_files, ownership
-from opir_scoring.scorecards import ScoreSettings
-from opir_testing.doubles import stub_estimates
+from opir_scoring import (
+    RunEvidence,
+    ScoreSettings,
+    evidence_of_files,
+    evidence_of_run,
+    ownership,
+    scorecard,
+    scorecard_text,
+)
+from opir_testing import stub_estimates
 from scored_scene import SCENE
 
+from opir_core import compile_plan, run_of_plan
 from opir_core.cli.main import main
 from opir_core.errors import Problem, SceneError
-from opir_core.output.tracks_file import TracksFile, read_tracks
-from opir_core.planning.plan import compile_plan
+from opir_core.output import TracksFile, read_tracks
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 
 
 def synthetic(track, target):
@@ -60,15 +65,15 @@ def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys
     there = scorecard([evidence_of_files(tmp_path / "events.jsonl")]).as_plain()
     for name in ("launches_tracked", "purity", "completeness", "gospa", "seeds"):
         assert there[name] == here[name]
-    ours = here["stereo"]["by_time"]
-    theirs = there["stereo"]["by_time"]
-    assert [part["position_m"] for part in ours] == [part["position_m"] for part in theirs]
+    computed = here["stereo"]["by_time"]
+    reference = there["stereo"]["by_time"]
+    assert [part["position_m"] for part in computed] == [part["position_m"] for part in reference]
     # Events tell sensors' errors to a few digits.
     for name in ("position_over_bound", "velocity_over_free_bound"):
-        assert ours[-1][name]["value"] == pytest.approx(theirs[-1][name]["value"], rel=1e-3)
+        assert computed[-1][name]["value"] == pytest.approx(reference[-1][name]["value"], rel=1e-3)
     # Events tell angles to 1e-9 degrees.
-    assert ours[1]["nis"]["samples"] > 10
-    assert ours[1]["nis"]["mean"] == pytest.approx(theirs[1]["nis"]["mean"], rel=1e-3)
+    assert computed[1]["nis"]["samples"] > 10
+    assert computed[1]["nis"]["mean"] == pytest.approx(reference[1]["nis"]["mean"], rel=1e-3)
     capsys.readouterr()
     assert main(["score", str(tmp_path / "events.jsonl")]) == 0
     reported = capsys.readouterr().out
@@ -100,15 +105,19 @@ def test_tracks_of_burnt_out_launches_are_not_false():
     run = run_of_plan(plan)
     assert plan.targets.burnout_s[1] < 75.0
     assert np.count_nonzero(run.tracks.tick_s > 75.0) > 5
-    found = scorecard([evidence_of_run(run, plan)], ScoreSettings(cutoff_m=5e4)).figures["gospa"]
-    assert found["false_a_target"]["value"] == 0.0
-    assert found["localisation_a_target"]["value"] > 0.0
+    result = scorecard([evidence_of_run(run, plan)], ScoreSettings(cutoff_m=5e4)).figures["gospa"]
+    assert result["false_a_target"]["value"] == 0.0
+    assert result["localisation_a_target"]["value"] > 0.0
 
 
 def test_an_error_crosses_processes_whole():
     error = SceneError([Problem("targets[0]", "wrong"), Problem("", "more")], source="here.yaml")
-    again = pickle.loads(pickle.dumps(error))
-    assert (str(again), again.problems, again.source) == (str(error), error.problems, error.source)
+    repeated = pickle.loads(pickle.dumps(error))
+    assert (str(repeated), repeated.problems, repeated.source) == (
+        str(error),
+        error.problems,
+        error.source,
+    )
 
 
 @pytest.mark.parametrize(
@@ -146,7 +155,7 @@ def test_what_cannot_be_judged_is_reported(tmp_path, capsys, monkeypatch, words,
     assert message in capsys.readouterr().err
 
 
-def test_radii_of_ellipses_are_kept_in_the_tracks_file_and_may_be_missing(tmp_path):
+def test_radii_of_ellipses_in_the_tracks_file(tmp_path):
     reported = stub_estimates(
         2,
         impact=0.5,

@@ -3,25 +3,22 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import evidence_of_run
-from opir_scoring.containments import (
+from opir_scoring import (
     consistency,
     containment,
-    innovations,
+    evidence_of_run,
+    ground_error,
     nees,
-    on_normal_scale,
-    proportion,
-    root_mean_square,
+    ownership,
+    true_states_ecef,
 )
-from opir_scoring.errors import ground_error
-from opir_scoring.evidence import ownership, true_states_ecef
+from opir_scoring.containments import innovations, on_normal_scale, proportion, root_mean_square
 from scipy.stats import chi2
 from scored_scene import SCENE
 
 import opir_core as opir
-from opir_core.planning.plan import compile_plan
+from opir_core import compile_plan, run_of_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import run_of_plan
 
 RNG = np.random.default_rng(11)
 
@@ -38,7 +35,7 @@ def test_nees_is_the_squared_length_of_whitened_errors():
     assert nees(error, covariance) == pytest.approx(np.sum(white**2, axis=1), rel=1e-6)
 
 
-def test_nees_of_the_unknown_is_nan_and_of_a_false_covariance_inf():
+def test_nees_of_unknown_and_invalid_covariances():
     covariance = np.stack(
         [np.eye(2), np.full((2, 2), np.nan), -np.eye(2), np.ones((2, 2)) * 2.0 - np.eye(2)]
     )
@@ -50,9 +47,9 @@ def test_nees_of_the_unknown_is_nan_and_of_a_false_covariance_inf():
 
 def test_honest_samples_pass_and_others_do_not():
     honest = chi2(6).rvs(2000, random_state=3)
-    found = consistency(honest, 6)
-    assert found.is_inside
-    assert found.p_value > 0.001
+    result = consistency(honest, 6)
+    assert result.is_inside
+    assert result.p_value > 0.001
     assert not consistency(1.3 * honest, 6).is_inside
     # Half far too large, half far too small: the mean is right, the distribution is not.
     mixed = np.where(np.arange(2000) % 2 == 0, 0.2, 1.8) * honest
@@ -84,7 +81,7 @@ def test_radii_that_are_reported_are_judged_as_they_are_reported():
         assert np.count_nonzero(scaled <= chi2.ppf(nominal, 2)) == inside + (inside - 1)
 
 
-def test_the_scale_of_radii_rises_and_leaves_alone_what_tells_none():
+def test_scales_of_radii_rise_where_radii_are_reported():
     values = np.append(np.linspace(0.0, 30.0, 301), [np.inf, np.nan])
     scaled = on_normal_scale(values, np.tile([0.8, 1.9, 2.6], (303, 1)))
     assert np.all(np.diff(scaled[:302]) > 0.0)
@@ -134,9 +131,9 @@ def judged_innovations(scale):
 
 @pytest.mark.slow
 def test_innovations_of_an_honest_tracker_are_chi_squared():
-    found = judged_innovations(1.0)
-    assert len(found) > 80
-    honest = consistency(found.nis, 2, 0.999)
+    result = judged_innovations(1.0)
+    assert len(result) > 80
+    honest = consistency(result.nis, 2, 0.999)
     assert honest.is_inside
     assert honest.p_value > 0.001
     assert not consistency(judged_innovations(3.0).nis, 2, 0.999).is_inside
@@ -187,7 +184,7 @@ def test_errors_on_the_ground_are_as_long_as_the_way_over_it():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("clusters", [2, 3, 5, 20])
-def test_intervals_of_few_tracks_hold_the_truth_as_often_as_they_say(clusters):
+def test_intervals_of_few_tracks_are_calibrated(clusters):
     rng = np.random.default_rng(4)
     held = 0
     trials = 1000

@@ -66,72 +66,72 @@ def figures(folder: Path, path: Path) -> dict:
 
 
 def test_the_generator_writes_the_committed_bytes() -> None:
-    kept = json.loads(
+    selected = json.loads(
         (ROOT / "benchmarks" / "tracking_set" / "digests.json").read_text(encoding="utf-8")
     )
-    assert len(kept["scenes"]) == len(CASES) * 2
+    assert len(selected["scenes"]) == len(CASES) * 2
     scene = scene_of("slow-scanners", 2)
-    assert scene_digest(observed_rows(scene, *observed(scene))) == kept["scenes"][scene.name]
+    assert scene_digest(observed_rows(scene, *observed(scene))) == selected["scenes"][scene.name]
 
 
 def test_a_perfect_tracker_scores_perfectly(folder: Path) -> None:
-    found = figures(folder, tracks(folder, "perfect.csv", lambda row: np.zeros(6)))
-    assert found["covered"] == 1.0
-    assert (found["false_tracks"], found["missed_launches"]) == (0, 0)
+    result = figures(folder, tracks(folder, "perfect.csv", lambda row: np.zeros(6)))
+    assert result["covered"] == 1.0
+    assert (result["false_tracks"], result["missed_launches"]) == (0, 0)
     # Files have centimetres.
-    assert found["gospa_m"] < 0.05
-    assert found["position_median_m"] < 0.05
-    assert found["held_95"]["value"] == 1.0
+    assert result["gospa_m"] < 0.05
+    assert result["position_median_m"] < 0.05
+    assert result["held_95"]["value"] == 1.0
 
 
 def test_a_shifted_tracker_scores_worse_by_its_shift(folder: Path) -> None:
     shift = np.array([300.0, 400.0, 0.0, 0.0, 0.0, 0.0])
     right = figures(folder, tracks(folder, "right.csv", lambda row: np.zeros(6)))
-    found = figures(folder, tracks(folder, "shifted.csv", lambda row: shift))
-    assert found["gospa_m"] == pytest.approx(500.0, rel=1e-4)
-    assert found["position_median_m"] == pytest.approx(500.0, abs=0.1)
-    assert found["nees_over_6_median"] == pytest.approx(
+    result = figures(folder, tracks(folder, "shifted.csv", lambda row: shift))
+    assert result["gospa_m"] == pytest.approx(500.0, rel=1e-4)
+    assert result["position_median_m"] == pytest.approx(500.0, abs=0.1)
+    assert result["nees_over_6_median"] == pytest.approx(
         np.sum(np.square(shift / SIGMA)) / 6.0, rel=1e-3
     )
-    assert found["position_energy_m"] > right["position_energy_m"]
-    assert found["log_score_above_bound"] > right["log_score_above_bound"]
-    assert found["error_over_bound"] > right["error_over_bound"] + 0.3
+    assert result["position_energy_m"] > right["position_energy_m"]
+    assert result["log_score_above_bound"] > right["log_score_above_bound"]
+    assert result["error_over_bound"] > right["error_over_bound"] + 0.3
 
 
 def test_errors_as_stated_are_consistent(folder: Path) -> None:
     errors = np.random.default_rng(1).normal(size=(len(truth_of(folder)), 6)) * SIGMA
-    found = figures(folder, tracks(folder, "stated.csv", lambda row: errors[row]))
-    assert found["nees_over_6_median"] == pytest.approx(0.89, abs=0.15)
-    assert found["held_95"]["interval_95"][0] < 0.95 <= found["held_95"]["interval_95"][1]
+    result = figures(folder, tracks(folder, "stated.csv", lambda row: errors[row]))
+    assert result["nees_over_6_median"] == pytest.approx(0.89, abs=0.15)
+    assert result["held_95"]["interval_95"][0] < 0.95 <= result["held_95"]["interval_95"][1]
     # A covariance that is too small or too large costs both proper scores.
     for factor in (0.3, 3.0):
         other = figures(
             folder, tracks(folder, "other.csv", lambda row: errors[row], factor * SIGMA)
         )
-        assert other["position_energy_m"] > found["position_energy_m"]
-        assert other["log_score_above_bound"] > found["log_score_above_bound"]
+        assert other["position_energy_m"] > result["position_energy_m"]
+        assert other["log_score_above_bound"] > result["log_score_above_bound"]
 
 
 def test_what_is_missed_doubled_or_false_is_counted(folder: Path) -> None:
-    found = figures(folder, tracks(folder, "missed.csv", lambda row: np.zeros(6), L2=""))
-    assert (found["false_tracks"], found["missed_launches"]) == (0, 1)
+    result = figures(folder, tracks(folder, "missed.csv", lambda row: np.zeros(6), L2=""))
+    assert (result["false_tracks"], result["missed_launches"]) == (0, 1)
     scored = [row for row in truth_of(folder) if row["is_scored"] == "1"]
-    assert found["covered"] == pytest.approx(np.mean([row["launch"] != "L2" for row in scored]))
+    assert result["covered"] == pytest.approx(np.mean([row["launch"] != "L2" for row in scored]))
     # A launch missed among n costs c / √2, over √n.
     ticks = {
         row["time_s"]: {each["launch"] for each in scored if each["time_s"] == row["time_s"]}
         for row in scored
     }
     costs = [("L2" in names) / np.sqrt(2.0 * len(names)) for names in ticks.values()]
-    assert found["gospa_m"] == pytest.approx(found["cutoff_m"][0] * np.mean(costs), abs=0.1)
+    assert result["gospa_m"] == pytest.approx(result["cutoff_m"][0] * np.mean(costs), abs=0.1)
     path = tracks(folder, "double.csv", lambda row: np.zeros(6))
     lines = path.read_text(encoding="utf-8").splitlines()
-    again = [line.replace(",L1,", ",again,") for line in lines if ",L1," in line]
+    repeated = [line.replace(",L1,", ",again,") for line in lines if ",L1," in line]
     away = [
-        line.replace(",L1,", ",away,").replace(line.split(",")[3], "6999999.0") for line in again
+        line.replace(",L1,", ",away,").replace(line.split(",")[3], "6999999.0") for line in repeated
     ]
     path.write_text(
-        "\n".join([*lines, *again, *(line.replace("again", "away") for line in away)]),
+        "\n".join([*lines, *repeated, *(line.replace("again", "away") for line in away)]),
         encoding="utf-8",
     )
     assert figures(folder, path)["false_tracks"] == 2
@@ -203,9 +203,7 @@ def test_positions_of_sensors_are_those_of_their_orbits() -> None:
         np.testing.assert_allclose(sensor.position_m(time_s), there, atol=0.1)
 
 
-def test_the_bound_of_two_sensors_is_some_hundred_metres_and_less_than_with_unknown_thrust() -> (
-    None
-):
+def test_known_thrust_lowers_the_bound() -> None:
     scene = scene_of("one-launch", 1)
     truth, sights = observed(scene)
     bounds = bounds_of(scene, truth, sights, 0)
@@ -219,7 +217,7 @@ def test_the_bound_of_two_sensors_is_some_hundred_metres_and_less_than_with_unkn
     )
 
 
-def test_energies_of_flights_grow_by_the_work_of_thrust_and_drag_alone() -> None:
+def test_flight_energy_is_work_of_thrust_and_drag() -> None:
     """After the last burnout, above the air, energy in the inertial frame is constant: two-body
     motion.
     """

@@ -88,7 +88,7 @@ def chain(
         range_m,
         elevation,
         irradiance,
-        detection.log_probability_of_detection(snr, threshold),
+        chance,
         detection.cumulative_probability(chance, _LOOKS),
     )
 
@@ -122,10 +122,8 @@ def exact_chain(
         delay = norm(less(sensor, target)) / mp.mpf(SPEED_OF_LIGHT_M_S)
     _, elevation, distance = azimuth_elevation_range(target, sensor)
     irradiance = area * band(kelvin, mp.mpf(2.5), mp.mpf(3)) / distance**2
-    over = threshold - irradiance / nei
-    chance = tail(over)
-    logarithm = mp.log(chance) if over > 0 else mp.log1p(-tail(-over))
-    return target, distance, elevation, irradiance, logarithm, cumulative(chance, _LOOKS)
+    chance = tail(threshold - irradiance / nei)
+    return target, distance, elevation, irradiance, chance, cumulative(chance, _LOOKS)
 
 
 def scenes(rng, n):

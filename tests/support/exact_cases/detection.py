@@ -277,15 +277,6 @@ CASES = (
         scale=(LEAST,),
     ),
     Case(
-        "detection.log_probability_of_detection",
-        lambda r, n: (
-            draws.log_uniform(r, n, 1e-3, 60.0),
-            draws.uniform(r, n, -5.0, 400.0, (1e5,)),
-        ),
-        detection.log_probability_of_detection,
-        lambda s, t: mp.log(tail(t - s)) if t > s else mp.log1p(-tail(s - t)),
-    ),
-    Case(
         "detection.false_alarm_probability",
         lambda r, n: (draws.uniform(r, n, -8.0, 38.0, (0.0,)),),
         detection.false_alarm_probability,
@@ -297,13 +288,6 @@ CASES = (
         lambda r, n: (draws.probabilities(r, n),),
         detection.threshold_sigma,
         lambda p: None if quantile(p) is None else -quantile(p),
-        share=0.5,
-    ),
-    Case(
-        "detection.required_snr",
-        lambda r, n: (draws.probabilities(r, n), r.uniform(0.0, 20.0, n)),
-        detection.required_snr,
-        lambda p, t: None if quantile(p) is None else t + quantile(p),
         share=0.5,
     ),
     Case(
@@ -320,13 +304,6 @@ CASES = (
         student_threshold,
         fixed=(1,),
         share=0.1,
-    ),
-    Case(
-        "detection.cfar_false_alarm_probability",
-        lambda r, n: (draws.log_uniform(r, n, 1e-3, 30.0), r.integers(3, 200, n).astype(float)),
-        detection.cfar_false_alarm_probability,
-        lambda t, c: student_tail(t, c - 1),
-        fixed=(1,),
     ),
     Case(
         "detection.cfar_probability_of_detection",

@@ -327,12 +327,6 @@ CASES = (
         radiometry.planck_radiance,
         planck,
     ),
-    Case(
-        "radiometry.planck_photon_radiance",
-        lambda r, n: bands(r, n)[:2],
-        radiometry.planck_photon_radiance,
-        lambda t, w: planck(t, w, 4),
-    ),
     Case("radiometry.band_radiance", bands, radiometry.band_radiance, band, share=0.3),
     Case(
         "radiometry.band_photon_radiance",
@@ -359,13 +353,6 @@ CASES = (
         ),
         radiometry.grey_body_intensity,
         lambda t, area, e, low, high: area * e * band(t, low, high),
-        share=0.2,
-    ),
-    Case(
-        "radiometry.band_ratio",
-        lambda r, n: (draws.log_uniform(r, n, 60.0, 2e4),),
-        lambda t: radiometry.band_ratio(t, SHORT, MID),
-        ratio,
         share=0.2,
     ),
     Case(
@@ -406,8 +393,6 @@ CASES = (
     _products("irradiance_of_projected_area", 1, 1, -2),
     _products("irradiance_of_sphere", 1, 1, -2, factor=lambda: mp.mpf(1) / 4),
     _products("minimum_detectable_intensity", 1, 2, -1, 1),
-    _products("instantaneous_field_of_view_rad", 1, -1),
-    _products("sampling_ratio", 1, -1, -1, factor=lambda: mp.mpf(10) ** -6),
     _products("electrons_per_w_m2", 1, 2, 1, 1, 1, factor=lambda: mp.pi / 4 / (H * C * 10**6)),
     _products("noise_equivalent_irradiance", 1, -1, -1, mp.mpf(1) / 2),
     _products("airy_sigma_rad", 1, -1, factor=lambda: mp.sqrt(2) / mp.pi * mp.mpf(10) ** -6),
@@ -422,12 +407,6 @@ CASES = (
         _positive(4, special=(0.0,)),
         radiometry.noise_electrons,
         lambda b, d, r, s: mp.sqrt(b + d + s + r * r),
-    ),
-    Case(
-        "radiometry.saturation_irradiance",
-        _positive(4),
-        radiometry.saturation_irradiance,
-        lambda w, e, o, s: max(w - o, mp.mpf(0)) / (e * s),
     ),
     Case(
         "radiometry.photon_centroid_variance",

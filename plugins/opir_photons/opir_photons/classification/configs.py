@@ -64,8 +64,7 @@ class SpectralConfig:
         maximum=1e9,
         unit="1/day",
         help="launches to be expected in a sensor's field of regard; with the rate of false alarms"
-        " and the hot sources"
-        " it gives the prior probability of a launch",
+        " and the hot sources it gives the prior probability of a launch",
     )
     sources_in_view: Mapping[str, float] = nested(
         default=Factory(lambda: {"fire": 1.0, "flare": 1.0, "glint": 0.1}),
@@ -107,8 +106,7 @@ class SpectralConfig:
         unit="1",
         source="no default: the probabilities decide",
         help="probability with which a detection of a hot source is taken for a missile, at most,"
-        " for any kind: it sets"
-        " the least odds of each sensor",
+        " for any kind: it sets the least odds of each sensor",
         instead_of="least_log_odds",
     )
     brightness_log_sigma: float | None = number(
@@ -118,8 +116,7 @@ class SpectralConfig:
         unit="1",
         source="no default: gas_spread of opir_photons/data/propellants.json, 0.7",
         help="standard deviation of the logarithm of plumes' brightness, in all bands at once,"
-        " within a class; that of"
-        " their particles, and the propellants, are the table's",
+        " within a class; that of their particles, and the propellants, are the table's",
     )
     colour_log_sigma: float | None = number(
         default=None,

@@ -1,63 +1,69 @@
 """The odds of a missile above which at most a given share of the detections of hot sources lie."""
 
 import numpy as np
+from attrs import evolve
 from scipy.special import ndtri
 
-from opir_core.arrays import FloatArray, IntArray
-from opir_core.plugin import ClassifierInputs, Sensor
+from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.plugin import ClassifierInputs, Exposures
 from opir_photons.classification.hot_sources import KINDS
 from opir_photons.classification.synthetic_looks import SyntheticLooks, low_discrepancy_points
-from opir_photons.classification.type_densities import TypeDensities, looks_response
-from opir_photons.detection.snr import SnrDetection
+from opir_photons.classification.type_densities import Observer, TypeDensities
 
-#: Measurements of each synthetic source; numbers of detections, in geometric steps, at which each
-#: is classified.
-_DRAWS = 2
+#: Numbers of detections, in geometric steps, at which each synthetic source is classified.
 _COUNTS = 6
 
 
 def source_detections(
-    detection: SnrDetection,
-    number: int,
-    sensor: Sensor,
-    bank: TypeDensities,
-    shining: SyntheticLooks,
+    observer: Observer, bank: TypeDensities, shining: SyntheticLooks
 ) -> tuple[ClassifierInputs, IntArray]:
-    """Return detections of synthetic hot sources as a classifier sees them, and their kinds (n,).
+    """Return detections of synthetic hot sources as a classifier gets them, and their kinds (n,).
 
     Each is repeated, block by block, for `_COUNTS` numbers of detections so far, up to those of the
     longest launch.
     """
-    response, seen = looks_response(detection, number, sensor, shining)
-    receiver = detection.receivers[number]
+    response, is_visible = observer.response(shining)
+    receiver = observer.receiver
     width = bank.width
-    row = np.tile(np.arange(len(seen)), _DRAWS)
+    # Two measurements of each source.
+    row = np.tile(np.arange(len(is_visible)), 2)
     noise = response.noise_w_m2[row, :width]
     exposures = shining.exposures.take(row)
     snr = response.snr[row, :width]
     measured = snr + ndtri(low_discrepancy_points(len(row), width))
     slopes = receiver.slopes(snr, noise, exposures.elevation_sine)
-    found = np.flatnonzero(seen[row] & receiver.rule.passes(measured, slopes))
-    counts = np.geomspace(bank.rates.needed, max(bank.most_looks, bank.rates.needed), _COUNTS)
-    count = np.repeat(np.ceil(counts), len(found))
-    found = np.tile(found, _COUNTS)
-    none = np.zeros(len(found), dtype=np.int64)
-    exposures = exposures.take(found)
-    inputs = ClassifierInputs(
+    detected = np.flatnonzero(is_visible[row] & receiver.rule.passes(measured, slopes))
+    needed = bank.rates.needed
+    counts = np.ceil(np.geomspace(needed, max(bank.longest_launch, needed), _COUNTS))
+    rows = np.tile(detected, _COUNTS)
+    strength = receiver.rule.strength(measured[rows], slopes[rows])
+    measured_w_m2 = measured[rows] * noise[rows]
+    count = np.repeat(counts, len(detected)).astype(np.int32)
+    inputs = _inputs(observer, exposures.take(rows), count, strength)
+    inputs = evolve(inputs, band_irradiance_w_m2=measured_w_m2, band_noise_w_m2=noise[rows])
+    return inputs, shining.number[row[rows]]
+
+
+def _inputs(
+    observer: Observer, exposures: Exposures, count: IndexArray, snr: FloatArray
+) -> ClassifierInputs:
+    """Return the inputs of detections with these counts so far, without irradiances."""
+    zeros = np.zeros(len(exposures), dtype=np.int64)
+    nothing = np.empty((len(exposures), 0))
+    return ClassifierInputs(
         time_s=exposures.time_s,
-        sensor=np.full(len(found), number, dtype=np.int32),
-        target=none.astype(np.int32),
+        sensor=np.full(len(exposures), observer.number, dtype=np.int32),
+        target=zeros.astype(np.int32),
         range_m=exposures.range_m,
         elevation_sine=exposures.elevation_sine,
-        bands=none.astype(np.uint8),
-        band_count=none,
-        band_total=none + width,
-        detection_count=count.astype(np.int32),
-        snr=receiver.rule.strength(measured[found], slopes[found]),
-        band_irradiance_w_m2=measured[found] * noise[found],
-        band_noise_w_m2=noise[found],
+        bands=zeros.astype(np.uint8),
+        band_count=zeros,
+        band_total=zeros + observer.width,
+        detection_count=count,
+        snr=snr,
+        band_irradiance_w_m2=nothing,
+        band_noise_w_m2=nothing,
     )
-    return inputs, shining.number[row[found]]
 
 
 def least_log_odds(log_odds: FloatArray, kind: IntArray, probability: float) -> float:

@@ -12,14 +12,6 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 
-#: Least variance, in squared units of the signals: no singular density without signal and noise.
-_LEAST_VARIANCE = 1e-12
-
-#: Numbers that are worked on at once.
-_CACHED = 1 << 18
-
-_LOG_TWO_PI = float(np.log(2.0 * np.pi))
-
 
 @frozen(eq=False)
 class Components:
@@ -48,19 +40,20 @@ class Mixture:
     def of(cls, places: Sequence[Sequence[Components]]) -> "Mixture":
         """Return the mixture of the classes' components in each bin."""
         widths = [
-            max(1, *(len(part.log_weight) for part in parts)) for parts in zip(*places, strict=True)
+            max(1, *(len(components.log_weight) for components in of_class))
+            for of_class in zip(*places, strict=True)
         ]
         edges = np.cumsum([0, *widths])
         size = places[0][0].mean.shape[1]
         log_weight = np.full((len(places), edges[-1]), -np.inf)
         mean = np.zeros((size, len(places), edges[-1]))
         covariance = np.zeros((size, size, len(places), edges[-1])) + np.eye(size)[:, :, None, None]
-        for place, parts in enumerate(places):
-            for start, part in zip(edges[:-1].tolist(), parts, strict=True):
-                own = slice(start, start + len(part.log_weight))
-                log_weight[place, own] = part.log_weight
-                mean[:, place, own] = part.mean.T
-                covariance[:, :, place, own] = part.covariance.transpose(1, 2, 0)
+        for place, of_place in enumerate(places):
+            for start, components in zip(edges[:-1].tolist(), of_place, strict=True):
+                columns = slice(start, start + len(components.log_weight))
+                log_weight[place, columns] = components.log_weight
+                mean[:, place, columns] = components.mean.T
+                covariance[:, :, place, columns] = components.covariance.transpose(1, 2, 0)
         return cls(log_weight, mean, covariance, edges)
 
     def log_densities(
@@ -78,14 +71,13 @@ class Mixture:
         Estimation for Statistics and Data Analysis, 1986, section 2.10).
         """
         # A few rows at a time: their columns stay in the processor's cache.
-        step = max(_CACHED // (self.log_weight.shape[1] * self.mean.shape[0] ** 2), 1)
-        parts = [
+        step = max((1 << 18) // (self.log_weight.shape[1] * self.mean.shape[0] ** 2), 1)
+        densities = [
             self._of_rows(place[rows], signal[rows], variance[rows], count[rows], least)
             for rows in (slice(start, start + step) for start in range(0, max(len(place), 1), step))
         ]
-        return np.concatenate([part[0] for part in parts]), np.concatenate(
-            [part[1] for part in parts]
-        )
+        log_density, log_count = map(np.concatenate, zip(*densities, strict=True))
+        return log_density, log_count
 
     def _of_rows(
         self,
@@ -96,14 +88,13 @@ class Mixture:
         least: float,
     ) -> tuple[FloatArray, FloatArray]:
         bands = signal.shape[1]
-        size = signal.shape[1] + 1
+        size = bands + 1
         work = np.empty((size, size + 1, len(signal), self.log_weight.shape[1]))
         work[:, :size] = self.covariance[:, :, place]
         band = np.arange(bands)
         work[band, band] += variance.T[:, :, None]
-        work[:, size] = (
-            np.concatenate([signal, count[:, None]], axis=1).T[:, :, None] - self.mean[:, place]
-        )
+        measured = np.concatenate([signal, count[:, None]], axis=1)
+        work[:, size] = measured.T[:, :, None] - self.mean[:, place]
         log_density = self.log_weight[place]
         for row in range(bands):
             log_density += self._eliminated(work, row)
@@ -117,28 +108,29 @@ class Mixture:
         """Return the log density of one variable given those before it, and condition those after
         it on it.
         """
-        pivot = np.maximum(work[row, row], _LEAST_VARIANCE)
+        # No singular density without signal and noise.
+        pivot = np.maximum(work[row, row], 1e-12)
         residual = work[row, -1]
         factors = work[row + 1 :, row] / pivot
         work[row + 1 :, row + 1 :] -= factors[:, None] * work[row, row + 1 :]
-        return -0.5 * (residual * residual / pivot + np.log(pivot) + _LOG_TWO_PI)
+        return -0.5 * (residual * residual / pivot + np.log(pivot) + np.log(2.0 * np.pi))
 
     def by_class(self, log_densities: FloatArray) -> FloatArray:
         """Return ln of the sums (n, classes) of densities (n, K)."""
         starts = self.edges[:-1]
         widths = self.edges[1:] - self.edges[:-1]
-        most = np.maximum.reduceat(log_densities, starts, axis=1)
-        at = np.where(most > -np.inf, most, 0.0)
-        shares = np.exp(log_densities - np.repeat(at, widths, axis=1))
-        return most + np.log(np.maximum(np.add.reduceat(shares, starts, axis=1), 1.0))
+        peak = np.maximum.reduceat(log_densities, starts, axis=1)
+        scale = np.where(peak > -np.inf, peak, 0.0)
+        shares = np.exp(log_densities - np.repeat(scale, widths, axis=1))
+        return peak + np.log(np.maximum(np.add.reduceat(shares, starts, axis=1), 1.0))
 
 
 def log_sum(values: FloatArray) -> FloatArray:
     """Return ln Σ exp (n,) of rows (n, m), m > 0; -inf if all values are."""
-    most = values.max(axis=-1)
-    at = np.where(most > -np.inf, most, 0.0)
+    peak = values.max(axis=-1)
+    scale = np.where(peak > -np.inf, peak, 0.0)
     # The largest term is 1: a smaller sum has no terms.
-    return most + np.log(np.maximum(np.exp(values - at[..., None]).sum(axis=-1), 1.0))
+    return peak + np.log(np.maximum(np.exp(values - scale[..., None]).sum(axis=-1), 1.0))
 
 
 def log_shares(values: FloatArray) -> FloatArray:
@@ -157,8 +149,12 @@ def cell_moments(
     x = np.concatenate([signal, count[:, None]], axis=1)
     _, row = np.unique(cell, return_inverse=True)
     total = np.bincount(row, weight).astype(np.float64)
-    mean = np.stack([np.bincount(row, weight * column) for column in x.T], axis=1) / total[:, None]
+
+    def means(columns: FloatArray) -> FloatArray:
+        sums = [np.bincount(row, column) for column in columns.T]
+        return np.stack(sums, axis=1) / total[:, None]
+
+    mean = means(weight[:, None] * x)
     off = x - mean[row]
     products = (weight[:, None, None] * off[:, :, None] * off[:, None, :]).reshape(len(x), -1)
-    spread = np.stack([np.bincount(row, column) for column in products.T], axis=1) / total[:, None]
-    return total, mean, spread.reshape(-1, x.shape[1], x.shape[1])
+    return total, mean, means(products).reshape(-1, x.shape[1], x.shape[1])

@@ -1,47 +1,34 @@
 """Kinds of hot sources other than launches, from `opir_photons/data/hot_sources.json`."""
 
-import json
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from opir_photons.laws import law
 from opir_photons.radiometry.propellants import log_sigma
-
-_TABLE = Path(__file__).parents[1] / "data" / "hot_sources.json"
 
 
 class SourceKind(NamedTuple):
     """A kind of hot source other than launches: a grey body; `area_m2` is the median of emissivity
-    times area.
+    times area, which holds within the factor `spread`, either way.
 
-    It shines for `shining_s` on average. `group` is the group of its hypothesis.
+    Temperature, K, and height, m, are even between limits. It shines for `shining_s` on average.
+    `group` is the group of its hypothesis.
     """
 
     name: str
     group: str
-    coldest_k: float
-    hottest_k: float
+    temperature_k: tuple[float, float]
     area_m2: float
-    area_log_sigma: float
-    lowest_m: float
-    highest_m: float
+    spread: float
+    height_m: tuple[float, float]
     shining_s: float
 
-
-def _kind(row: Mapping[str, Any]) -> SourceKind:
-    coldest_k, hottest_k = row["temperature_k"]
-    lowest_m, highest_m = row["height_m"]
-    return SourceKind(
-        name=row["name"],
-        group=row["group"],
-        coldest_k=coldest_k,
-        hottest_k=hottest_k,
-        area_m2=row["area_m2"],
-        area_log_sigma=log_sigma(row["spread"]),
-        lowest_m=lowest_m,
-        highest_m=highest_m,
-        shining_s=row["shining_s"],
-    )
+    @property
+    def area_log_sigma(self) -> float:
+        """The standard deviation of the logarithm of the area."""
+        return log_sigma(self.spread)
 
 
-KINDS = tuple(_kind(row) for row in json.loads(_TABLE.read_text(encoding="utf-8"))["kinds"])
+KINDS = tuple(
+    SourceKind(**{name: row[name] for name in SourceKind._fields})
+    for row in law("hot_sources")["kinds"]
+)

@@ -31,11 +31,9 @@ class PosteriorConfidence(Confidence):
     def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
         """Return confidences (n,) of reported types (n,)."""
         log_types = self.classifier.over_types(log_probability, self.reported_types)
-        chosen = np.take_along_axis(log_types, reported_type[:, None].astype(np.int64), axis=1)[
-            :, 0
-        ]
+        log_reported = log_types[np.arange(len(log_types)), reported_type]
         # A sum of shares may exceed 1 by a rounding error.
-        return np.minimum(np.exp(chosen), 1.0)
+        return np.minimum(np.exp(log_reported), 1.0)
 
 
 def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Confidence:
@@ -44,7 +42,6 @@ def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Con
     if classifier is None or not has_own(Classifier, classifier, "log_posterior"):
         raise ModelError(
             "confidence: posterior reports type probabilities, which the scene's classifier does"
-            " not compute; choose"
-            " classification: spectral, or confidence: weighted"
+            " not compute; choose classification: spectral, or confidence: weighted"
         )
     return PosteriorConfidence(classifier, context.reported_types)

@@ -1,6 +1,7 @@
-"""What is to be expected before anything is measured: the share of each class among launches."""
+"""Priors before any measurement: the share of each class among launches."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,7 +18,7 @@ GROUP_SHARES: Mapping[str, float] = {"missile": 0.85, "orbit": 0.1, "glide": 0.0
 
 
 def launch_shares(prior: Mapping[str, float], hypotheses: Sequence[Hypothesis]) -> FloatArray:
-    """Return the share of launches (n,) of each hypothesis, 0 for what is no launch.
+    """Return the share of launches (n,) of each hypothesis, 0 for hypotheses of no launch.
 
     Without a `prior` the groups that there are have `GROUP_SHARES`, the missile types equal shares
     of theirs, and so the classes of each type. Raises `ModelError` for a name that is no class.
@@ -27,21 +28,29 @@ def launch_shares(prior: Mapping[str, float], hypotheses: Sequence[Hypothesis]) 
     if unknown is not None:
         raise ModelError(
             f"classification: prior: {unknown!r} is no target class{nearest(unknown, classes)};"
-            f" these are"
-            f" {', '.join(classes)}"
+            f" these are {', '.join(classes)}"
         )
     if prior:
         return np.array([prior.get(hypothesis.name, 0.0) for hypothesis in hypotheses])
-    cells = [(each.group, each.reported_type) if each.is_launch else None for each in hypotheses]
-    types = {cell for cell in cells if cell is not None}
-    total = math.fsum(GROUP_SHARES[group] for group in {group for group, _ in types})
-    share = [
-        0.0
-        if cell is None
-        else GROUP_SHARES[cell[0]] / sum(other[0] == cell[0] for other in types) / cells.count(cell)
-        for cell in cells
+    return _usual_shares(hypotheses)
+
+
+def _usual_shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:
+    """Return the share of launches (n,) of each hypothesis by `GROUP_SHARES`."""
+    launches = [
+        (hypothesis.group, hypothesis.reported_type)
+        for hypothesis in hypotheses
+        if hypothesis.is_launch
     ]
-    return np.array(share) / max(total, 1e-300)
+    groups = Counter(group for group, _ in set(launches))
+    classes_of = Counter(launches)
+    share = np.zeros(len(hypotheses))
+    for row, hypothesis in enumerate(hypotheses):
+        if hypothesis.is_launch:
+            group = hypothesis.group
+            of_type = classes_of[group, hypothesis.reported_type]
+            share[row] = GROUP_SHARES[group] / groups[group] / of_type
+    return share / max(math.fsum(GROUP_SHARES[group] for group in groups), 1e-300)
 
 
 @frozen(eq=False)
@@ -61,17 +70,21 @@ class LaunchPrior:
         """
         shares = launch_shares(prior, hypotheses)
         expected = np.flatnonzero(shares).tolist()
-        flights, own = flights_of(
-            [each.target_class for row in expected if (each := hypotheses[row]).target_class]
-        )
+        classes = [hypotheses[row].target_class for row in expected]
+        flights, numbers_of = flights_of([kind for kind in classes if kind])
         share = np.zeros((len(hypotheses), len(flights)))
-        for row, numbers in zip(expected, own, strict=True):
+        for row, numbers in zip(expected, numbers_of, strict=True):
             share[row, numbers] = shares[row] / len(numbers)
         return cls(hypotheses, flights, share)
 
     def log_shares_of(self, types: Sequence[str]) -> FloatArray:
         """Return ln (n,) of the shares of launches of reported types."""
-        kinds = [each.reported_type if each.is_launch else "" for each in self.hypotheses]
-        of_type = [[kind == name for kind in kinds] for name in types]
+        is_of_type = [
+            [
+                hypothesis.is_launch and hypothesis.reported_type == name
+                for hypothesis in self.hypotheses
+            ]
+            for name in types
+        ]
         with np.errstate(divide="ignore"):
-            return np.log([self.share[rows].sum() for rows in of_type])
+            return np.log([self.share[rows].sum() for rows in is_of_type])

@@ -19,7 +19,6 @@ from opir_core.plugin import (
     Hypothesis,
     ModelContext,
     RandomDraws,
-    Sensor,
 )
 from opir_core.scene import UNKNOWN_TYPE
 from opir_photons.classification.configs import SpectralConfig
@@ -28,16 +27,13 @@ from opir_photons.classification.gaussian_mixture import log_shares, log_sum
 from opir_photons.classification.priors import LaunchPrior
 from opir_photons.classification.type_densities import (
     SECONDS_PER_DAY,
+    Observer,
     TypeDensities,
-    canonical_radius_m,
     elevation_bin,
     looks_by_radius,
     type_densities,
 )
 from opir_photons.detection.snr import SnrDetection
-
-#: Rows classified at once.
-_ROWS = 512
 
 
 @frozen(eq=False)
@@ -78,19 +74,19 @@ class SpectralClassifier(Classifier):
         bank = self.bank_of_sensor[sightings.sensor]
         for number in np.unique(bank).tolist():
             rows = np.flatnonzero(bank == number)
-            for start in range(0, len(rows), _ROWS):
-                block = rows[start : start + _ROWS]
+            for block in np.split(rows, range(512, len(rows), 512)):
                 log_rates[block] = _log_rates(self.banks[number], sightings, block)
         return log_shares(log_rates)
 
     def over_types(self, log_posterior: FloatArray, types: Sequence[str]) -> FloatArray:
         """Return ln P (n, types): each class adds to its own name where that is a type, or else to
-        its reported type; what is no missile and none of these to UNKNOWN.
+        its reported type; all else to UNKNOWN.
         """
-        of_type = [
-            each.name if each.name in types else each.reported_type for each in self.hypotheses
+        names = [
+            hypothesis.name if hypothesis.name in types else hypothesis.reported_type
+            for hypothesis in self.hypotheses
         ]
-        is_of_type = np.array([[other == name for other in of_type] for name in types])
+        is_of_type = np.array([[name == kind for name in names] for kind in types])
         return log_sum(np.where(is_of_type, log_posterior[:, None], -np.inf))
 
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
@@ -99,15 +95,17 @@ class SpectralClassifier(Classifier):
 
         Rows of nan change nothing.
         """
-        missiles = np.flatnonzero([each.reported_type in TARGET_TYPES for each in self.hypotheses])
-        code = [TARGET_TYPES.index(self.hypotheses[row].reported_type) for row in missiles.tolist()]
+        types = [hypothesis.reported_type for hypothesis in self.hypotheses]
+        missiles = np.flatnonzero([name in TARGET_TYPES for name in types])
+        code = [TARGET_TYPES.index(types[row]) for row in missiles.tolist()]
         with np.errstate(divide="ignore"):
             turned = np.log(type_probability[:, :UNKNOWN_TYPE]) - np.maximum(self.log_prior, -1e300)
-        split = log_posterior[:, missiles] + turned[:, code]
-        known = np.flatnonzero(np.isfinite(split.max(axis=1)))
-        missile = log_sum(log_posterior[:, missiles][known])
+        of_missiles = log_posterior[:, missiles]
+        split = of_missiles + turned[:, code]
+        rows = np.flatnonzero(np.isfinite(split.max(axis=1)))
         revised = log_posterior.copy()
-        revised[np.ix_(known, missiles)] = log_shares(split[known]) + missile[:, None]
+        missile = log_sum(of_missiles[rows])[:, None]
+        revised[np.ix_(rows, missiles)] = log_shares(split[rows]) + missile
         return revised
 
     def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
@@ -120,9 +118,8 @@ class SpectralClassifier(Classifier):
         chances[:, UNKNOWN_TYPE] = -np.inf
         best = np.argmax(chances, axis=1).astype(np.uint8)
         odds = self.log_odds(self.over_types(log_posterior, REPORTED_TYPES))
-        is_reported = (np.exp(chances.max(axis=1)) >= self.confidence) & (
-            odds >= self.least_log_odds
-        )
+        is_probable = np.exp(chances.max(axis=1)) >= self.confidence
+        is_reported = is_probable & (odds >= self.least_log_odds)
         return np.where(is_reported, best, np.uint8(UNKNOWN_TYPE))
 
     def log_odds(self, type_log_probability: FloatArray) -> FloatArray:
@@ -134,15 +131,16 @@ class SpectralClassifier(Classifier):
         )
 
 
-def _log_rates(bank: TypeDensities, seen: ClassifierInputs, rows: IntArray) -> FloatArray:
+def _log_rates(bank: TypeDensities, sightings: ClassifierInputs, rows: IntArray) -> FloatArray:
     """Return ln of the rates (n, hypotheses) of events like rows of one bank, from apparent
     intensities: irradiance times range².
     """
-    place = elevation_bin(seen.elevation_sine[rows])
-    area = np.square(seen.range_m[rows])[:, None]
-    intensity = seen.band_irradiance_w_m2[rows, : bank.width] * area
-    variance = np.square(seen.band_noise_w_m2[rows, : bank.width] * area)
-    return bank.log_rates(place, intensity, variance, seen.detection_count[rows].astype(np.float64))
+    place = elevation_bin(sightings.elevation_sine[rows])
+    area = np.square(sightings.range_m[rows])[:, None]
+    intensity = sightings.band_irradiance_w_m2[rows, : bank.width] * area
+    variance = np.square(sightings.band_noise_w_m2[rows, : bank.width] * area)
+    count = sightings.detection_count[rows].astype(np.float64)
+    return bank.log_rates(place, intensity, variance, count)
 
 
 def spectral_classifier(config: SpectralConfig, context: ModelContext) -> SpectralClassifier:
@@ -153,23 +151,19 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     if not isinstance(detection, SnrDetection):
         raise ModelError(
             "classification: spectral uses measured band intensities, which the scene's detection"
-            " model does not"
-            " measure; choose detection: snr, or classification: paper"
+            " model does not measure; choose detection: snr, or classification: paper"
         )
-    keys = [_key(detection, number, sensor) for number, sensor in enumerate(context.sensors)]
-    number_of = dict[tuple[Any, ...], int]()
-    for number, key in enumerate(keys):
-        number_of.setdefault(key, number)
-    chosen = list(number_of.values())
+    observers = [
+        Observer(detection, number, sensor) for number, sensor in enumerate(context.sensors)
+    ]
+    keys = list(map(_key, observers))
+    distinct = dict(zip(keys[::-1], observers[::-1], strict=True))
+    banks_of = list(dict.fromkeys(keys))
     prior = LaunchPrior.of(config.prior, context.hypotheses)
     looks = looks_by_radius(detection.environment.bands, prior, config.launches)
-    banks = tuple(
-        type_densities(detection, number, context.sensors[number], config, prior, looks)
-        for number in chosen
-    )
     classifier = SpectralClassifier(
-        banks=banks,
-        bank_of_sensor=np.array([chosen.index(number_of[key]) for key in keys], dtype=np.int64),
+        banks=tuple(type_densities(distinct[key], config, prior, looks) for key in banks_of),
+        bank_of_sensor=np.array([banks_of.index(key) for key in keys], dtype=np.int64),
         hypotheses=prior.hypotheses,
         reported_types=context.reported_types,
         log_prior=prior.log_shares_of(TARGET_TYPES),
@@ -180,24 +174,22 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     if config.false_source_probability is None:
         return classifier
     limits = []
-    for number, bank in zip(chosen, banks, strict=True):
-        sensor = context.sensors[number]
-        seen, kind = source_detections(
-            detection, number, sensor, bank, looks(canonical_radius_m(sensor))[1]
-        )
-        log_types = classifier.over_types(classifier.log_posterior(seen), REPORTED_TYPES)
-        limits.append(
-            least_log_odds(classifier.log_odds(log_types), kind, config.false_source_probability)
-        )
+    for key, bank in zip(banks_of, classifier.banks, strict=True):
+        observer = distinct[key]
+        sightings, kind = source_detections(observer, bank, looks(observer.radius_m)[1])
+        log_types = classifier.over_types(classifier.log_posterior(sightings), REPORTED_TYPES)
+        log_odds = classifier.log_odds(log_types)
+        limits.append(least_log_odds(log_odds, kind, config.false_source_probability))
     return evolve(classifier, least_log_odds=max(limits))
 
 
-def _key(detection: SnrDetection, number: int, sensor: Sensor) -> tuple[Any, ...]:
+def _key(observer: Observer) -> tuple[Any, ...]:
     """Return a key that is equal for sensors with equal densities."""
+    sensor = observer.sensor
     return (
-        detection.receivers[number].kind,
+        observer.receiver.kind,
         sensor.scan.period_ns,
         sensor.field_of_regard_half_angle_rad,
         sensor.minimum_elevation_rad,
-        canonical_radius_m(sensor),
+        observer.radius_m,
     )

@@ -23,6 +23,7 @@ from opir_core.geometry import (
     ecef_to_geodetic,
     elevation_rad,
     geodetic_to_ecef,
+    length,
     vector,
 )
 from opir_core.planning import Targets
@@ -55,19 +56,12 @@ MOMENTS = 40
 #: Brightness draws per launch.
 DRAWS = 4
 
-#: Least sine of the elevation, and longest range of a launch, m.
+#: Least sine of the elevation.
 LOWEST_SINE = 0.02
-_FARTHEST_M = 1.5e7
-
-#: Least range where a profile has no limit of its own, m.
-_LEAST_M = 5e4
-
-#: Margin of ranges inside a profile's limits, since positions are on a sphere.
-_WITHIN = 1.01
 
 
 class ClassFlight(NamedTuple):
-    """A boost that a target class flies, what follows it, and its plume."""
+    """A boost that a target class flies, its flight after burnout, and its plume."""
 
     profile: BoostProfile
     after_burnout: Ballistic | OrbitInsertion | EquilibriumGlide
@@ -79,12 +73,12 @@ def flights_of(classes: Iterable[TargetClass]) -> tuple[tuple[ClassFlight, ...],
     flights = list[ClassFlight]()
     numbers = list[list[int]]()
     for kind in classes:
-        own = [
+        of_class = [
             ClassFlight(profile, kind.after_burnout, kind.plume(profile.name))
             for profile in kind.profiles
         ]
-        flights += [flight for flight in own if flight not in flights]
-        numbers.append([flights.index(flight) for flight in own])
+        flights += [flight for flight in of_class if flight not in flights]
+        numbers.append([flights.index(flight) for flight in of_class])
     return tuple(flights), numbers
 
 
@@ -115,14 +109,10 @@ class SyntheticPlumes(Signatures):
         direction is up.
         """
         _, velocity = self.path.state(target.astype(np.int64), time_s)
-        length = np.sqrt(np.square(velocity).sum(axis=1))
-        moves = length > 0.0
-        way = np.where(
-            moves[:, None],
-            velocity / np.where(moves, length, 1.0)[:, None],
-            self.path.plane.up[target],
-        )
-        return np.arccos(np.clip((way * to_sensor_ecef).sum(axis=1), -1.0, 1.0))
+        speed = np.sqrt(np.square(velocity).sum(axis=1))[:, None]
+        heading = velocity / np.where(speed > 0.0, speed, 1.0)
+        heading = np.where(speed > 0.0, heading, self.path.plane.up[target])
+        return np.arccos(np.clip((heading * to_sensor_ecef).sum(axis=1), -1.0, 1.0))
 
 
 @frozen(eq=False)
@@ -151,7 +141,7 @@ class SyntheticSources(Signatures):
 
 @frozen(eq=False)
 class SyntheticPaths:
-    """Where synthetic objects are: on the paths of launches, or at places (n, 3)."""
+    """The places of synthetic objects: on the paths of launches, or fixed (n, 3)."""
 
     of: BoostPath | FloatArray
 
@@ -189,13 +179,13 @@ def synthetic_launches(
     drawn = low_discrepancy_points(len(flown), 5)
     sensor_m, site = _sites(radius_m, drawn[:, :3])
     path = _boosts(site, flown, drawn[:, 3:5])
-    good = np.flatnonzero(np.isfinite(path.burnout_speed_m_s))
-    number = np.repeat(np.arange(len(flights)), launches)
-    count = np.bincount(number[good], minlength=len(flights))
-    launch = np.repeat(good, MOMENTS)
-    number = np.repeat(number[good], MOMENTS)
+    possible = np.flatnonzero(np.isfinite(path.burnout_speed_m_s))
+    flight = possible // launches
+    count = np.bincount(flight, minlength=len(flights))
+    launch = np.repeat(possible, MOMENTS)
+    number = np.repeat(flight, MOMENTS)
     step_s = path.burnout_s[launch] / MOMENTS
-    time_s = (np.tile(np.arange(MOMENTS), len(good)) + 0.5) * step_s
+    time_s = (np.tile(np.arange(MOMENTS), len(possible)) + 0.5) * step_s
     return SyntheticLooks(
         exposures=_exposures(launch, time_s, path.state(launch, time_s)[0], sensor_m[launch]),
         signatures=SyntheticPlumes(plumes, path),
@@ -217,14 +207,14 @@ def _boosts(site: Geodetic, flown: Sequence[ClassFlight], drawn: FloatArray) -> 
     azimuth_rad = 2.0 * np.pi * drawn[:, 1]
     speed_m_s = np.array([profile.burnout_speed_m_s for profile in profiles])
     angle_rad = np.array([profile.burnout_flight_path_angle_rad for profile in profiles])
-    falls = np.flatnonzero([isinstance(flight.after_burnout, Ballistic) for flight in flown])
-    if len(falls):
-        fallen = [profiles[row] for row in falls.tolist()]
-        from_site = Geodetic(*(column[falls] for column in site))
-        shot = aim(from_site, _aims(from_site, fallen, drawn[falls]), 0.0, fallen)
-        azimuth_rad[falls] = shot.azimuth_rad
-        angle_rad[falls] = shot.burnout_flight_path_angle_rad
-        speed_m_s[falls] = np.where(shot.converged, shot.burnout_speed_m_s, np.nan)
+    rows = np.flatnonzero([isinstance(flight.after_burnout, Ballistic) for flight in flown])
+    if len(rows):
+        ballistic = [profiles[row] for row in rows.tolist()]
+        from_site = Geodetic(*(column[rows] for column in site))
+        shot = aim(from_site, _aims(from_site, ballistic, drawn[rows]), 0.0, ballistic)
+        azimuth_rad[rows] = shot.azimuth_rad
+        angle_rad[rows] = shot.burnout_flight_path_angle_rad
+        speed_m_s[rows] = np.where(shot.converged, shot.burnout_speed_m_s, np.nan)
     range_m = _ranges_m(profiles, drawn[:, 0])
     for row, flight in enumerate(flown):
         if isinstance(flight.after_burnout, EquilibriumGlide):
@@ -237,17 +227,17 @@ def _glide_speed_m_s(glide: EquilibriumGlide, range_m: float) -> float:
     `opir_core.flight.glide`.
     """
     circular = EARTH_MU_M3_S2 / EARTH_RADIUS_M
-    left = (1.0 - glide.final_speed_m_s**2 / circular) * math.exp(
-        -2.0 * range_m / (glide.lift_to_drag * EARTH_RADIUS_M)
-    )
-    return math.sqrt(circular * (1.0 - left))
+    decay = math.exp(-2.0 * range_m / (glide.lift_to_drag * EARTH_RADIUS_M))
+    return math.sqrt(circular * (1.0 - (1.0 - glide.final_speed_m_s**2 / circular) * decay))
 
 
 def _ranges_m(profiles: Sequence[BoostProfile], drawn: FloatArray) -> FloatArray:
-    """Return ranges (n,), uniform in their logarithm within the limits of profiles."""
-    least = np.array([_WITHIN * max(profile.minimum_range_m, _LEAST_M) for profile in profiles])
-    most = np.array([min(profile.maximum_range_m, _FARTHEST_M) / _WITHIN for profile in profiles])
-    return least * (most / least) ** drawn
+    """Return ranges (n,), uniform in their logarithm within the limits of profiles, from 50 to
+    15 000 km, and 1 % inside them, since positions are on a sphere.
+    """
+    shortest = np.array([1.01 * max(profile.minimum_range_m, 5e4) for profile in profiles])
+    longest = np.array([min(profile.maximum_range_m, 1.5e7) / 1.01 for profile in profiles])
+    return shortest * (longest / shortest) ** drawn
 
 
 def brightness(launches: int, width: int, log_sigma: float, colour_log_sigma: float) -> FloatArray:
@@ -256,9 +246,8 @@ def brightness(launches: int, width: int, log_sigma: float, colour_log_sigma: fl
 
     They depend on the position of a band in its sensor only, not on other sensors.
     """
-    normal = ndtri(low_discrepancy_points(DRAWS * launches, 1 + MAXIMUM_BANDS)).reshape(
-        DRAWS, launches, -1
-    )
+    normal = ndtri(low_discrepancy_points(DRAWS * launches, 1 + MAXIMUM_BANDS))
+    normal = normal.reshape(DRAWS, launches, -1)
     return np.exp(log_sigma * normal[:, :, :1] + colour_log_sigma * normal[:, :, 1 : 1 + width])
 
 
@@ -266,24 +255,32 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     """Return looks at hot sources of every kind, `count` of each."""
     drawn = low_discrepancy_points(len(KINDS) * count, 6)
     number = np.repeat(np.arange(len(KINDS)), count)
-    columns = np.array([kind[2:] for kind in KINDS], dtype=np.float64)[number].T
-    coldest, hottest, area, sigma, lowest, highest, shining_s = columns
     sensor_m, site = _sites(radius_m, drawn[:, :3])
-    height_m = lowest + (highest - lowest) * drawn[:, 3]
-    temperature_k = coldest + (hottest - coldest) * drawn[:, 4]
-    shown_m2 = area * np.exp(sigma * ndtri(drawn[:, 5]))
+    height_m = _between([kind.height_m for kind in KINDS], number, drawn[:, 3])
+    temperature_k = _between([kind.temperature_k for kind in KINDS], number, drawn[:, 4])
+    sigma = np.array([kind.area_log_sigma for kind in KINDS])[number]
+    area_m2 = np.array([kind.area_m2 for kind in KINDS], dtype=np.float64)[number]
+    shown_m2 = area_m2 * np.exp(sigma * ndtri(drawn[:, 5]))
     peak = [shown_m2 * band_radiance(temperature_k, band.lower_um, band.upper_um) for band in bands]
     place_m = geodetic_to_ecef(site.latitude_rad, site.longitude_rad, height_m)
-    rows = np.arange(len(number))
-    none = np.zeros(len(number))
+    now_s = np.zeros(len(number))
+    shining_s = np.array([kind.shining_s for kind in KINDS])[number]
     return SyntheticLooks(
-        exposures=_exposures(rows, none, place_m, sensor_m),
+        exposures=_exposures(np.arange(len(number)), now_s, place_m, sensor_m),
         signatures=SyntheticSources(np.maximum(np.array(peak).reshape(len(bands), -1), 0.0)),
         targets=_targets(SyntheticPaths(place_m), -0.5 * shining_s),
         number=number,
         share=np.full(len(number), 1.0 / count),
-        step_s=none,
+        step_s=now_s,
     )
+
+
+def _between(
+    limits: Sequence[tuple[float, float]], number: IntArray, drawn: FloatArray
+) -> FloatArray:
+    """Return values (n,) at the shares `drawn` (n,) between limits by number."""
+    low, high = np.array(limits, dtype=np.float64)[number].T
+    return low + (high - low) * drawn
 
 
 def low_discrepancy_points(count: int, dimensions: int) -> FloatArray:
@@ -304,16 +301,16 @@ def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
     """Return satellites over the equator (n, 3), and ground points uniform in the sine of the
     satellite's elevation.
     """
-    turn = 2.0 * np.pi * drawn[:, 0]
-    up = vector(np.cos(turn), np.sin(turn), np.zeros(len(turn)))
-    east = vector(-np.sin(turn), np.cos(turn), np.zeros(len(turn)))
+    longitude, bearing = 2.0 * np.pi * drawn[:, [0, 2]].T
+    zeros = np.zeros(len(longitude))
+    up = vector(np.cos(longitude), np.sin(longitude), zeros)
+    east = vector(-np.sin(longitude), np.cos(longitude), zeros)
     elevation = np.arcsin(LOWEST_SINE + (1.0 - LOWEST_SINE) * drawn[:, 1])
     angle = np.arccos(np.clip(EARTH_RADIUS_M * np.cos(elevation) / radius_m, -1.0, 1.0)) - elevation
-    bearing = 2.0 * np.pi * drawn[:, 2]
     level = np.sin(bearing)[:, None] * east + np.cos(bearing)[:, None] * np.array([0.0, 0.0, 1.0])
     foot = EARTH_RADIUS_M * (np.cos(angle)[:, None] * up + np.sin(angle)[:, None] * level)
     place = ecef_to_geodetic(foot)
-    return radius_m * up, Geodetic(place.latitude_rad, place.longitude_rad, np.zeros(len(turn)))
+    return radius_m * up, Geodetic(place.latitude_rad, place.longitude_rad, zeros)
 
 
 def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -> Geodetic:
@@ -322,14 +319,12 @@ def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -
     """
     angle = _ranges_m(profiles, drawn[:, 0]) / EARTH_RADIUS_M
     heading = 2.0 * np.pi * drawn[:, 1]
-    sine = np.sin(site.latitude_rad) * np.cos(angle) + np.cos(site.latitude_rad) * np.sin(
-        angle
-    ) * np.cos(heading)
+    site_sine = np.sin(site.latitude_rad)
+    site_cosine = np.cos(site.latitude_rad)
+    sine = site_sine * np.cos(angle) + site_cosine * np.sin(angle) * np.cos(heading)
     latitude = np.arcsin(np.clip(sine, -1.0, 1.0))
-    across = np.sin(heading) * np.sin(angle) * np.cos(site.latitude_rad)
-    longitude = site.longitude_rad + np.arctan2(
-        across, np.cos(angle) - np.sin(site.latitude_rad) * sine
-    )
+    across = np.sin(heading) * np.sin(angle) * site_cosine
+    longitude = site.longitude_rad + np.arctan2(across, np.cos(angle) - site_sine * sine)
     return Geodetic(latitude, longitude, np.zeros(len(angle)))
 
 
@@ -339,15 +334,15 @@ def launched_plumes(
     """Return the plumes of launches, flight by flight, with the signature model's defaults but the
     propellant.
 
-    What burns is not known of a class: each launch draws its propellant, and the level of the
-    particles of that.
+    The propellant of a class is unknown: each launch draws its own, and the level of the particles
+    of that.
     """
     fuels = tuple(propellants().values())
     flown = [flight for flight in flights for _ in range(launches)]
     drawn = low_discrepancy_points(len(flown), 2)
     fuel = (len(fuels) * drawn[:, 0]).astype(np.int64)
-    level_log_sigma = np.array([log_sigma(each.spread) for each in fuels])[fuel]
-    settings = [PlumeConfig(propellant=each.name) for each in fuels]
+    level_log_sigma = np.array([log_sigma(propellant.spread) for propellant in fuels])[fuel]
+    settings = [PlumeConfig(propellant=propellant.name) for propellant in fuels]
     names = tuple(flight.profile.name for flight in flown)
     context = SignatureContext(
         bands=tuple(bands),
@@ -358,7 +353,7 @@ def launched_plumes(
         burn_time_s=np.array([flight.profile.burn_time_s for flight in flown]),
         plumes=tuple(flight.plume for flight in flown),
     )
-    plumes = plume_signatures([settings[each] for each in fuel.tolist()], context)
+    plumes = plume_signatures([settings[number] for number in fuel.tolist()], context)
     level = np.exp(level_log_sigma * ndtri(drawn[:, 1]))
     return evolve(plumes, particle_w_sr=plumes.particle_w_sr * level)
 
@@ -366,17 +361,13 @@ def launched_plumes(
 def _exposures(
     target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor_m: FloatArray
 ) -> Exposures:
-    away = [
-        here - there for here, there in zip(components(place_m), components(sensor_m), strict=True)
-    ]
-    none = np.zeros(len(target), dtype=np.int32)
     return Exposures(
         time_s=time_s,
         emission_time_s=time_s,
         scan=np.zeros(len(target), dtype=np.int64),
-        sensor=none,
+        sensor=np.zeros(len(target), dtype=np.int32),
         target=target.astype(np.int32),
-        range_m=np.sqrt(sum(part * part for part in away)),
+        range_m=length(*components(place_m - sensor_m)),
         elevation_sine=np.sin(elevation_rad(place_m, sensor_m)),
         target_ecef_m=place_m,
         sensor_ecef_m=sensor_m,

@@ -1,9 +1,9 @@
-"""The density of "none of these": broad in the same measurements as those of the known, and sharp
-nowhere.
+"""The density of unknown objects: broad in the same measurements as those of the classes and sources,
+and sharp nowhere.
 
 Its apparent intensity is uniform in the logarithm in each band by itself, and so are its colours;
-the number of its detections is uniform in the logarithm, up to those of a day. What no known
-density explains raises it.
+the number of its detections is uniform in the logarithm, up to those of a day. A measurement that no
+other density explains raises its share.
 """
 
 from functools import cache
@@ -20,17 +20,10 @@ MOST_W_SR = 1e9
 #: Length of the range of intensities in their logarithm.
 _LENGTH = float(np.log(MOST_W_SR / LEAST_W_SR))
 
-#: Intensities below this share of the noise count as 0; from this many deviations on, noise is a
-#: small correction.
+#: Share of the noise below which intensities count as 0; number of deviations from which on noise
+#: is a small correction.
 _DARK = 0.01
 _BRIGHT = 8.0
-
-#: Least share of objects that are detected again: those of more than a day.
-_LEAST_LASTING = 1e-3
-
-_LOG_ROOT_TWO_PI = 0.5 * float(np.log(2.0 * np.pi))
-
-_LEAST_VARIANCE = 1e-12
 
 
 def log_unknown(
@@ -42,7 +35,8 @@ def log_unknown(
     The noise of the intensities has the variances (n, B).
     """
     lasting = 1.0 - np.log(np.maximum(count, 1.0)) / np.log(max(looks_per_day, 2.0))
-    density = np.log(np.maximum(lasting, _LEAST_LASTING))
+    # Objects of more than a day are a thousandth.
+    density = np.log(np.maximum(lasting, 1e-3))
     for band in range(signal.shape[1]):
         density = density + log_uniform_in_noise(signal[:, band], variance[:, band])
     return density
@@ -55,18 +49,19 @@ def log_uniform_in_noise(measured: FloatArray, variance: FloatArray) -> FloatArr
     With u = y/σ it is φ(u) (ln(0.01 σ/least) + ∫ exp(u t - t²/2) dt/t) / (σ length), t from 0.01
     on; for large u (1 + 1/u² + 3/u⁴) / (y length), the moments of 1/s.
     """
-    sigma = np.sqrt(np.maximum(variance, _LEAST_VARIANCE))
+    sigma = np.sqrt(np.maximum(variance, 1e-12))
     u = measured / sigma
     dark = np.clip(np.log(_DARK * sigma / LEAST_W_SR), 0.0, _LENGTH)
     faint = np.minimum(u, _BRIGHT)
-    near = (
-        -0.5 * faint * faint
-        - _LOG_ROOT_TWO_PI
-        + np.log(dark + np.exp(np.interp(faint, *_log_integral())))
-    )
-    per = 1.0 / np.square(np.maximum(u, _BRIGHT))
-    far = np.log1p(per + 3.0 * per * per) - np.log(np.maximum(u, _BRIGHT))
-    return np.where(u <= _BRIGHT, near, far) - np.log(sigma) - np.log(_LENGTH)
+    integral = np.log(dark + np.exp(np.interp(faint, *_log_integral())))
+    of_faint = -0.5 * faint * faint - 0.5 * float(np.log(2.0 * np.pi)) + integral
+    of_bright = _log_of_bright(np.maximum(u, _BRIGHT))
+    return np.where(u <= _BRIGHT, of_faint, of_bright) - np.log(sigma) - np.log(_LENGTH)
+
+
+def _log_of_bright(u: FloatArray) -> FloatArray:
+    inverse = 1.0 / np.square(u)
+    return np.log1p(inverse + 3.0 * inverse * inverse) - np.log(u)
 
 
 @cache

@@ -2,7 +2,6 @@ from opir_photons.detection.band_rules import (
     RatioGates as RatioGates,
 )
 from opir_photons.detection.cfar import (
-    cfar_false_alarm_probability as cfar_false_alarm_probability,
     cfar_loss as cfar_loss,
     cfar_probability_of_detection as cfar_probability_of_detection,
     cfar_threshold as cfar_threshold,
@@ -25,9 +24,7 @@ from opir_photons.detection.latency import (
 )
 from opir_photons.detection.threshold import (
     false_alarm_probability as false_alarm_probability,
-    log_probability_of_detection as log_probability_of_detection,
     m_of_n_probability as m_of_n_probability,
     probability_of_detection as probability_of_detection,
-    required_snr as required_snr,
     threshold_sigma as threshold_sigma,
 )

@@ -1,7 +1,7 @@
-"""What the atmosphere may do to the ratio of two bands of a plume at an unknown height.
+"""The effect of the atmosphere on the ratio of two bands of a plume at an unknown height.
 
-A sensor knows the elevation of a line of sight where it meets the ground, not the height of what it
-sees. Over all heights the ratio of transmittances τ_b / τ_r of a band and the reference band lies
+A sensor knows the elevation of a line of sight where it meets the ground, not the height of its
+target. Over all heights the ratio of transmittances τ_b / τ_r of a band and the reference band lies
 in an interval that depends on the elevation alone. Bounds on the ratio at the source times the ends
 of that interval are bounds on the ratio at the aperture: the height is profiled out.
 """
@@ -16,19 +16,11 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.plugin import Paths, Transmittance
 from opir_photons.detection.radiometric_columns import checked_transmittances
 
-#: Elevations, uniform in asinh(sine / 0.05) as in the table of the atmosphere; heights, uniform in
-#: their square root.
+#: Numbers of elevations, uniform in asinh(sine / 0.05) as in the table of the atmosphere, and of
+#: heights, uniform in their square root.
 _ELEVATIONS = 24
-_BEND = 0.05
 _HEIGHTS = 41
-_TOP_M = 100e3
-
-#: Least transmittance of the reference band: a plume dimmed a thousandfold there is far below any
-#: threshold.
-_FAINTEST = 1e-3
-
-#: Transmittance of opaque air: no signal passes, and its logarithm is finite.
-_OPAQUE = 1e-12
+_BEND = 0.05
 
 
 @frozen(eq=False)
@@ -40,26 +32,22 @@ class AirRatios:
     log_factor: FloatArray
 
     @classmethod
-    def of(cls, atmosphere: Transmittance, reference: int, others: Sequence[int]) -> "AirRatios":
-        """Return the factors on the ratios of a sensor's other bands to its reference band, in air
-        without clouds.
+    def of(cls, atmosphere: Transmittance, reference: int, bands: Sequence[int]) -> "AirRatios":
+        """Return the factors on the ratios of a sensor's other `bands` to its reference band, in
+        air without clouds.
         """
         sine = _BEND * np.sinh(np.linspace(0.0, math.asinh(1.0 / _BEND), _ELEVATIONS))
-        height_m = _TOP_M * np.square(np.linspace(0.0, 1.0, _HEIGHTS))
-        through = checked_transmittances(
-            atmosphere.clear,
-            (reference, *others),
-            _paths(np.repeat(sine, _HEIGHTS), np.tile(height_m, _ELEVATIONS)),
-        )
-        usable = through[0] >= _FAINTEST
-        log_ratio = np.log(np.maximum(through[1:], _OPAQUE)) - np.log(
-            np.maximum(through[0], _OPAQUE)
-        )
-        shape = (len(others), _ELEVATIONS, _HEIGHTS)
-        # Above the atmosphere the factor is 1, whatever is usable below.
-        least = np.where(usable, log_ratio, 0.0).reshape(shape).min(axis=2)
-        most = np.where(usable, log_ratio, 0.0).reshape(shape).max(axis=2)
-        return cls(np.concatenate([np.minimum(least, 0.0), np.maximum(most, 0.0)]))
+        height_m = 100e3 * np.square(np.linspace(0.0, 1.0, _HEIGHTS))
+        paths = _paths(np.repeat(sine, _HEIGHTS), np.tile(height_m, _ELEVATIONS))
+        air = checked_transmittances(atmosphere.clear, (reference, *bands), paths)
+        # No signal passes opaque air, and its logarithm is finite.
+        log_air = np.log(np.maximum(air, 1e-12))
+        # A plume dimmed a thousandfold in the reference band is far below any threshold. Above the
+        # atmosphere the factor is 1.
+        log_ratio = np.where(air[0] >= 1e-3, log_air[1:] - log_air[0], 0.0)
+        log_ratio = log_ratio.reshape(len(bands), _ELEVATIONS, _HEIGHTS)
+        least = np.minimum(log_ratio.min(axis=2), 0.0)
+        return cls(np.concatenate([least, np.maximum(log_ratio.max(axis=2), 0.0)]))
 
     @property
     def is_clear(self) -> bool:
@@ -68,9 +56,8 @@ class AirRatios:
 
     def at(self, elevation_sine: FloatArray) -> FloatArray:
         """Return the factors (n, 2 (B - 1)) for elevations (n,); those of the horizon below it."""
-        across = np.arcsinh(np.maximum(elevation_sine, 0.0) / _BEND) * (
-            (_ELEVATIONS - 1) / math.asinh(1.0 / _BEND)
-        )
+        slant = np.arcsinh(np.maximum(elevation_sine, 0.0) / _BEND)
+        across = slant * ((_ELEVATIONS - 1) / math.asinh(1.0 / _BEND))
         row = np.minimum(across.astype(np.int64), _ELEVATIONS - 2)
         share = across - row
         return np.exp(self._column(row) * (1.0 - share) + self._column(row + 1) * share).T

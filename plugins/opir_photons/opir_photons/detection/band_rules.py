@@ -1,4 +1,4 @@
-"""The paper's rules over the bands of a sensor: which measured signals are a detection.
+"""The paper's rules over the bands of a sensor: the conditions of a detection.
 
 `AnyBand`: the signal crosses the threshold in at least one band.
 
@@ -30,17 +30,8 @@ from opir_photons.detection.gate_integrals import Gates, fast_probability
 from opir_photons.detection.rejection_sampling import tail_normals, truncated_normals
 from opir_photons.detection.threshold import probit
 
-#: 1 - exp(x) is -x to the last bit for x above it.
-_LINEAR = -1e-17
 #: Slack of P_d from which the fast integral is accurate enough.
 LEAST_SLACK = 1e-9
-#: Gate margin, in standard deviations, from which the peak of the density is near the point where
-#: gates open.
-_AJAR = -2.0
-#: Least divisor of a probability.
-_NEVER = 1e-290
-#: Rows integrated at once.
-_ROWS = 2048
 
 
 @frozen(eq=False)
@@ -58,7 +49,8 @@ class AnyBand:
         log_miss = _row_sum(log_ndtr(self.threshold - snr))
         with np.errstate(divide="ignore"):
             log_hit = np.log(-np.expm1(log_miss))
-        tiny = np.flatnonzero(log_miss > _LINEAR)
+        # There 1 - exp(x) is -x to the last bit.
+        tiny = np.flatnonzero(log_miss > -1e-17)
         # The probability of a union of such rare events is their sum.
         log_hit[tiny] = logsumexp(log_ndtr(snr[tiny] - self.threshold), axis=1)
         return np.minimum(log_hit, 0.0), log_miss
@@ -69,8 +61,9 @@ class AnyBand:
 
     def quantile(self, snr: FloatArray, slopes: FloatArray, slack: float) -> FloatArray:
         """Return the standard normal quantiles of P_d (n,): of one band, SNR - T."""
-        one: FloatArray = snr[:, 0] - self.threshold
-        return one if snr.shape[1] == 1 else probit(*self.log_chances(snr, slopes, slack))
+        if snr.shape[1] == 1:
+            return snr[:, 0] - self.threshold
+        return probit(*self.log_chances(snr, slopes, slack))
 
     def passes(self, measured: FloatArray, _slopes: FloatArray) -> BoolArray:
         """Return which measurements (n, B) detect."""
@@ -105,31 +98,29 @@ class AnyBand:
         The first band above the threshold is drawn from its distribution; bands before it are below
         the threshold, bands after it are free.
         """
-        first = self._first_crossing(snr, uniforms[:, -1])
+        crossing = self._first_crossing(snr, uniforms[:, -1])
         measured = np.empty_like(snr)
         for band in range(snr.shape[1]):
             edge = self.threshold - snr[:, band]
-            is_before = band < first
-            # The part below a bound is the mirror image of a part above.
-            least = np.where(band == first, edge, np.where(is_before, -edge, -np.inf))
+            is_below = band < crossing
+            # The distribution below a bound is the mirror image of one above.
+            least = np.where(band == crossing, edge, np.where(is_below, -edge, -np.inf))
             drawn = tail_normals(least, uniforms[:, band])
-            measured[:, band] = snr[:, band] + np.where(is_before, -drawn, drawn)
+            measured[:, band] = snr[:, band] + np.where(is_below, -drawn, drawn)
         # Rounding may move a crossing signal below the threshold.
-        rows = np.arange(len(first))
-        measured[rows, first] = np.maximum(measured[rows, first], self.threshold)
+        rows = np.arange(len(crossing))
+        measured[rows, crossing] = np.maximum(measured[rows, crossing], self.threshold)
         return measured
 
     def _first_crossing(self, snr: FloatArray, uniform: FloatArray) -> IntArray:
         if snr.shape[1] == 1:
             return np.zeros(len(snr), dtype=np.int64)
         log_below = log_ndtr(self.threshold - snr)
-        before = np.cumsum(log_below, axis=1) - log_below
-        weight = log_ndtr(snr - self.threshold) + before
+        weight = log_ndtr(snr - self.threshold) + (np.cumsum(log_below, axis=1) - log_below)
         share = np.exp(weight - weight.max(axis=1, keepdims=True))
-        passed = np.cumsum(share, axis=1)
-        return np.minimum(
-            (uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1
-        )
+        cumulative = np.cumsum(share, axis=1)
+        band = (uniform[:, None] * cumulative[:, -1:] >= cumulative).sum(axis=1)
+        return np.minimum(band, snr.shape[1] - 1)
 
 
 def brightest(measured: FloatArray) -> FloatArray:
@@ -182,8 +173,7 @@ class RatioGates(Gates):
                 log_miss[open_] = np.log1p(-chance)
             return log_hit, log_miss
         steepest = self._steepest(margins, slopes)
-        for start in range(0, len(open_), _ROWS):
-            rows = open_[start : start + _ROWS]
+        for rows in np.split(open_, range(2048, len(open_), 2048)):
             log_hit[rows], log_miss[rows] = self._integrated(
                 snr[rows], slopes[rows], steepest[rows], slack
             )
@@ -232,7 +222,7 @@ class RatioGates(Gates):
         proposed = np.ones(len(snr))
         for band in range(snr.shape[1]):
             proposed *= ndtr(snr[:, band] - self._least(band))
-        return np.minimum(probability / np.maximum(proposed, _NEVER), 1.0)
+        return np.minimum(probability / np.maximum(proposed, 1e-290), 1.0)
 
     def conditional(self, snr: FloatArray, slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1)
@@ -242,7 +232,8 @@ class RatioGates(Gates):
         steepest = self._steepest(self.margins(snr, slopes), slopes)
         for rows, count in by_steepness(steepest):
             density = GateDensity(self, snr[rows], slopes[rows])
-            panels = density.panels(count, _AJAR)
+            # From this margin on the peak of the density is near the point where gates open.
+            panels = density.panels(count, -2.0)
             base, gates = density.logarithms(panels.nodes())
             height = np.exp(base + gates - (base + gates).max(axis=1, keepdims=True))
             reference[rows] = np.maximum(panels.inverse(height, uniforms[rows, -1]), self.threshold)
@@ -250,10 +241,9 @@ class RatioGates(Gates):
         measured[:, self.reference] = reference
         for band in self.others:
             low, high = self.gate(reference, slopes, band)
-            drawn = snr[:, band] + truncated_normals(
-                low - snr[:, band], high - snr[:, band], uniforms[:, band]
-            )
-            measured[:, band] = np.clip(drawn, low, np.maximum(low, high))
+            expected = snr[:, band]
+            noise = truncated_normals(low - expected, high - expected, uniforms[:, band])
+            measured[:, band] = np.clip(expected + noise, low, np.maximum(low, high))
         return measured
 
     def margins(self, snr: FloatArray, slopes: FloatArray) -> FloatArray:
@@ -266,11 +256,8 @@ class RatioGates(Gates):
             margins.append(snr[:, band] - self.coincidence)
             for slope, sign in zip(self.sides(slopes, band), (1.0, -1.0), strict=True):
                 with np.errstate(invalid="ignore"):
-                    off = (
-                        sign * (snr[:, band] - slope * reference) / np.hypot(1.0, slope)
-                        + self.tolerance
-                    )
-                margins.append(np.where(np.isfinite(slope), off, np.inf))
+                    off = sign * (snr[:, band] - slope * reference) / np.hypot(1.0, slope)
+                margins.append(np.where(np.isfinite(slope), off + self.tolerance, np.inf))
         return np.stack(margins, axis=1)
 
     def _least(self, band: int) -> float:
@@ -281,8 +268,8 @@ class RatioGates(Gates):
         steepest = np.ones(len(slopes))
         for place, band in enumerate(self.others):
             for slope, condition in zip(self.sides(slopes, band), (2, 3), strict=True):
-                is_near = margins[:, 3 * place + condition] < FAR
-                steepest = np.maximum(steepest, np.where(is_near, slope, 1.0))
+                is_uncertain = margins[:, 3 * place + condition] < FAR
+                steepest = np.maximum(steepest, np.where(is_uncertain, slope, 1.0))
         return steepest
 
     def _integrated(
@@ -290,28 +277,25 @@ class RatioGates(Gates):
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) by the integral."""
         log_hit = np.empty(len(snr))
-        log_missed = np.full(len(snr), -np.inf)
+        log_shut = np.full(len(snr), -np.inf)
         for rows, count in by_steepness(steepest):
             density = GateDensity(self, snr[rows], slopes[rows])
             panels = density.panels(count, -np.inf if slack else 0.0)
             base, gates = density.logarithms(panels.nodes())
             log_hit[rows] = log_integral(panels, base + gates)
-            if slack:
-                continue
-            with np.errstate(divide="ignore"):
-                shut = np.log(-np.expm1(gates))
-            log_missed[rows] = log_integral(panels, base + shut)
-        hit = np.minimum(log_hit, 0.0)
+            if not slack:
+                with np.errstate(divide="ignore"):
+                    shut = np.log(-np.expm1(gates))
+                log_shut[rows] = log_integral(panels, base + shut)
+        log_hit = np.minimum(log_hit, 0.0)
         with np.errstate(divide="ignore"):
-            left = np.log1p(-np.exp(hit))
-        return hit, left if slack else np.where(hit < LOG_HALF, left, self._missed(log_missed, snr))
-
-    def _missed(self, log_shut: FloatArray, snr: FloatArray) -> FloatArray:
-        """Return ln(1 - P_d): a gate is shut, or the reference band is below the threshold."""
-        added: FloatArray = np.logaddexp(
-            log_ndtr(self.threshold - snr[:, self.reference]), log_shut
-        )
-        return np.minimum(added, 0.0)
+            log_miss = np.log1p(-np.exp(log_hit))
+        if not slack:
+            # A gate is shut, or the reference band is below the threshold.
+            log_below = log_ndtr(self.threshold - snr[:, self.reference])
+            summed = np.minimum(np.logaddexp(log_below, log_shut), 0.0)
+            log_miss = np.where(log_hit < LOG_HALF, log_miss, summed)
+        return log_hit, log_miss
 
 
 def _undecided(margins: FloatArray, least: FloatArray, slack: float) -> IntArray:

@@ -8,28 +8,17 @@ example 9.1. Signals are in standard deviations of the noise. Arguments of all f
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import gammainc, gammaincinv, nctdtr, ndtri, stdtr, stdtrit
+from scipy.special import gammainc, gammaincinv, nctdtr, ndtri, stdtrit
 
 from opir_core.arrays import FloatArray
-
-#: Shift over threshold from which on the probability of detection is 1, however few the cells.
-_LARGEST_RATIO = 1e3
+from opir_photons.columns import floats
 
 
 def cfar_threshold(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArray:
     """Return the thresholds on Student's t that N = `cells` reference cells need for false-alarm
     probabilities.
     """
-    return -stdtrit(np.asarray(cells, dtype=np.float64) - 1.0, false_alarm_probability)
-
-
-def cfar_false_alarm_probability(threshold: ArrayLike, cells: ArrayLike) -> FloatArray:
-    """Return the false-alarm probabilities of thresholds on Student's t with N = `cells` reference
-    cells.
-    """
-    return stdtr(
-        np.asarray(cells, dtype=np.float64) - 1.0, -np.asarray(threshold, dtype=np.float64)
-    )
+    return -stdtrit(floats(cells) - 1.0, false_alarm_probability)
 
 
 def cfar_probability_of_detection(
@@ -38,18 +27,17 @@ def cfar_probability_of_detection(
     """Return the probabilities of detection of signals, with a threshold on Student's t and N =
     `cells` cells.
     """
-    count = np.asarray(cells, dtype=np.float64)
-    limit = np.asarray(threshold, dtype=np.float64)
-    shift = np.asarray(snr, dtype=np.float64) / np.sqrt(1.0 + 1.0 / count)
+    count = floats(cells)
+    limit = floats(threshold)
+    shift = floats(snr) / np.sqrt(1.0 + 1.0 / count)
     # The upper tail as the lower one of the mirrored distribution: no digit is lost where it is
     # small.
-    found = nctdtr(count - 1.0, -shift, -limit)
-    # SciPy has none of shifts above 1e5 or so: there the noise of the cell is nothing beside that
-    # of the threshold.
-    ratio = np.minimum(shift / np.maximum(limit, 1.0), _LARGEST_RATIO)
-    return np.where(
-        np.isnan(found), gammainc(0.5 * (count - 1.0), 0.5 * (count - 1.0) * ratio * ratio), found
-    )[()]
+    chance = nctdtr(count - 1.0, -shift, -limit)
+    # SciPy fails for shifts above 1e5 or so: there the noise of the cell is negligible beside that
+    # of the threshold. From a thousand thresholds on P_d is 1, however few the cells.
+    ratio = np.minimum(shift / np.maximum(limit, 1.0), 1e3)
+    half = 0.5 * (count - 1.0)
+    return np.where(np.isnan(chance), gammainc(half, half * ratio * ratio), chance)[()]
 
 
 def cfar_loss(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArray:
@@ -60,10 +48,10 @@ def cfar_loss(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArra
     threshold T of known noise is exact at P_d = 1/2 and within 0.03 elsewhere, from 16 cells on and
     P_fa down to 2.8e-7.
     """
-    count = np.asarray(cells, dtype=np.float64)
+    count = floats(cells)
     threshold = cfar_threshold(false_alarm_probability, count)
     needed = _median_shift(count - 1.0, threshold) * np.sqrt(1.0 + 1.0 / count)
-    return needed / -ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
+    return needed / -ndtri(floats(false_alarm_probability))
 
 
 def _median_shift(freedom: FloatArray, threshold: FloatArray) -> FloatArray:

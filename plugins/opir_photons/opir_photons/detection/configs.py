@@ -15,12 +15,10 @@ class SnrConfig:
         default="none",
         choices=CALIBRATIONS,
         help="none: the sensors' noise as configured; paper: each sensor's noise-equivalent"
-        " irradiances times the one"
-        " factor with which it detects the reference ICBM (solid, 30 s after ignition, at 25 km,"
-        " from the side, 36 000"
-        " km away, through no air, before no background) with its detection_probability for ICBM;"
-        " fainter classes, and"
-        " any through air, are then mostly below the threshold",
+        " irradiances times the one factor with which it detects the reference ICBM (solid, 30 s"
+        " after ignition, at 25 km, from the side, 36 000 km away, through no air, before no"
+        " background) with its detection_probability for ICBM; fainter classes, and any through"
+        " air, are then mostly below the threshold",
     )
     probability_tolerance: float = number(
         default=1e-4,

@@ -18,10 +18,8 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray
-
-#: Nodes of the integral over the correlation: to within 1e-12 up to a correlation of 0.9, 1e-5 up
-#: to 0.9999.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+from opir_photons.columns import floats
+from opir_photons.radiometry.quadrature import legendre
 
 
 def gate_radius_cells(
@@ -30,7 +28,7 @@ def gate_radius_cells(
     """Return the radii of confirmation gates, in resolution cells, the given numbers of scans
     before a detection.
     """
-    moved_m = speed_m_s * scan_period_s * np.asarray(scans_before, dtype=np.float64)
+    moved_m = speed_m_s * scan_period_s * floats(scans_before)
     return 1.0 + moved_m / (ifov_rad * range_m)
 
 
@@ -44,16 +42,17 @@ def repeated_crossing_probability(
     1. The joint probability is P_fa² + 1/(2π) ∫ exp(-T² / (1 + sin θ)) dθ from 0 to arcsin ρ, with
     T = Q⁻¹(P_fa): W. F. Sheppard, Phil. Trans. R. Soc. A 192 (1899) 101.
     """
-    end = np.arcsin(np.clip(np.asarray(correlation, dtype=np.float64), -1.0, 1.0))[..., None]
-    sine = np.sin(0.5 * end * (1.0 + _NODES))
-    threshold = float(ndtri(false_alarm_probability))
+    # To within 1e-12 up to a correlation of 0.9, 1e-5 up to 0.9999.
+    nodes, weights = legendre(64)
+    end = np.arcsin(np.clip(floats(correlation), -1.0, 1.0))[..., None]
+    sine = np.sin(0.5 * end * (1.0 + nodes))
+    squared_threshold = float(ndtri(false_alarm_probability)) ** 2
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        density = np.exp(-(threshold**2) / (1.0 + sine))
-    joint = (density * _WEIGHTS).sum(axis=-1) * end[..., 0] / (4.0 * np.pi)
-    more = (
-        joint / false_alarm_probability if false_alarm_probability > 0.0 else np.zeros_like(joint)
-    )
-    return np.asarray(np.clip(false_alarm_probability + more, 0.0, 1.0))
+        density = np.exp(-squared_threshold / (1.0 + sine))
+    joint = (density * weights).sum(axis=-1) * end[..., 0] / (4.0 * np.pi)
+    is_possible = false_alarm_probability > 0.0
+    excess = joint / false_alarm_probability if is_possible else np.zeros_like(joint)
+    return np.asarray(np.clip(false_alarm_probability + excess, 0.0, 1.0))
 
 
 def false_confirmation_probability(
@@ -62,25 +61,29 @@ def false_confirmation_probability(
     radius_cells: ArrayLike,
     correlation: ArrayLike = 0.0,
 ) -> float:
-    """Return the probability that a false alarm is confirmed by those of the scans before it.
+    """Return the probability that false alarms in earlier scans confirm one.
 
     `false_alarm_probability` is P_fa per cell and scan, `needed` is M, `radius_cells` (N - 1,) are
     the radii of the gates of the scans before, `correlation` (N - 1,) the correlations of a cell's
     noise with its own in those scans; other cells are independent of it. 1 for M = 1.
     """
-    gate = np.pi * np.square(np.asarray(radius_cells, dtype=np.float64))
-    again = repeated_crossing_probability(
-        false_alarm_probability, np.broadcast_to(correlation, gate.shape)
+    gate = np.pi * np.square(floats(radius_cells))
+    correlations = np.broadcast_to(correlation, gate.shape)
+    excess = (
+        repeated_crossing_probability(false_alarm_probability, correlations)
+        - false_alarm_probability
     )
     hit = -np.expm1(-false_alarm_probability * gate)
     # Of the cells in a gate one crosses again with another probability.
-    hit += (
-        (again - false_alarm_probability) / max(1.0 - false_alarm_probability, 1e-300) * (1.0 - hit)
-    )
-    hit = np.clip(hit, 0.0, 1.0)
-    counts = np.zeros(len(hit) + 1)
+    hit += excess / max(1.0 - false_alarm_probability, 1e-300) * (1.0 - hit)
+    return _poisson_binomial_tail(np.clip(hit, 0.0, 1.0), max(needed - 1, 0))
+
+
+def _poisson_binomial_tail(chance: FloatArray, needed: int) -> float:
+    """Return the probability of at least `needed` of independent events with probabilities (n,)."""
+    counts = np.zeros(len(chance) + 1)
     counts[0] = 1.0
-    for chance in hit.tolist():
-        counts[1:] = counts[1:] * (1.0 - chance) + counts[:-1] * chance
-        counts[0] *= 1.0 - chance
-    return min(float(counts[max(needed - 1, 0) :].sum()), 1.0)
+    for hit in chance.tolist():
+        counts[1:] = counts[1:] * (1.0 - hit) + counts[:-1] * hit
+        counts[0] *= 1.0 - hit
+    return min(float(counts[needed:].sum()), 1.0)

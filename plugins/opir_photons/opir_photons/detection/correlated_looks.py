@@ -1,9 +1,10 @@
-"""Looks with correlated noise: how many independent ones they are worth."""
+"""The number of independent looks that looks with correlated noise are worth."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
+from opir_photons.columns import floats
 
 
 def effective_looks(correlation: ArrayLike) -> FloatArray:
@@ -15,7 +16,7 @@ def effective_looks(correlation: ArrayLike) -> FloatArray:
     Source: G. V. Bayley and J. M. Hammersley, Suppl. J. R. Stat. Soc. 8 (1946) 184. Looks of
     opposite noise are worth more than n.
     """
-    rho = np.asarray(correlation, dtype=np.float64)
+    rho = floats(correlation)
     count = rho.shape[-1]
     share = 1.0 - np.arange(count) / count
     return count / (2.0 * (share * rho).sum(axis=-1) - rho[..., 0])

@@ -1,5 +1,4 @@
-"""What a focal plane comes to for the detection model `snr`: noise, clutter, saturation and
-centroids.
+"""Figures of a focal plane for the detection model `snr`: noise, clutter, saturation and centroids.
 
 All is referred to irradiance at the aperture: noise is divided by the share of a source's light
 that the spatial filter passes, so the signal of a look is the target's whole irradiance. A CFAR
@@ -19,6 +18,7 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.errors import ModelError
 from opir_core.interfaces import Radiometer, Structure
 from opir_core.plugin import Background, Band, FocalPlaneConfig
+from opir_photons.columns import floats
 from opir_photons.detection.cfar import cfar_loss
 from opir_photons.radiometry.clutter import FrameDifference, SpatialTransfer
 from opir_photons.radiometry.detector import (
@@ -44,18 +44,12 @@ from opir_photons.radiometry.point_spread import PointSpread
 #: to 1e6 km away.
 _MIDDLE = 0.5 * math.log(1e9 * 1e4)
 _HALF = 0.5 * math.log(1e9 / 1e4)
-#: Degree of a clutter table: to within 2e-4 of the amplitude.
-_DEGREE = 24
-#: Thresholds, standard deviations, at which a CFAR loss is worked out: a P_fa of 0.16 to 8e-24.
-_CFAR_THRESHOLDS = (1.0, 10.0)
-#: Least signal over noise, and least irradiance, W/m², of a centroid: no division by zero.
-_LEAST = 1e-30
 
 
 @frozen(eq=False)
 class ClutterTable:
-    """Amplitudes left of a structure of unit rms, by range: a Chebyshev series in the logarithm of
-    the range.
+    """Residual amplitudes of a structure of unit rms, by range: a Chebyshev series in the logarithm
+    of the range, to within 2e-4.
     """
 
     coefficients: FloatArray
@@ -69,28 +63,28 @@ class ClutterTable:
         frames: FrameDifference | None,
     ) -> "ClutterTable":
         """Return the table of a structure behind a filter."""
-        node = chebyshev.chebpts1(_DEGREE + 1)
+        node = chebyshev.chebpts1(25)
         scale = structure.scale_m / (np.exp(_MIDDLE + _HALF * node) * pixel_rad)
-        left = transfer.variance(scale, structure.exponent, frames)
-        logarithm = 0.5 * np.log(np.maximum(left, np.finfo(np.float64).tiny))
-        return cls(np.asarray(chebyshev.chebfit(node, logarithm, _DEGREE), dtype=np.float64))
+        variance = transfer.variance(scale, structure.exponent, frames)
+        logarithm = 0.5 * np.log(np.maximum(variance, np.finfo(np.float64).tiny))
+        return cls(floats(chebyshev.chebfit(node, logarithm, 24)))
 
     def amplitude(self, range_m: FloatArray) -> FloatArray:
-        """Return the standard deviations (n,) left of a structure of unit rms at ranges (n,), m."""
+        """Return the residual standard deviations (n,) of a structure of unit rms at ranges (n,), m."""
         place = np.clip((np.log(range_m) - _MIDDLE) / _HALF, -1.0, 1.0)
         return np.asarray(np.exp(chebyshev.chebval(place, self.coefficients)))
 
 
 @frozen(eq=False)
 class FocalPlaneTerms:
-    """What a focal plane comes to, by band.
+    """Figures of a focal plane, by band.
 
     `filters` are the transfers of spot, pixel and spatial filter, `frames` is the temporal filter,
     all in pixels, which are `pixel_rad` wide. `photon_gain` is the factor on the variance of
     background photons, `clutter_gain` that on the amplitude of clutter in a pixel; `clutter` (B,
     structures) are tables; `well_w_m2` the irradiance in a pixel that fills its well, of which a
-    source puts `peak_share` into one pixel. `own_past` is what the temporal filter subtracts of a
-    source's own light; empty without one. A centroid in noise alone is off by `centroid_rad` over
+    source puts `peak_share` into one pixel. `own_past` is the share of a source's own light that
+    the temporal filter subtracts; empty without one. A centroid in noise alone is off by `centroid_rad` over
     the SNR, one electron by `spot_rad`; `electron_w_m2` is the irradiance of one electron.
     """
 
@@ -131,12 +125,12 @@ class FocalPlaneTerms:
         scale = structure.scale_m / (range_m * self.pixel_rad)
         return np.array(
             [
-                one.correlation(scale, structure.exponent, interval_s, self.frames)
-                for one in self.filters
+                transfer.correlation(scale, structure.exponent, interval_s, self.frames)
+                for transfer in self.filters
             ]
         )
 
-    def most_w_m2(self, behind_w_m2: FloatArray | float) -> FloatArray:
+    def saturation_w_m2(self, behind_w_m2: FloatArray | float) -> FloatArray:
         """Return the irradiances (B, n) of targets that fill a well, before a background in a pixel
         (B, n).
         """
@@ -147,14 +141,16 @@ class FocalPlaneTerms:
         """Return the variances (n,), rad², of centroids in the best band, of signals (n, B) in
         noise (n, B), W/m².
         """
+        # No division by zero for signals over noise, and irradiances, W/m².
+        least = 1e-30
         best = np.full(len(snr), np.inf)
         for band in range(snr.shape[1]):
-            signal = np.maximum(snr[:, band], _LEAST)
-            one = self.spot_rad[band] ** 2
+            signal = np.maximum(snr[:, band], least)
+            spot = self.spot_rad[band] ** 2
             # One electron places a spot: the brightest pixel holds more.
-            white = np.minimum(np.square(self.centroid_rad[band] / signal), one)
-            photons = one * self.electron_w_m2[band] / np.maximum(signal * noise[:, band], _LEAST)
-            np.minimum(best, np.minimum(joined_centroid_variance(white, photons), one), out=best)
+            white = np.minimum(np.square(self.centroid_rad[band] / signal), spot)
+            photons = spot * self.electron_w_m2[band] / np.maximum(signal * noise[:, band], least)
+            np.minimum(best, np.minimum(joined_centroid_variance(white, photons), spot), out=best)
         return best
 
 
@@ -197,41 +193,55 @@ def _terms(
     pixel = radiometer.ifov_rad
     planes = radiometer.focal_planes
     frames = _frames(planes[0], pixel)
-    each = [_BandTerms.of(plane, band, pixel) for plane, band in zip(planes, bands, strict=True)]
-    per_unit, passed, noise = np.array([(one.per_unit, one.passed, one.noise) for one in each]).T
-    sigma = np.array([one.sigma_rad for one in each])
+    terms = [_BandTerms.of(plane, band, pixel) for plane, band in zip(planes, bands, strict=True)]
+
+    def column(name: str) -> FloatArray:
+        return np.array([getattr(term, name) for term in terms])
+
+    per_unit = column("per_unit")
+    share = column("passed")
+    noise = column("noise")
     frame_noise = noise * (1.0 if frames is None else 2.0)
     loss = np.array([_loss(radiometer.threshold, plane) for plane in planes])
-    computed = noise_equivalent_irradiance(
-        np.array([one.noise_e for one in each]), per_unit, passed, frame_noise
-    )
-    given = np.array(radiometer.nei_w_m2)
+    computed = noise_equivalent_irradiance(column("noise_e"), per_unit, share, frame_noise)
+    nei = np.array(radiometer.nei_w_m2)
     collection = np.array([_collection_m2_s(plane) for plane in planes])
-    transfers = [SpatialTransfer.of(one.weights, one.spread) for one in each]
+    filters = tuple(SpatialTransfer.of(term.weights, term.spread) for term in terms)
     return FocalPlaneTerms(
         pixel_rad=pixel,
-        filters=tuple(transfers),
+        filters=filters,
         frames=frames,
-        nei_w_m2=tuple((np.where(np.isnan(given), computed, given) * loss).tolist()),
+        nei_w_m2=tuple((np.where(np.isnan(nei), computed, nei) * loss).tolist()),
         collection_m2_s=float(collection[0]),
-        photon_gain=frame_noise * np.square(loss / passed) * collection[0] / collection,
-        clutter_gain=loss / passed,
-        clutter=tuple(
-            tuple(ClutterTable.of(one, pixel, kind, frames) for one in structures)
-            for kind in transfers
-        ),
-        well_w_m2=np.array([one.room_e for one in each]) / per_unit,
-        peak_share=np.array([ensquared_airy_energy(one.spread, 1, one.phase) for one in each]),
-        centroid_rad=centroid_factor_rad(sigma, pixel) * passed / (loss * np.sqrt(noise)),
-        spot_rad=np.sqrt(photon_centroid_variance(sigma, pixel)),
+        photon_gain=frame_noise * np.square(loss / share) * collection[0] / collection,
+        clutter_gain=loss / share,
+        clutter=_clutter_tables(filters, structures, pixel, frames),
+        well_w_m2=column("room_e") / per_unit,
+        peak_share=np.array([ensquared_airy_energy(term.spread, 1, term.phase) for term in terms]),
+        centroid_rad=centroid_factor_rad(column("sigma_rad"), pixel)
+        * share
+        / (loss * np.sqrt(noise)),
+        spot_rad=np.sqrt(photon_centroid_variance(column("sigma_rad"), pixel)),
         electron_w_m2=1.0 / per_unit,
-        own_past=() if frames is None else tuple(one.spot.own_past(frames) for one in each),
+        own_past=() if frames is None else tuple(term.spot.own_past(frames) for term in terms),
+    )
+
+
+def _clutter_tables(
+    filters: Sequence[SpatialTransfer],
+    structures: Sequence[Structure],
+    pixel: float,
+    frames: FrameDifference | None,
+) -> tuple[tuple[ClutterTable, ...], ...]:
+    return tuple(
+        tuple(ClutterTable.of(structure, pixel, transfer, frames) for structure in structures)
+        for transfer in filters
     )
 
 
 @frozen(eq=False)
 class _BandTerms:
-    """What one band's focal plane comes to; `noise_e` is of a pixel and frame without background,
+    """Figures of one band's focal plane; `noise_e` is of a pixel and frame without background,
     `room_e` its well.
     """
 
@@ -257,10 +267,12 @@ class _BandTerms:
         spread = PointSpread.of(middle_um, plane.aperture_m, blur, pixel)
         spot = FilteredSpot.of(weights, spread, plane.phase)
         efficiency = plane.quantum_efficiency * plane.fill_factor
-        unlit_e = unlit_electrons_per_s(plane, band, pixel) * time_s
-        read_e = np.hypot(
-            plane.read_noise_e, conversion_noise_electrons(plane.well_capacity_e, plane.bits)
+        per_unit = electrons_per_w_m2(
+            middle_um, plane.aperture_m, plane.optics_transmission, efficiency, time_s
         )
+        unlit_e = unlit_electrons_per_s(plane, band, pixel) * time_s
+        conversion_e = conversion_noise_electrons(plane.well_capacity_e, plane.bits)
+        read_e = np.hypot(plane.read_noise_e, conversion_e) * math.sqrt(plane.subframes)
         return cls(
             phase=plane.phase,
             sigma_rad=sigma,
@@ -269,14 +281,8 @@ class _BandTerms:
             spot=spot,
             passed=float(spot.response()),
             noise=noise_gain(weights),
-            per_unit=float(
-                electrons_per_w_m2(
-                    middle_um, plane.aperture_m, plane.optics_transmission, efficiency, time_s
-                )
-            ),
-            noise_e=float(
-                noise_electrons(dark_e=unlit_e, read_e=read_e * math.sqrt(plane.subframes))
-            ),
+            per_unit=float(per_unit),
+            noise_e=float(noise_electrons(dark_e=unlit_e, read_e=read_e)),
             room_e=max(plane.well_capacity_e * plane.subframes - unlit_e, 0.0),
         )
 
@@ -311,12 +317,11 @@ def _loss(threshold: float, plane: FocalPlaneConfig) -> float:
     """Return the CFAR loss at a threshold, standard deviations; 1 where the noise is known."""
     if plane.reference_cells is None:
         return 1.0
-    low, high = _CFAR_THRESHOLDS
-    if not low <= threshold <= high:
+    # A P_fa of 0.16 to 8e-24.
+    if not 1.0 <= threshold <= 10.0:
         raise ModelError(
-            f"focal_plane.reference_cells: the loss of a threshold above {high:g} or below {low:g}"
-            f" standard deviations"
-            " is not worked out; change threshold_sigma or false_alarm_probability"
+            "focal_plane.reference_cells: the loss of a threshold above 10 or below 1 standard"
+            " deviations is not worked out; change threshold_sigma or false_alarm_probability"
         )
     return float(cfar_loss(ndtr(-threshold), plane.reference_cells))
 

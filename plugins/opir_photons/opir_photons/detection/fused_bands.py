@@ -19,10 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_photons.detection.rejection_sampling import tail_normals
-
-#: Least uniform number with a finite normal quantile.
-_LEAST_LEVEL = 2.0**-54
+from opir_photons.detection.rejection_sampling import LEAST_UNIFORM, tail_normals
 
 
 @frozen(eq=False)
@@ -100,7 +97,7 @@ class FusedBands:
 
         Noise along the weights is drawn above the threshold, noise across them freely.
         """
-        free = ndtri(np.maximum(uniforms[:, :-1], _LEAST_LEVEL))
+        free = ndtri(np.maximum(uniforms[:, :-1], LEAST_UNIFORM))
         along = tail_normals(self.threshold - _dot(snr, slopes), uniforms[:, -1])
         measured = snr + free + (along - _dot(free, slopes))[:, None] * slopes
         # Rounding may move a crossing signal below the threshold.

@@ -7,6 +7,7 @@ panels, one interval per row, from logarithms of densities.
 """
 
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 from attrs import frozen
@@ -15,20 +16,25 @@ from scipy.special import log_ndtr
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_photons.detection.gate_integrals import Gates, crossing
+from opir_photons.radiometry import quadrature
 
 #: Nodes per panel.
 ORDER = 16
 
-_NODES, _WEIGHTS = legendre.leggauss(ORDER)
+_NODES, _WEIGHTS = quadrature.legendre(ORDER)
 
-#: Values at the nodes to Legendre coefficients: exact for polynomials up to the panel's order.
-_TO_COEFFICIENTS = np.array(
-    [legendre.legval(_NODES, unit) * _WEIGHTS * (k + 0.5) for k, unit in enumerate(np.eye(ORDER))]
-)
-#: Values at the nodes to the coefficients of the integral from the panel's start.
-_TO_INTEGRAL = np.array([legendre.legint(column, lbnd=-1.0) for column in _TO_COEFFICIENTS.T]).T
 
-_BISECTIONS = 52
+@cache
+def _to_integral() -> FloatArray:
+    """Return the matrix from values at the nodes to the Legendre coefficients of the integral from
+    the panel's start: exact for polynomials up to the panel's order.
+    """
+    to_coefficients = [
+        legendre.legval(_NODES, unit) * _WEIGHTS * (k + 0.5) for k, unit in enumerate(np.eye(ORDER))
+    ]
+    return np.array(
+        [legendre.legint(column, lbnd=-1.0) for column in np.transpose(to_coefficients)]
+    ).T
 
 
 @frozen(eq=False)
@@ -52,26 +58,26 @@ class Panels:
 
     def integral(self, values: FloatArray) -> FloatArray:
         """Return the integrals (n,) of functions with values (n, panels · ORDER) at the nodes."""
-        parts = self._of_panels(values)
-        total = parts[:, 0].copy()
-        for panel in range(1, parts.shape[1]):
-            total += parts[:, panel]
+        integrals = self._of_panels(values)
+        total = integrals[:, 0].copy()
+        for panel in range(1, integrals.shape[1]):
+            total += integrals[:, panel]
         return total
 
     def inverse(self, values: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return the points (n,) up to which the integral of non-negative values is the share
         `uniforms` (n,).
         """
-        passed = np.cumsum(self._of_panels(values), axis=1)
-        wanted = uniforms * passed[:, -1]
-        panel = np.minimum((wanted[:, None] >= passed).sum(axis=1), passed.shape[1] - 1)
+        cumulative = np.cumsum(self._of_panels(values), axis=1)
+        level = uniforms * cumulative[:, -1]
+        panel = np.minimum((level[:, None] >= cumulative).sum(axis=1), cumulative.shape[1] - 1)
         rows = np.arange(len(panel))
-        before = np.where(panel > 0, passed[rows, panel - 1], 0.0)
+        remainder = level - np.where(panel > 0, cumulative[rows, panel - 1], 0.0)
         inside = values.reshape(len(panel), -1, ORDER)[rows, panel]
         start = self.edges[rows, panel]
-        width = self.edges[rows, panel + 1] - self.edges[rows, panel]
+        width = self.edges[rows, panel + 1] - start
         with np.errstate(invalid="ignore", divide="ignore"):
-            place = _solved(inside, (wanted - before) / (0.5 * width))
+            place = _solved(inside, remainder / (0.5 * width))
         return start + width * 0.5 * (place + 1.0)
 
     def _of_panels(self, values: FloatArray) -> FloatArray:
@@ -82,16 +88,14 @@ class Panels:
         return total * (0.5 * np.diff(self.edges, axis=1))
 
 
-def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return the points in [-1, 1] up to which the integral of values (n, ORDER) is `wanted`
-    (n,).
-    """
-    low = np.full(len(wanted), -1.0)
-    high = np.ones(len(wanted))
-    coefficients = (inside[:, None, :] * _TO_INTEGRAL[None, :, :]).sum(axis=2).T
-    for _ in range(_BISECTIONS):
+def _solved(inside: FloatArray, integral: FloatArray) -> FloatArray:
+    """Return the points in [-1, 1] up to which values (n, ORDER) have an integral (n,)."""
+    low = np.full(len(integral), -1.0)
+    high = np.ones(len(integral))
+    coefficients = (inside[:, None, :] * _to_integral()[None, :, :]).sum(axis=2).T
+    for _ in range(52):
         middle = 0.5 * (low + high)
-        is_below = legendre.legval(middle, coefficients, tensor=False) < wanted
+        is_below = legendre.legval(middle, coefficients, tensor=False) < integral
         low = np.where(is_below, middle, low)
         high = np.where(is_below, high, middle)
     return 0.5 * (low + high)
@@ -99,17 +103,16 @@ def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
 
 #: Standard deviations beyond which a normal tail is below the last bit of 1.
 FAR = 9.0
-#: Panels for gates no steeper than the noise, and most doublings for steeper ones.
+#: Panels for gates no steeper than the noise, and the largest number of doublings for steeper ones.
 _PANELS = 3
-_MOST_DOUBLINGS = 5
-MOST_PANELS = _PANELS << _MOST_DOUBLINGS
+_MAX_DOUBLINGS = 5
 LOG_HALF = float(np.log(0.5))
 
 
 def by_steepness(steepest: FloatArray) -> Iterator[tuple[IntArray, int]]:
     """Yield rows with the number of panels for their steepest gate."""
-    doublings = np.clip(np.ceil(np.log2(steepest)), 0, _MOST_DOUBLINGS).astype(np.int64)
-    for times in range(_MOST_DOUBLINGS + 1):
+    doublings = np.clip(np.ceil(np.log2(steepest)), 0, _MAX_DOUBLINGS).astype(np.int64)
+    for times in range(_MAX_DOUBLINGS + 1):
         rows = np.flatnonzero(doublings == times)
         if len(rows):
             yield rows, _PANELS << times
@@ -127,37 +130,37 @@ def log_integral(panels: Panels, log_values: FloatArray) -> FloatArray:
 def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     """Return ln(Q(low) - Q(high)), of normal tails; -inf where low >= high."""
     result = np.where(low < high, 0.0, -np.inf)
-    near_edge = np.nonzero((low < high) & ((low > -FAR) | (high < FAR)))
-    low = low[near_edge]
-    high = high[near_edge]
+    edges = np.nonzero((low < high) & ((low > -FAR) | (high < FAR)))
+    low = low[edges]
+    high = high[edges]
     is_left = low + high < 0.0
-    near = np.where(is_left, high, -low)
-    far = np.where(is_left, low, -high)
-    log_near = log_ndtr(near)
-    fall = np.full(len(near), -np.inf)
-    close = np.flatnonzero(far > np.minimum(near, 0.0) - FAR)
-    fall[close] = np.minimum(log_ndtr(far[close]) - log_near[close], 0.0)
-    with np.errstate(divide="ignore"):
-        result[near_edge] = log_near + np.where(
-            fall < LOG_HALF, np.log1p(-np.exp(fall)), np.log(-np.expm1(fall))
-        )
+    larger = np.where(is_left, high, -low)
+    result[edges] = _log_difference(larger, np.where(is_left, low, -high))
     return result
 
 
-#: Decrease of a density's logarithm beyond which the rest is negligible.
+def _log_difference(larger: FloatArray, smaller: FloatArray) -> FloatArray:
+    """Return ln(Φ(larger) - Φ(smaller)) of the normal distribution Φ."""
+    log_larger = log_ndtr(larger)
+    fall = np.full(len(larger), -np.inf)
+    close = np.flatnonzero(smaller > np.minimum(larger, 0.0) - FAR)
+    fall[close] = np.minimum(log_ndtr(smaller[close]) - log_larger[close], 0.0)
+    return log_larger + _log_complement(fall)
+
+
+def _log_complement(log_share: FloatArray) -> FloatArray:
+    """Return ln(1 - exp(x)), for x up to 0."""
+    with np.errstate(divide="ignore"):
+        return np.where(
+            log_share < LOG_HALF, np.log1p(-np.exp(log_share)), np.log(-np.expm1(log_share))
+        )
+
+
+#: Decrease of a density's logarithm beyond which it is negligible.
 _DROP = 39.0
-#: Largest number of panels; then panels are divided at gate crossings, at these margins in standard
-#: deviations.
-_FINEST = MOST_PANELS
-_CROSSING = np.arange(-9.0, 10.0, 3.0)
-#: Golden-section steps of the search for the peak; the second number for wide search intervals.
+#: Golden-section steps of the search for the peak, and share of an interval that each leaves.
 _SECTIONS = 36
-_MOST_SECTIONS = 80
-_WIDE = 100.0
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0
-#: Halvings of the distance within which a density becomes negligible.
-_REACHES = 40
-_LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
 
 
 @frozen(eq=False)
@@ -183,7 +186,7 @@ class GateDensity:
             low, high = self.rule.gate(nodes, self.slopes, band)
             log_gates += log_between(low - self.snr[:, band, None], high - self.snr[:, band, None])
         off = nodes - self._expected[:, None]
-        return -0.5 * off * off - _LOG_ROOT_TWO_PI, log_gates
+        return -0.5 * off * off - 0.5 * np.log(2.0 * np.pi), log_gates
 
     def panels(self, count: int, ajar: float) -> Panels:
         """Return panels over all y of non-negligible density.
@@ -191,19 +194,21 @@ class GateDensity:
         The peak is searched where gates are shut by more than `ajar` standard deviations at their
         first opening.
         """
-        first = self._first_open()
-        peak = np.maximum(self._expected, first)
+        opening = self._first_open()
+        peak = np.maximum(self._expected, opening)
         shut = np.flatnonzero(self._gate_margin(peak) < ajar)
         peak[shut] = self.take(shut)._peak()
         # Distance of a decrease by exp(-_DROP); beyond the expected signal the density decreases
         # from the start.
-        falling = np.where(peak <= first, np.maximum(peak - self._expected, 0.0), 0.0)
+        falling = np.where(peak <= opening, np.maximum(peak - self._expected, 0.0), 0.0)
         reach = 2.0 * _DROP / (np.sqrt(falling * falling + 2.0 * _DROP) + falling)
         # Near the opening of the gates the density may decrease much faster.
-        edge = shut[peak[shut] - first[shut] < reach[shut]]
+        edge = shut[peak[shut] - opening[shut] < reach[shut]]
         reach[edge] = self.take(edge)._fallen(peak[edge], reach[edge])
-        start = np.maximum(first, peak - np.sqrt(2.0 * _DROP))
-        kinks = self._kinks() if count < _FINEST else np.hstack([self._kinks(), self._crossings()])
+        start = np.maximum(opening, peak - np.sqrt(2.0 * _DROP))
+        kinks = self._kinks()
+        if count == _PANELS << _MAX_DOUBLINGS:
+            kinks = np.hstack([kinks, self._crossings()])
         return Panels.over(start, np.maximum(peak + reach, start), count, kinks)
 
     @property
@@ -214,8 +219,9 @@ class GateDensity:
         """Return the distances (n,) from the peak to negligible density, to a factor of 2, within
         `reach`.
         """
-        ways = reach[:, None] * np.exp2(-np.arange(_REACHES))
-        base, gates = self.logarithms(np.concatenate([peak[:, None], peak[:, None] + ways], axis=1))
+        distances = reach[:, None] * np.exp2(-np.arange(40))
+        nodes = np.concatenate([peak[:, None], peak[:, None] + distances], axis=1)
+        base, gates = self.logarithms(nodes)
         height = base + gates
         times = (height[:, 1:] < height[:, :1] - _DROP).sum(axis=1)
         return reach * np.exp2(-np.maximum(times - 1, 0))
@@ -241,11 +247,11 @@ class GateDensity:
         """Return signals (n, k) of the reference band around which sides of gates open and shut;
         -inf for no side.
         """
-        levels = (self.snr[:, band, None] + _CROSSING for band in self.rule.others)
-        sides = (
-            self._where(level, band) for level, band in zip(levels, self.rule.others, strict=True)
-        )
-        return np.concatenate([each for pair in sides for each in pair], axis=1)
+        margins = np.arange(-9.0, 10.0, 3.0)
+        sides: list[FloatArray] = []
+        for band in self.rule.others:
+            sides += self._where(self.snr[:, band, None] + margins, band)
+        return np.concatenate(sides, axis=1)
 
     def _where(self, level: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
         """Return the signals (n, k) of the reference band with the sides of a gate at levels (n,
@@ -262,26 +268,31 @@ class GateDensity:
         margin = np.full(len(reference), np.inf)
         for band in self.rule.others:
             low, high = self.rule.gate(reference, self.slopes, band)
-            margin = np.minimum(
-                margin, np.minimum(self.snr[:, band] - low, high - self.snr[:, band])
-            )
+            expected = self.snr[:, band]
+            margin = np.minimum(margin, np.minimum(expected - low, high - expected))
         return margin
 
     def _peak(self) -> FloatArray:
         """Return the peak (n,) of the density, by golden section."""
         low = self._first_open()
-        high = np.maximum(self._expected, low) + 1.0
-        for band in self.rule.others:
-            least = np.maximum(self.snr[:, band, None], self.rule.coincidence)
-            high = np.maximum(high, self._where(least, band)[1][:, 0] + 1.0)
+        high = self._beyond_peak(low)
         rows = np.arange(len(self.snr))
-        for step in range(_MOST_SECTIONS):
+        # Wide intervals, of over a hundred deviations, take further steps.
+        for step in range(80):
             if step == _SECTIONS:
-                rows = np.flatnonzero(high - low > _WIDE * _GOLDEN**_SECTIONS)
+                rows = np.flatnonzero(high - low > 100.0 * _GOLDEN**_SECTIONS)
             if not len(rows):
                 break
             low[rows], high[rows] = self.take(rows)._narrowed(low[rows], high[rows])
         return 0.5 * (low + high)
+
+    def _beyond_peak(self, opening: FloatArray) -> FloatArray:
+        """Return signals (n,) of the reference band above the peak of the density."""
+        high = np.maximum(self._expected, opening) + 1.0
+        for band in self.rule.others:
+            least = np.maximum(self.snr[:, band, None], self.rule.coincidence)
+            high = np.maximum(high, self._where(least, band)[1][:, 0] + 1.0)
+        return high
 
     def _narrowed(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parts of the intervals (n,) that contain the peak."""

@@ -7,15 +7,14 @@ of the slopes of the other sides, which determines the number of Gauss-Legendre 
 (docs/design/gate_nodes.py). No logarithms are used.
 """
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
-from numpy.polynomial import legendre
 from scipy.special import ndtr
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_photons.radiometry.quadrature import legendre
 
 #: Standard deviations beyond which a tail, of 1e-11, is omitted.
 _FAR = 6.8
@@ -24,9 +23,6 @@ _FAR = 6.8
 #: four bands.
 NODES = np.array([12, 20, 32, 64])
 WIDTHS = np.array([5.4, 9.8, 17.7])
-
-#: Nodes evaluated at once: few enough to stay in the processor's cache.
-_BLOCK_NODES = 16384
 
 
 @frozen(eq=False)
@@ -52,9 +48,9 @@ class Gates:
         `air` (n, 2 (B - 1)) are factors on the bounds: the least and the largest that the
         atmosphere may put on the ratio of two bands.
         """
-        others = self.others
-        steep = noise[:, self.reference, None] / noise[:, others]
-        sides = np.concatenate([steep * self.lower[others], steep * self.upper[others]], axis=1)
+        bands = self.others
+        scale = noise[:, self.reference, None] / noise[:, bands]
+        sides = np.concatenate([scale * self.lower[bands], scale * self.upper[bands]], axis=1)
         return sides if air is None else sides * air
 
     def sides(self, slopes: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
@@ -70,12 +66,11 @@ class Gates:
         """
         shape = (-1, *(1 for _ in reference.shape[1:]))
         lower, upper = (slope.reshape(shape) for slope in self.sides(slopes, band))
+        low = lower * reference - self.tolerance * np.hypot(1.0, lower)
+        # Without an upper bound 0 · inf is nan.
         with np.errstate(invalid="ignore"):
             high = upper * reference + self.tolerance * np.hypot(1.0, upper)
-        # Without an upper bound 0 · inf is nan.
-        return np.maximum(
-            lower * reference - self.tolerance * np.hypot(1.0, lower), self.coincidence
-        ), np.where(np.isfinite(upper), high, np.inf)
+        return np.maximum(low, self.coincidence), np.where(np.isfinite(upper), high, np.inf)
 
 
 def crossing(level: FloatArray, slope: FloatArray, tolerance: FloatArray | float) -> FloatArray:
@@ -106,29 +101,28 @@ class GateLooks(NamedTuple):
 
 
 class GatePanels(NamedTuple):
-    """Panels (p,) of looks: row of the look, limits, and which sides (2 · others, p) vary, lower
-    sides first.
+    """Panels (p,) of looks: row of the look, limits, and whether each side (2 · others, p) varies,
+    lower sides first.
 
     `width` is the length in units of the scale of the integrand.
     """
 
     looks: GateLooks
     row: IntArray
-    first: FloatArray
-    last: FloatArray
+    start: FloatArray
+    stop: FloatArray
     moves: BoolArray
     width: FloatArray
 
     def take(self, rows: IntArray) -> "GatePanels":
         """Return some of the panels."""
-        own = (
-            self.row[rows],
-            self.first[rows],
-            self.last[rows],
-            self.moves[:, rows],
-            self.width[rows],
+        return self._replace(
+            row=self.row[rows],
+            start=self.start[rows],
+            stop=self.stop[rows],
+            moves=self.moves[:, rows],
+            width=self.width[rows],
         )
-        return GatePanels(self.looks, *own)
 
 
 def fast_probability(
@@ -141,38 +135,40 @@ def fast_probability(
     # Panels without a varying side need no quadrature.
     size = np.searchsorted(WIDTHS, panels.width) * panels.moves.any(axis=0)
     code = (1 << np.arange(len(panels.moves))) @ panels.moves * len(NODES) + size
-    part = np.empty(len(code))
+    chance = np.empty(len(code))
     order = np.argsort(code, kind="stable")
-    for same in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
-        count = int(NODES[size[same[0]]]) if len(same) else 1
-        for begin in range(0, len(same), _BLOCK_NODES // count):
-            these = same[begin : begin + _BLOCK_NODES // count]
-            part[these] = _integral(rule, panels.take(these), count)
-    return np.clip(np.bincount(panels.row, part, minlength=len(snr)), 0.0, 1.0)
+    for group in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
+        count = int(NODES[size[group[0]]]) if len(group) else 1
+        # Few enough nodes at once to stay in the processor's cache.
+        step = 16384 // count
+        for begin in range(0, len(group), step):
+            rows = group[begin : begin + step]
+            chance[rows] = _integral(rule, panels.take(rows), count)
+    return np.clip(np.bincount(panels.row, chance, minlength=len(snr)), 0.0, 1.0)
 
 
-def looks_of(rule: Gates, snr: FloatArray, slopes: FloatArray, near: BoolArray) -> GateLooks:
-    """Return looks with the ranges over which the sides of their gates vary; `near` (n, 3 ·
-    others).
+def looks_of(
+    rule: Gates, snr: FloatArray, slopes: FloatArray, is_uncertain: BoolArray
+) -> GateLooks:
+    """Return looks with the ranges over which the sides of their gates vary; `is_uncertain` (n, 3 ·
+    others) are conditions that may hold or not.
     """
     reference = snr[:, rule.reference]
     expected = snr[:, rule.others].T
     lower = slopes[:, : len(expected)].T
     upper = slopes[:, len(expected) :].T
-    low = np.where(near[:, 1::3].T, lower, 0.0)
-    high = np.where(near[:, 2::3].T & np.isfinite(upper), upper, 0.0)
-    shut, open_ = (np.maximum(expected + far, rule.coincidence) for far in (-_FAR, _FAR))
+    low = np.where(is_uncertain[:, 1::3].T, lower, 0.0)
+    high = np.where(is_uncertain[:, 2::3].T & np.isfinite(upper), upper, 0.0)
+    shut, open_ = (np.maximum(expected + margin, rule.coincidence) for margin in (-_FAR, _FAR))
     low_from, low_until = (_met(level, low, -rule.tolerance, np.inf) for level in (shut, open_))
     high_from, high_until = (_met(level, high, rule.tolerance, -np.inf) for level in (shut, open_))
-    start = np.maximum(
-        np.maximum(rule.threshold, reference - _FAR), high_from.max(axis=0, initial=-np.inf)
-    )
+    start = np.maximum(rule.threshold, reference - _FAR)
+    start = np.maximum(start, high_from.max(axis=0, initial=-np.inf))
     # Above a threshold beyond the expected signal the density decreases faster than from its peak.
     falling = np.maximum(start - reference, 0.0)
-    stop = np.maximum(reference, start) + _FAR * _FAR / (
-        np.sqrt(falling * falling + _FAR * _FAR) + falling
-    )
-    stop = np.maximum(np.minimum(stop, low_until.min(axis=0, initial=np.inf)), start)
+    reach = _FAR * _FAR / (np.sqrt(falling * falling + _FAR * _FAR) + falling)
+    stop = np.minimum(np.maximum(reference, start) + reach, low_until.min(axis=0, initial=np.inf))
+    stop = np.maximum(stop, start)
     return GateLooks(reference, expected, low, high, low_from, high_until, start, stop)
 
 
@@ -186,43 +182,30 @@ def panels_of(looks: GateLooks) -> GatePanels:
     cuts = np.clip(np.concatenate([looks.low_from, looks.high_until]), looks.start, looks.stop)
     edges = np.sort(np.concatenate([looks.start[None], cuts, looks.stop[None]]), axis=0)
     panel, row = np.nonzero(edges[1:] > edges[:-1])
-    first = edges[panel, row]
-    last = edges[panel + 1, row]
-    middle = 0.5 * (first + last)
+    start = edges[panel, row]
+    stop = edges[panel + 1, row]
+    middle = 0.5 * (start + stop)
     moves = np.concatenate([middle > looks.low_from[:, row], middle < looks.high_until[:, row]])
     slopes = np.where(moves, np.concatenate([looks.low, looks.high])[:, row], 0.0)
-    return GatePanels(
-        looks,
-        row,
-        first,
-        last,
-        moves,
-        (last - first) * np.sqrt(1.0 + np.square(slopes).sum(axis=0)),
-    )
+    width = (stop - start) * np.sqrt(1.0 + np.square(slopes).sum(axis=0))
+    return GatePanels(looks, row, start, stop, moves, width)
 
 
 def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
     """Return the integrals (p,) over panels in which the same sides vary."""
-    first = panels.first
-    last = panels.last
-    reference = panels.looks.reference[panels.row]
     passing = ndtr(panels.looks.expected[:, panels.row] - rule.coincidence)
     is_moving = panels.moves[:, 0].reshape(2, -1).any(axis=0)
     if np.any(is_moving):
-        half = 0.5 * (last - first)
-        place, weight = _nodes(count)
-        whole = (
-            _summed(
-                _density(rule, 0.5 * (first + last) + half * place[:, None], panels, passing),
-                weight,
-            )
-            * half
-        )
+        half = 0.5 * (panels.stop - panels.start)
+        place, weight = legendre(count)
+        nodes = 0.5 * (panels.start + panels.stop) + half * place[:, None]
+        integral = _summed(_density(rule, nodes, panels, passing), weight) * half
     else:
-        whole = ndtr(reference - first) - ndtr(reference - last)
+        reference = panels.looks.reference[panels.row]
+        integral = ndtr(reference - panels.start) - ndtr(reference - panels.stop)
     for band in np.flatnonzero(~is_moving):
-        whole *= passing[band]
-    return whole
+        integral *= passing[band]
+    return integral
 
 
 def _density(rule: Gates, nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> FloatArray:
@@ -236,15 +219,13 @@ def _density(rule: Gates, nodes: FloatArray, panels: GatePanels, passing: FloatA
     lows, highs = panels.moves[:, 0].reshape(2, -1)
     for band in np.flatnonzero(lows | highs):
         expected = looks.expected[band, row]
-        inside = (
-            ndtr(expected - _side(rule, looks.low[band, row], -1.0, nodes))
-            if lows[band]
-            else passing[band]
-        )
+        inside = passing[band]
+        if lows[band]:
+            low = _side(rule, looks.low[band, row], -1.0, nodes)
+            inside = ndtr(expected - low)
         if highs[band]:
-            inside = np.maximum(
-                inside - ndtr(expected - _side(rule, looks.high[band, row], 1.0, nodes)), 0.0
-            )
+            high = _side(rule, looks.high[band, row], 1.0, nodes)
+            inside = np.maximum(inside - ndtr(expected - high), 0.0)
         density *= inside
     return density
 
@@ -262,11 +243,6 @@ def _summed(values: FloatArray, weight: FloatArray) -> FloatArray:
     the rows.
     """
     total: FloatArray = values[0] * weight[0]
-    for one, share in zip(values[1:], weight[1:].tolist(), strict=True):
-        total += one * share
+    for value, share in zip(values[1:], weight[1:].tolist(), strict=True):
+        total += value * share
     return total
-
-
-@cache
-def _nodes(count: int) -> tuple[FloatArray, FloatArray]:
-    return legendre.leggauss(count)

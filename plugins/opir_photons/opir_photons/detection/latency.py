@@ -17,12 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
+from opir_photons.columns import floats
 
 ScanPhase = Literal["aligned", "random"]
-
-#: Nanoseconds in a second: the simulator's times are whole nanoseconds, so times are compared to
-#: the nearest one.
-_NS = 1e9
 
 
 def cumulative_probability(detection_probability: ArrayLike, looks: ArrayLike) -> FloatArray:
@@ -36,7 +33,7 @@ def cumulative_probability(detection_probability: ArrayLike, looks: ArrayLike) -
     Source: opir-simulator paper (2026), section 4.2.
     """
     log_miss = _log_miss(detection_probability)
-    count = np.asarray(looks, dtype=np.float64)
+    count = floats(looks)
     with np.errstate(invalid="ignore"):
         exponent = np.where(count == 0.0, 0.0, np.where(count >= 0.0, count, np.nan) * log_miss)
     return np.asarray(-np.expm1(exponent))
@@ -62,15 +59,16 @@ def latency_cdf(
     """
     _require_phase(scan_phase)
     time, period, probability = _columns(time_s, scan_period_s, detection_probability)
-    elapsed = np.rint(np.maximum(time, 0.0) * _NS)
-    step = np.rint(period * _NS)
+    # The simulator's times are whole nanoseconds, so times are compared to the nearest one.
+    elapsed_ns = np.rint(np.maximum(time, 0.0) * 1e9)
+    period_ns = np.rint(period * 1e9)
     with np.errstate(invalid="ignore", divide="ignore"):
-        whole = np.where(np.isinf(elapsed), np.inf, np.floor(elapsed / step))
-        part = np.where(np.isinf(elapsed), 0.0, elapsed / step - whole)
-    certain = cumulative_probability(probability, whole)
+        looks = np.where(np.isinf(elapsed_ns), np.inf, np.floor(elapsed_ns / period_ns))
+        fraction = np.where(np.isinf(elapsed_ns), 0.0, elapsed_ns / period_ns - looks)
+    certain = cumulative_probability(probability, looks)
     if scan_phase == "aligned":
         return certain
-    return np.asarray(certain + (1.0 - certain) * part * probability)
+    return np.asarray(certain + (1.0 - certain) * fraction * probability)
 
 
 def latency_mean(
@@ -112,30 +110,32 @@ def latency_quantile(
         looks = np.where(np.abs(looks - nearest) < 1e-9, nearest, looks)
         if scan_phase == "aligned":
             # With P_d = 1 the quotient is 0, and one look is needed for any q above 0.
-            return np.asarray(
-                period * np.where(level > 0.0, np.maximum(np.ceil(looks), 1.0), looks)
-            )
-        whole = np.floor(looks)
-        log_missed = np.where(whole == 0.0, 0.0, whole * _log_miss(probability))
-        part = np.where(level == 0.0, 0.0, -np.expm1(np.log1p(-level) - log_missed) / probability)
-        return np.asarray(period * np.where(np.isinf(looks), np.inf, whole + part))
+            needed = np.maximum(np.ceil(looks), 1.0)
+            return np.asarray(period * np.where(level > 0.0, needed, looks))
+        complete = np.floor(looks)
+        log_missed = np.where(complete == 0.0, 0.0, complete * _log_miss(probability))
+        share = -np.expm1(np.log1p(-level) - log_missed) / probability
+        periods = complete + np.where(level == 0.0, 0.0, share)
+        return np.asarray(period * np.where(np.isinf(looks), np.inf, periods))
 
 
 def _columns(*columns: ArrayLike) -> tuple[FloatArray, ...]:
     """Return arrays of the times or quantiles, of the periods and of the probabilities, nan outside
     their domains.
     """
-    *first, period, probability = (np.asarray(column, dtype=np.float64) for column in columns)
-    valid = (probability >= 0.0) & (probability <= 1.0)
-    return *first, np.where(period > 0.0, period, np.nan), np.where(valid, probability, np.nan)
+    *levels, period, probability = map(floats, columns)
+    return *levels, np.where(period > 0.0, period, np.nan), _probability(probability)
 
 
 def _log_miss(detection_probability: ArrayLike) -> FloatArray:
     """Return ln(1 - P_d): -inf for 1, nan outside [0, 1]."""
-    probability = np.asarray(detection_probability, dtype=np.float64)
-    valid = (probability >= 0.0) & (probability <= 1.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log1p(-np.where(valid, probability, np.nan)))
+        return np.asarray(np.log1p(-_probability(floats(detection_probability))))
+
+
+def _probability(values: FloatArray) -> FloatArray:
+    """Return probabilities, nan outside [0, 1]."""
+    return np.where((values >= 0.0) & (values <= 1.0), values, np.nan)
 
 
 def _require_phase(scan_phase: str) -> None:

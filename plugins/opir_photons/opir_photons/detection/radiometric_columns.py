@@ -1,5 +1,5 @@
-"""What models of atmosphere, background and signatures return, checked on columns where the signal
-chain takes it.
+"""Columns of models of atmosphere, background and signatures, checked where the signal chain takes
+them.
 
 A check is two reductions of the columns, always on; `nan` fails it too.
 """
@@ -15,16 +15,14 @@ from opir_core.errors import ModelError, kind_of
 from opir_core.host import InvalidOutput
 from opir_core.plugin import Background, Paths, Transmittance, Views
 
-#: Rounding of a transmittance that models interpolate.
-_ROUNDING = 1e-9
-
 
 def checked_transmittances(
     atmosphere: Transmittance, bands: Sequence[int], path: Paths
 ) -> FloatArray:
     """Return in-band transmittances (bands, n), in [0, 1]; raises `InvalidOutput`."""
     through = atmosphere.transmittances(bands, path)
-    fault = _fault(through, (len(bands), len(path)), -_ROUNDING, 1.0 + _ROUNDING, "[0, 1]")
+    # With the rounding of a transmittance that models interpolate.
+    fault = _fault(through, (len(bands), len(path)), -1e-9, 1.0 + 1e-9, "[0, 1]")
     if fault:
         raise InvalidOutput("atmosphere", "transmittance", fault)
     return through
@@ -36,10 +34,10 @@ def checked_radiances_and_clutter(
     """Return in-band radiances and clutter (bands, n), W m⁻² sr⁻¹, finite and not negative; raises
     `InvalidOutput`.
     """
-    both = background.radiances_and_clutter_w_m2_sr(bands, view)
-    for method, column in zip(("radiance_w_m2_sr", "clutter_w_m2_sr"), both, strict=True):
-        require_radiance(column, len(bands), view, method)
-    return both
+    radiance, clutter = background.radiances_and_clutter_w_m2_sr(bands, view)
+    require_radiance(radiance, len(bands), view, "radiance_w_m2_sr")
+    require_radiance(clutter, len(bands), view, "clutter_w_m2_sr")
+    return radiance, clutter
 
 
 def require_radiance(column: Any, bands: int, view: Views, method: str) -> None:
@@ -63,11 +61,10 @@ def checked_intensities(intensity: Any, bands: int, rows: int) -> FloatArray:
 
 def _fault(column: Any, shape: tuple[int, int], low: float, high: float, allowed: str) -> str:
     """Return the first error of a column, or ""."""
-    if not isinstance(column, np.ndarray) or column.dtype.kind != "f" or column.shape != shape:
-        what = (
-            f"{column.dtype} {column.shape}" if isinstance(column, np.ndarray) else kind_of(column)
-        )
-        return f"returned {what} for all bands; floats of shape {shape} are required"
+    is_array = isinstance(column, np.ndarray)
+    if not is_array or column.dtype.kind != "f" or column.shape != shape:
+        value = f"{column.dtype} {column.shape}" if is_array else kind_of(column)
+        return f"returned {value} for all bands; floats of shape {shape} are required"
     # Written so that nan is a fault.
     if column.size and not (column.min() >= low and column.max() <= high):
         band, row = np.unravel_index(int(np.argmin((column >= low) & (column <= high))), shape)

@@ -17,16 +17,15 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces import Radiometer
 from opir_core.plugin import Band, Sensor
+from opir_photons.columns import floats
 from opir_photons.detection.air_ratios import AirRatios
 from opir_photons.detection.band_rules import AnyBand, RatioGates
 from opir_photons.detection.configs import SnrConfig
 from opir_photons.detection.focal_planes import FocalPlaneTerms, focal_plane_terms
 from opir_photons.detection.fused_bands import FusedBands
 from opir_photons.detection.threshold import probit
-from opir_photons.environment import RadiometricEnvironment
-
-#: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
-_PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6
+from opir_photons.environment import REFERENCE_TARGET, RadiometricEnvironment
+from opir_photons.radiometry.planck import PHOTON_J_UM
 
 #: Least noise, W/m²: no division by zero for a sensor without noise.
 LEAST_NOISE_W_M2 = 1e-60
@@ -34,7 +33,7 @@ LEAST_NOISE_W_M2 = 1e-60
 
 def photon_energy_j(band: Band) -> float:
     """Return the photon energy at the centre of a band, J."""
-    return _PHOTON_J_UM / (0.5 * (band.lower_um + band.upper_um))
+    return PHOTON_J_UM / (0.5 * (band.lower_um + band.upper_um))
 
 
 def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> FloatArray:
@@ -43,9 +42,7 @@ def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> Floa
     `count_w_m2` is the irradiance of one count, hc/λ / (A η t), of aperture, efficiency and
     integration time. Counts are Poisson distributed.
     """
-    return np.sqrt(
-        np.asarray(irradiance_w_m2, dtype=np.float64) * np.asarray(count_w_m2, dtype=np.float64)
-    )
+    return np.sqrt(floats(irradiance_w_m2) * floats(count_w_m2))
 
 
 def noise_w_m2(
@@ -55,52 +52,43 @@ def noise_w_m2(
     up to 1e150 W/m².
     """
     # A tenth of the time of `numpy.hypot`.
-    whole = np.square(np.asarray(detector_w_m2, dtype=np.float64))
-    whole = whole + np.square(np.asarray(photons_w_m2, dtype=np.float64))
-    whole = whole + np.square(np.asarray(clutter_w_m2, dtype=np.float64))
-    return np.maximum(np.sqrt(whole), LEAST_NOISE_W_M2)
+    variance = np.square(floats(detector_w_m2)) + np.square(floats(photons_w_m2))
+    variance = variance + np.square(floats(clutter_w_m2))
+    return np.maximum(np.sqrt(variance), LEAST_NOISE_W_M2)
 
 
-#: The reference range, m: opir-simulator paper (2026), section 2.4.
-REFERENCE_RANGE_M = 3.6e7
-
-#: Search range of the factor: powers of ten on either side of 1.
+#: Search range of the factor of a calibration: powers of ten on either side of 1.
 _DECADES = 20.0
-_HALVINGS = 64
-#: Least share of a band in the weights of noise alone: a direction for reference targets that show
-#: nothing.
-_FAINT = 1e-6
-#: Accuracy of probabilities during the search.
-_SLACK = 1e-13
 
 
 def calibrated(
-    radiometer: Radiometer, rule: "Rule", intensity_w_sr: FloatArray, wanted: float, owner: str
+    radiometer: Radiometer,
+    rule: "Rule",
+    intensity_w_sr: FloatArray,
+    probability: float,
+    owner: str,
 ) -> Radiometer:
-    """Return a radiometer with noise scaled so that the reference target is detected with the
-    probability `wanted`.
+    """Return a radiometer with noise scaled so that the reference target is detected with a
+    probability.
 
     `intensity_w_sr` (B,) are those of the reference target in the sensor's bands. Raises
     `ModelError`, with the sensor as `owner`, if there is no such factor.
     """
-    signal = intensity_w_sr / REFERENCE_RANGE_M**2
-    quantile = float(ndtri(wanted))
+    signal = intensity_w_sr / REFERENCE_TARGET.range_m**2
+    quantile = float(ndtri(probability))
 
     def misses(log_factor: float) -> bool:
         noise = noise_w_m2(np.array(radiometer.nei_w_m2) * 10.0**log_factor)[None, :]
         snr = signal[None, :] / noise
-        return (
-            float(probit(*rule.log_chances(snr, slopes_of(rule, snr, noise), _SLACK))[0]) < quantile
-        )
+        log_chances = rule.log_chances(snr, slopes_of(rule, snr, noise), 1e-13)
+        return float(probit(*log_chances)[0]) < quantile
 
     if not misses(_DECADES) or misses(-_DECADES):
-        values = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
+        values = ", ".join(f"{level:.3g}" for level in intensity_w_sr)
         raise ModelError(
             f"{owner}: calibrate: paper finds no noise with which the reference ICBM, {values} W/sr"
-            f" in the sensor's"
-            f" bands, is detected with probability {wanted:g}; give it bands and plausible_ratios"
-            f" that do not leave"
-            " the ICBM out, or calibrate: none"
+            f" in the sensor's bands, is detected with probability {probability:g}; give it bands and"
+            " plausible_ratios that do not leave the ICBM out, or calibrate: none"
         )
     factor = 10.0 ** _turn(misses)
     return evolve(radiometer, nei_w_m2=tuple(float(nei * factor) for nei in radiometer.nei_w_m2))
@@ -110,9 +98,12 @@ def _turn(misses: Callable[[float], bool]) -> float:
     """Return the point at which a condition becomes true, by bisection."""
     low = -_DECADES
     high = _DECADES
-    for _ in range(_HALVINGS):
+    for _ in range(64):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if misses(middle) else (middle, high)
+        if misses(middle):
+            high = middle
+        else:
+            low = middle
     return low
 
 
@@ -128,16 +119,11 @@ def slopes_of(
     return rule.directions(snr, noise) if isinstance(rule, FusedBands) else rule.slopes(noise, air)
 
 
-#: The elevation for which false alarms of noise are computed; within 1 % noise passes gates
-#: everywhere alike, since the tolerance of their sides is several standard deviations.
-_OVERHEAD = np.ones(1)
-
-
 @frozen(eq=False)
 class Receiver:
     """A sensor's band numbers in the radiometric environment, its radiometer and its rule.
 
-    `plane` is what its focal plane comes to, None for a sensor without one; `air` are the factors
+    `plane` are the figures of its focal plane, None for a sensor without one; `air` are the factors
     of the atmosphere on the bounds of the rule, None where it changes none.
     """
 
@@ -180,20 +166,19 @@ class Receiver:
 
     def quantile(self, snr: FloatArray, slopes: FloatArray, slack: float) -> FloatArray:
         """Return the standard normal quantiles of P_d (n,), to within a slack of P_d."""
-        return (
-            self.rule.quantile(snr, slopes, slack)
-            if slack
-            else probit(*self.rule.log_chances(snr, slopes))
-        )
+        if slack:
+            return self.rule.quantile(snr, slopes, slack)
+        return probit(*self.rule.log_chances(snr, slopes))
 
 
 def noise_chance(receiver: Receiver) -> float:
     """Return the logarithm of the false-alarm probability per resolution cell and look."""
     noise = noise_w_m2(receiver.nei_w_m2)[None, :]
-    nothing = np.zeros(noise.shape)
-    return float(
-        receiver.rule.log_chances(nothing, receiver.slopes(nothing, noise, _OVERHEAD))[0][0]
-    )
+    snr = np.zeros(noise.shape)
+    # Overhead: within 1 % noise passes gates alike at all elevations, since the tolerance of their
+    # sides is several standard deviations.
+    slopes = receiver.slopes(snr, noise, np.ones(1))
+    return float(receiver.rule.log_chances(snr, slopes)[0][0])
 
 
 def receivers_of(
@@ -201,19 +186,19 @@ def receivers_of(
 ) -> list[Receiver]:
     """Return the receivers of sensors; those of one kind are calibrated once."""
     receivers = list[Receiver]()
-    known = dict[tuple[Any, ...], Radiometer]()
+    radiometers = dict[tuple[Any, ...], Radiometer]()
     for sensor in sensors:
         receiver = _receiver(sensor, environment)
         if config.calibrate == "paper":
-            wanted = _wanted(sensor)
-            kind = (*receiver.kind, wanted)
-            if kind not in known:
+            probability = _calibration_probability(sensor)
+            kind = (*receiver.kind, probability)
+            if kind not in radiometers:
                 owner = f"sensor {sensor.id} ({sensor.type})"
                 intensity = environment.reference_intensity_w_sr[receiver.bands]
-                known[kind] = calibrated(
-                    receiver.radiometer, receiver.rule, intensity, wanted, owner
+                radiometers[kind] = calibrated(
+                    receiver.radiometer, receiver.rule, intensity, probability, owner
                 )
-            receiver = evolve(receiver, radiometer=known[kind])
+            receiver = evolve(receiver, radiometer=radiometers[kind])
         receivers.append(receiver)
     return receivers
 
@@ -259,9 +244,9 @@ def rule_of(sensor: Sensor, radiometer: Radiometer, design: FloatArray) -> Rule:
     `design` (B,) are the intensities of the reference target, by which noise alone is weighed.
     """
     if sensor.spectral_discrimination == "likelihood":
-        return FusedBands(
-            radiometer.threshold, np.maximum(design, _FAINT * design.max()), radiometer.coincidence
-        )
+        # A direction for reference targets that show nothing in a band.
+        weights = np.maximum(design, 1e-6 * design.max())
+        return FusedBands(radiometer.threshold, weights, radiometer.coincidence)
     if sensor.spectral_discrimination == "none":
         return AnyBand(radiometer.threshold)
     lower, upper = np.array(radiometer.ratios, dtype=np.float64).T
@@ -275,13 +260,12 @@ def rule_of(sensor: Sensor, radiometer: Radiometer, design: FloatArray) -> Rule:
     )
 
 
-def _wanted(sensor: Sensor) -> float:
+def _calibration_probability(sensor: Sensor) -> float:
     probability = sensor.detection_probability.get("ICBM")
     if probability is None or not 0.0 < probability < 1.0:
         raise ModelError(
             f"sensor {sensor.id} ({sensor.type}): calibrate: paper needs a detection_probability"
-            f" for ICBM between 0 and"
-            f" 1, not {probability!r}"
+            f" for ICBM between 0 and 1, not {probability!r}"
         )
     return probability
 
@@ -290,10 +274,8 @@ def by_number(numbers: IndexArray, count: int) -> "Sequence[tuple[int, slice | I
     """Return each number that occurs with its rows: a slice if `numbers` are sorted."""
     counts = np.bincount(numbers, minlength=count)
     present = np.flatnonzero(counts).tolist()
-    if np.all(numbers[1:] >= numbers[:-1]):
-        ends = np.cumsum(counts)
-        return [
-            (number, slice(int(ends[number] - counts[number]), int(ends[number])))
-            for number in present
-        ]
-    return [(number, np.flatnonzero(numbers == number)) for number in present]
+    if np.any(numbers[1:] < numbers[:-1]):
+        return [(number, np.flatnonzero(numbers == number)) for number in present]
+    ends = np.cumsum(counts)
+    starts = ends - counts
+    return [(number, slice(int(starts[number]), int(ends[number]))) for number in present]

@@ -15,9 +15,8 @@ from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 from opir_core.arrays import BoolArray, FloatArray, IntArray, WordArray
 from opir_core.random_streams import further_words, uniforms_of
 
-#: Largest argument at which a normal tail is a double of full precision.
-_PLAIN = 36.0
-_LEAST_LEVEL = 2.0**-54
+#: Least uniform number with a finite normal quantile.
+LEAST_UNIFORM = 2.0**-54
 
 
 def tail_normals(lower: FloatArray, uniforms: FloatArray) -> FloatArray:
@@ -26,10 +25,13 @@ def tail_normals(lower: FloatArray, uniforms: FloatArray) -> FloatArray:
 
     As `truncated_normals` without an upper bound, in a third of the time.
     """
-    drawn: FloatArray = np.maximum(-ndtri(np.maximum(uniforms, _LEAST_LEVEL) * ndtr(-lower)), lower)
-    far = np.flatnonzero(lower > _PLAIN)
-    if len(far):
-        drawn[far] = truncated_normals(lower[far], np.full(len(far), np.inf), uniforms[far])
+    drawn: FloatArray = np.maximum(
+        -ndtri(np.maximum(uniforms, LEAST_UNIFORM) * ndtr(-lower)), lower
+    )
+    # Beyond this a normal tail is no double of full precision.
+    rows = np.flatnonzero(lower > 36.0)
+    if len(rows):
+        drawn[rows] = truncated_normals(lower[rows], np.full(len(rows), np.inf), uniforms[rows])
     return drawn
 
 
@@ -54,17 +56,6 @@ def truncated_normals(lower: FloatArray, upper: FloatArray, uniforms: FloatArray
 
 #: Acceptance rate below which the inverse is used: it costs about as much as 2048 proposals.
 LEAST_PASSING = 1.0 / 2048.0
-
-#: Tries per round times the acceptance rate, and rounds; one row in exp(_TRIES · _TURNS) is left
-#: after all.
-_TRIES = 0.75
-_TURNS = 24
-
-#: Most proposals at once.
-_MOST_AT_ONCE = 1 << 15
-
-#: First number of the inverse in a row's sequence.
-_INVERSE_AT = 1 << 32
 
 
 class Rule(Protocol):
@@ -97,10 +88,11 @@ def accepted_draws(
     measured = rule.proposed(
         snr, slopes, _uniforms(seeds, np.zeros(len(seeds), dtype=np.int64), snr.shape[1] + 1)
     )
-    left = np.flatnonzero(~rule.passes(measured, slopes))
-    if len(left):
-        again = snr[left], slopes[left], probability[left], seeds[left]
-        measured[left] = _until_one_passes(rule, *again)
+    rejected = np.flatnonzero(~rule.passes(measured, slopes))
+    if len(rejected):
+        measured[rejected] = _until_one_passes(
+            rule, snr[rejected], slopes[rejected], probability[rejected], seeds[rejected]
+        )
     return measured
 
 
@@ -111,57 +103,59 @@ def _until_one_passes(
     measured = np.empty(snr.shape)
     share = rule.passing(snr, probability)
     likely = share >= LEAST_PASSING
-    tries = np.ceil(_TRIES / np.where(likely, share, 1.0)).astype(np.int64)
-    left = np.flatnonzero(likely)
-    for turn in range(_TURNS):
-        missed = [left[:0]]
-        for part in _portions(left, tries):
-            passed, drawn = _turn(rule, snr[part], slopes[part], seeds[part], tries[part], turn)
-            measured[part[passed]] = drawn
-            missed.append(part[~passed])
-        left = np.concatenate(missed)
-        if not len(left):
+    # Of rows with 0.75 proposals per round over the acceptance rate, one in exp(18) is rejected in
+    # all 24 rounds.
+    tries = np.ceil(0.75 / np.where(likely, share, 1.0)).astype(np.int64)
+    rejected = np.flatnonzero(likely)
+    for turn in range(24):
+        missed = [rejected[:0]]
+        for rows in _portions(rejected, tries):
+            passed, drawn = _turn(rule, snr[rows], slopes[rows], seeds[rows], tries[rows], turn)
+            measured[rows[passed]] = drawn
+            missed.append(rows[~passed])
+        rejected = np.concatenate(missed)
+        if not len(rejected):
             break
-    rest = np.concatenate([np.flatnonzero(~likely), left])
-    if len(rest):
-        uniforms = _uniforms(seeds[rest], np.full(len(rest), _INVERSE_AT), snr.shape[1] + 1)
-        measured[rest] = rule.conditional(snr[rest], slopes[rest], uniforms)
+    remaining = np.concatenate([np.flatnonzero(~likely), rejected])
+    if len(remaining):
+        # Numbers of the inverse are far along a row's sequence.
+        number = np.full(len(remaining), 1 << 32)
+        uniforms = _uniforms(seeds[remaining], number, snr.shape[1] + 1)
+        measured[remaining] = rule.conditional(snr[remaining], slopes[remaining], uniforms)
     return measured
 
 
 def _portions(rows: IntArray, tries: IntArray) -> list[IntArray]:
-    """Return rows divided into portions of about `_MOST_AT_ONCE` tries."""
+    """Return rows divided into portions of about 32768 tries."""
+    step = 1 << 15
     ends = np.cumsum(tries[rows])
-    edges = np.searchsorted(
-        ends, np.arange(_MOST_AT_ONCE, ends[-1] if len(ends) else 0, _MOST_AT_ONCE)
-    )
-    return [part for part in np.split(rows, np.unique(edges)) if len(part)]
+    edges = np.searchsorted(ends, np.arange(step, ends[-1] if len(ends) else 0, step))
+    return [portion for portion in np.split(rows, np.unique(edges)) if len(portion)]
 
 
 def _turn(
     rule: Rule, snr: FloatArray, slopes: FloatArray, seeds: WordArray, tries: IntArray, turn: int
 ) -> tuple[BoolArray, FloatArray]:
-    """Return which rows (n,) pass within their `tries`, and the first passing proposal of each,
+    """Return whether rows (n,) pass within their `tries`, and the first passing proposal of each,
     (passed, B).
     """
     ends = np.cumsum(tries)
     row = np.repeat(np.arange(len(tries)), tries)
     number = np.arange(len(row)) + np.repeat(1 + turn * tries - (ends - tries), tries)
     sides = slopes.take(row, axis=0)
-    drawn = rule.proposed(
-        snr.take(row, axis=0), sides, _uniforms(seeds.take(row), number, snr.shape[1] + 1)
-    )
-    good = np.flatnonzero(rule.passes(drawn, sides))
-    rows = row[good]
-    first = np.flatnonzero(np.diff(rows, prepend=-1))
+    uniforms = _uniforms(seeds.take(row), number, snr.shape[1] + 1)
+    drawn = rule.proposed(snr.take(row, axis=0), sides, uniforms)
+    accepted = np.flatnonzero(rule.passes(drawn, sides))
+    # The first of each row.
+    accepted = accepted[np.flatnonzero(np.diff(row[accepted], prepend=-1))]
     passed = np.zeros(len(tries), dtype=np.bool_)
-    passed[rows[first]] = True
-    return passed, drawn[good[first]]
+    passed[row[accepted]] = True
+    return passed, drawn[accepted]
 
 
 def _uniforms(seeds: WordArray, number: IntArray, count: int) -> FloatArray:
     """Return numbers (n, count) in [0, 1) of the tries `number` (n,) of seeds (n,)."""
     uniforms = np.empty((count, len(seeds)))
-    for each in range(count):
-        uniforms[each] = uniforms_of(further_words(seeds, (number * count + each).view(np.uint64)))
+    for place, column in enumerate(uniforms):
+        column[:] = uniforms_of(further_words(seeds, (number * count + place).view(np.uint64)))
     return uniforms.T

@@ -1,5 +1,5 @@
-"""Correlation of a cell's noise from scan to scan: the share of clutter in it, and how long clutter
-stays.
+"""Correlation of a cell's noise from scan to scan: the share of clutter in it times the correlation
+of clutter.
 """
 
 import numpy as np

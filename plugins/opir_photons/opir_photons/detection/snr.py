@@ -25,6 +25,7 @@ from opir_core.plugin import (
     Sensor,
     Views,
 )
+from opir_photons.columns import as_slice_if_consecutive
 from opir_photons.detection.configs import SnrConfig
 from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from opir_photons.detection.focal_planes import LineOfSightError
@@ -47,7 +48,6 @@ from opir_photons.detection.receivers import (
 from opir_photons.detection.rejection_sampling import accepted_draws
 from opir_photons.detection.scan_correlation import scan_correlation
 from opir_photons.environment import RadiometricEnvironment, heights_m, make_environment
-from opir_photons.row_slices import as_slice_if_consecutive
 
 
 @frozen(eq=False)
@@ -83,10 +83,10 @@ class MeasuredColumns:
         noise (n, B).
         """
         width = measured.shape[1]
-        best = rule.strength(measured, slopes)
+        strength = rule.strength(measured, slopes)
         self.bands[rows] = rule.confirming(measured)
-        self.snr[rows] = best
-        self.sigma_rad[rows] = error.sigma_rad(measured, noise, best)
+        self.snr[rows] = strength
+        self.sigma_rad[rows] = error.sigma_rad(measured, noise, strength)
         for band in range(width):
             self.irradiance_w_m2[rows, band] = measured[:, band] * noise[:, band]
         self.irradiance_w_m2[rows, width:] = np.nan
@@ -95,22 +95,12 @@ class MeasuredColumns:
 #: Numbers of receivers that measure alike, each with the rows of its looks.
 RowsOfKind = Sequence[tuple[int, slice | IntArray]]
 
-#: Wavelength, µm, from which the Earth's own emission, not reflected sunlight, is what plumes are
-#: seen before.
-_LONG_WAVE_UM = 5.0
-
-#: Signal, in standard deviations of noise, below which there is next to none.
-_FAINT = 0.05
-
-#: Largest SNR: its square is still a double.
-_MOST_SNR = 1e100
-
 
 @frozen(eq=False)
 class SnrDetection(DetectionProbability):
     """SNR in each band, and the sensor's rule over its bands; see docs/explanation/detection.md.
 
-    `width` is the largest number of bands of a sensor; `alike` (sensors,) the first sensor with an
+    `width` is the largest number of bands of a sensor; `twin` (sensors,) the first sensor with an
     equal receiver; `count_w_m2` (sensors, width) the irradiance of one photon; `floor_rad`
     (sensors,) the least line-of-sight sigma; `dark_noise_w_m2` (sensors, width) the noise with a
     dark background, 1 beyond a sensor's bands; `noise_chance` (sensors,) the false-alarm
@@ -123,7 +113,7 @@ class SnrDetection(DetectionProbability):
     environment: RadiometricEnvironment
     receivers: tuple[Receiver, ...]
     width: int
-    alike: IndexArray
+    twin: IndexArray
     count_w_m2: FloatArray
     floor_rad: FloatArray
     ifov_rad: FloatArray
@@ -147,33 +137,31 @@ class SnrDetection(DetectionProbability):
 
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
         """Return the expected measurements of looks, with P_d to within `slack`."""
-        rows_of_kind = by_number(self.alike[exposures.sensor], len(self.receivers))
+        rows_of_kind = by_number(self.twin[exposures.sensor], len(self.receivers))
         signal = self._irradiance_w_m2(exposures, rows_of_kind)
         self._subtract_own_past(signal, exposures, rows_of_kind)
         noise = self._noise_w_m2(exposures, rows_of_kind, signal)
-        snr = np.minimum(signal / noise, _MOST_SNR)
+        # Its square is still a double.
+        snr = np.minimum(signal / noise, 1e100)
+        sine = exposures.elevation_sine
         quantile = np.empty(len(exposures))
         for number, rows in rows_of_kind:
             receiver = self.receivers[number]
             width = len(receiver.bands)
             expected = snr[:width, rows].T
-            slopes = receiver.slopes(
-                expected, noise[:width, rows].T, exposures.elevation_sine[rows]
-            )
+            slopes = receiver.slopes(expected, noise[:width, rows].T, sine[rows])
             quantile[rows] = receiver.quantile(expected, slopes, slack)
-        return Response(quantile, snr.T, noise.T, exposures.elevation_sine)
+        return Response(quantile, snr.T, noise.T, sine)
 
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend."""
-        known_s = self.environment.breakpoints_s()
-        begins_s = self.environment.targets.ignition_s[:, None]
+        ignition_s = self.environment.targets.ignition_s[:, None]
         # From one lag after ignition on a frame difference subtracts a target's own light.
-        lags_s = {
-            one.plane.frames.lag_s
-            for one in self.receivers
-            if one.plane is not None and one.plane.frames
-        }
-        return np.concatenate([known_s, *(begins_s + lag_s for lag_s in sorted(lags_s))], axis=1)
+        planes = [receiver.plane for receiver in self.receivers]
+        lags_s = {plane.frames.lag_s for plane in planes if plane is not None and plane.frames}
+        times_s = [self.environment.breakpoints_s()]
+        times_s += [ignition_s + lag_s for lag_s in sorted(lags_s)]
+        return np.concatenate(times_s, axis=1)
 
     def transmittance(self, exposures: Exposures, band: Band) -> FloatArray:
         """Return the transmittances (n,) in a band between the targets and the sensors of looks."""
@@ -194,37 +182,68 @@ class SnrDetection(DetectionProbability):
         """Return measurements conditional on the detection: a free draw, or another if that does
         not detect.
         """
-        found = MeasuredColumns.of(len(sensor), self.width)
-        chance = _Chances(response.probit, probability)
-        for number, rows in by_number(self.alike[sensor], len(self.receivers)):
-            receiver = self.receivers[number]
-            spread = self._line_of_sight_error(number)
-            rule = receiver.rule
-            width = len(receiver.bands)
-            failed = []
-            for part in _parts(rows):
-                noise = response.noise_w_m2[part, :width]
-                # Added in place: half the time, since the columns stay in the processor's cache.
-                measured = rng.take(part).normals("measurement", width)
-                snr = response.snr[part, :width]
-                measured += snr
-                slopes = receiver.slopes(snr, noise, response.sine(part))
-                again = np.flatnonzero(~rule.passes(measured, slopes))
-                found.put(part, measured, noise, rule, slopes, spread)
-                failed.append(_rows_of(part, again))
-            left = np.concatenate(failed)
-            if len(left):
+        columns = MeasuredColumns.of(len(sensor), self.width)
+        chances = _Chances(response.probit, probability)
+        for number, rows in by_number(self.twin[sensor], len(self.receivers)):
+            failed = [
+                self._measure_once(number, block, response, rng, columns) for block in _blocks(rows)
+            ]
+            rejected = np.concatenate(failed)
+            if len(rejected):
                 # The bits of a uniform number are exact on every platform, those of a normal number
                 # are not.
-                seeds = np.ascontiguousarray(
-                    rng.take(left).uniforms("further measurements")[:, 0]
-                ).view(np.uint64)
-                snr = response.snr[left, :width]
-                noise = response.noise_w_m2[left, :width]
-                slopes = receiver.slopes(snr, noise, response.sine(left))
-                measured = accepted_draws(rule, snr, slopes, chance.of(left), seeds)
-                found.put(left, measured, noise, rule, slopes, spread)
-        return found.measured(response.noise_w_m2)
+                uniforms = rng.take(rejected).uniforms("further measurements")
+                expected = self._expected(number, rejected, response)
+                self._measure_again(
+                    number, rejected, expected, chances.of(rejected), uniforms, columns
+                )
+        return columns.measured(response.noise_w_m2)
+
+    def _expected(
+        self, number: int, rows: slice | IntArray, response: Response
+    ) -> "_ExpectedSignals":
+        """Return the expected signals of rows of one kind of receiver."""
+        receiver = self.receivers[number]
+        width = len(receiver.bands)
+        snr = response.snr[rows, :width]
+        noise = response.noise_w_m2[rows, :width]
+        return _ExpectedSignals(snr, noise, receiver.slopes(snr, noise, response.sine(rows)))
+
+    def _measure_once(
+        self,
+        number: int,
+        rows: slice | IntArray,
+        response: Response,
+        rng: RandomDraws,
+        columns: MeasuredColumns,
+    ) -> IntArray:
+        """Fill rows with free draws; return the rows of those that do not detect."""
+        rule = self.receivers[number].rule
+        # Added in place: half the time, since the columns stay in the processor's cache.
+        measured = rng.take(rows).normals("measurement", len(self.receivers[number].bands))
+        snr, noise, slopes = self._expected(number, rows, response)
+        measured += snr
+        failed = np.flatnonzero(~rule.passes(measured, slopes))
+        columns.put(rows, measured, noise, rule, slopes, self._line_of_sight_error(number))
+        return rows.start + failed if isinstance(rows, slice) else rows[failed]
+
+    def _measure_again(
+        self,
+        number: int,
+        rows: slice | IntArray,
+        expected: "_ExpectedSignals",
+        chance: FloatArray,
+        uniforms: FloatArray,
+        columns: MeasuredColumns,
+    ) -> None:
+        """Fill rows with draws that detect, of looks with P_d (n,), from the first column of
+        `uniforms`.
+        """
+        rule = self.receivers[number].rule
+        seeds = np.ascontiguousarray(uniforms[:, 0]).view(np.uint64)
+        snr, noise, slopes = expected
+        measured = accepted_draws(rule, snr, slopes, chance, seeds)
+        columns.put(rows, measured, noise, rule, slopes, self._line_of_sight_error(number))
 
     @property
     def words(self) -> int:
@@ -233,19 +252,19 @@ class SnrDetection(DetectionProbability):
 
     def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
         """Return the measurements (n,) of false alarms, with a dark background."""
-        found = MeasuredColumns.of(len(sensor), self.width)
-        for number, rows in by_number(self.alike[sensor], len(self.receivers)):
-            receiver = self.receivers[number]
-            seeds = np.ascontiguousarray(uniforms[rows, 0]).view(np.uint64)
-            nothing = np.zeros((len(seeds), len(receiver.bands)))
-            noise = np.broadcast_to(self.dark_noise_w_m2[number, : nothing.shape[1]], nothing.shape)
-            chance = np.full(len(seeds), self.noise_chance[number])
-            slopes = receiver.slopes(nothing, noise, np.ones(len(seeds)))
-            measured = accepted_draws(receiver.rule, nothing, slopes, chance, seeds)
-            found.put(
-                rows, measured, noise, receiver.rule, slopes, self._line_of_sight_error(number)
-            )
-        return found.measured(self.dark_noise_w_m2[sensor])
+        columns = MeasuredColumns.of(len(sensor), self.width)
+        for number, rows in by_number(self.twin[sensor], len(self.receivers)):
+            expected = self._without_signals(number, len(uniforms[rows]))
+            chance = np.full(len(expected.snr), self.noise_chance[number])
+            self._measure_again(number, rows, expected, chance, uniforms[rows], columns)
+        return columns.measured(self.dark_noise_w_m2[sensor])
+
+    def _without_signals(self, number: int, count: int) -> "_ExpectedSignals":
+        """Return no signals in the noise of one kind of receiver with a dark background."""
+        receiver = self.receivers[number]
+        snr = np.zeros((count, len(receiver.bands)))
+        noise = np.broadcast_to(self.dark_noise_w_m2[number, : snr.shape[1]], snr.shape)
+        return _ExpectedSignals(snr, noise, receiver.slopes(snr, noise, np.ones(count)))
 
     def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
         """Return the irradiances (B, n) of targets at the aperture, W/m²; 0 beyond a sensor's
@@ -261,45 +280,43 @@ class SnrDetection(DetectionProbability):
             intensity = self.environment.intensities_w_sr(bands, looks, path.height_m, aspect[rows])
             checked_intensities(intensity, len(bands), len(looks))
             shining = as_slice_if_consecutive(np.flatnonzero(np.any(intensity > 0.0, axis=0)))
-            own = intensity[:, shining] / np.square(looks.range_m[shining])
-            own *= checked_transmittances(self.environment.atmosphere, bands, path.take(shining))
+            received = intensity[:, shining] / np.square(looks.range_m[shining])
+            air = checked_transmittances(self.environment.atmosphere, bands, path.take(shining))
+            received *= air
             lit = np.zeros(intensity.shape)
-            lit[:, shining] = own
+            lit[:, shining] = received
             irradiance[: len(bands), rows] = lit
         return irradiance
 
     def _subtract_own_past(
         self, signal: FloatArray, exposures: Exposures, rows_of_kind: RowsOfKind
     ) -> None:
-        """Subtract from signals (B, n), in place, what frame differences do of the targets
-        themselves.
-        """
+        """Subtract from signals (B, n), in place, the targets' own light in frame differences."""
         for number, rows in rows_of_kind:
             plane = self.receivers[number].plane
             if plane is None or plane.frames is None:
                 continue
             looks = exposures.take(rows)
-            own = signal[:, rows]
+            signals = signal[:, rows]
 
             def irradiance_of(earlier: Exposures, number: int = number) -> FloatArray:
                 return self._irradiance_w_m2(earlier, [(number, slice(0, len(earlier)))])
 
-            subtract_own_past(own, looks, plane, self.environment, irradiance_of)
-            signal[:, rows] = own
+            subtract_own_past(signals, looks, plane, self.environment, irradiance_of)
+            signal[:, rows] = signals
 
     def line_of_sight_sigma_rad(self, response: Response, sensor: IndexArray) -> FloatArray:
         """Return the standard deviations (n,) per axis of lines of sight with the expected signals;
         inf without one.
         """
         sigma_rad = np.empty(len(sensor))
-        for number, rows in by_number(self.alike[sensor], len(self.receivers)):
+        for number, rows in by_number(self.twin[sensor], len(self.receivers)):
             width = len(self.receivers[number].bands)
             snr = response.snr[rows, :width]
             noise = response.noise_w_m2[rows, :width]
             with np.errstate(divide="ignore"):
-                sigma_rad[rows] = self._line_of_sight_error(number).sigma_rad(
-                    snr, noise, snr.max(axis=1)
-                )
+                error = self._line_of_sight_error(number)
+                sigma_rad[rows] = error.sigma_rad(snr, noise, snr.max(axis=1))
         return sigma_rad
 
     def focal_plane_figures(
@@ -311,39 +328,35 @@ class SnrDetection(DetectionProbability):
         for number, (sensor, receiver) in enumerate(zip(sensors, self.receivers, strict=True)):
             if receiver.plane is None:
                 continue
-            own = noise_w_m2[looks.sensor == number]
-            for place, band in enumerate(sensor.bands):
-                nei_w_m2 = receiver.radiometer.nei_w_m2[place]
+            sensor_noise_w_m2 = noise_w_m2[looks.sensor == number]
+            saturation_w_m2 = receiver.plane.saturation_w_m2(0.0)[:, 0]
+            for place, nei_w_m2 in enumerate(receiver.radiometer.nei_w_m2):
+                ratio = sensor_noise_w_m2[:, place] / nei_w_m2
                 yield {
                     "sensor_id": sensor.id,
-                    "band": band.name,
+                    "band": sensor.bands[place].name,
                     "nei_w_m2": nei_w_m2,
                     "share_in_pixel": float(receiver.plane.peak_share[place]),
-                    "saturation_w_m2": float(receiver.plane.most_w_m2(0.0)[place, 0]),
-                    "least_noise_over_nei": float(own[:, place].min() / nei_w_m2)
-                    if len(own)
-                    else None,
-                    "largest_noise_over_nei": float(own[:, place].max() / nei_w_m2)
-                    if len(own)
-                    else None,
+                    "saturation_w_m2": float(saturation_w_m2[place]),
+                    "least_noise_over_nei": float(ratio.min()) if len(ratio) else None,
+                    "largest_noise_over_nei": float(ratio.max()) if len(ratio) else None,
                 }
 
     def shortfall_text(self, look: Exposures) -> str:
-        """Return by how much a look is below its threshold: the signal is that of one band with the
-        same P_d.
+        """Return a text of the factor by which a look is below its threshold: the signal is that of
+        one band with the same P_d.
         """
-        receiver = self.receivers[self.alike[look.sensor[0]]]
+        receiver = self.receivers[self.twin[look.sensor[0]]]
         response = self.response(look)
         assert response.probit is not None
         threshold = receiver.radiometer.threshold
         if response.snr.max() >= threshold:
             return "rejected by the sensor's rule over bands"
         signal = float(response.probit[0]) + threshold
-        factor = threshold / max(signal, _FAINT)
-        times = (
-            f"{'at best' if signal > _FAINT else 'more than'}"
-            f" {factor:.{2 if factor < 100.0 else 3}g} times"
-        )
+        # Below 0.05 standard deviations of noise there is next to no signal.
+        factor = threshold / max(signal, 0.05)
+        bound = "at best" if signal > 0.05 else "more than"
+        times = f"{bound} {factor:.{2 if factor < 100.0 else 3}g} times"
         return f"{times} below the threshold of {threshold:g} sigma"
 
     def _line_of_sight_error(self, number: int) -> LineOfSightError:
@@ -356,7 +369,8 @@ class SnrDetection(DetectionProbability):
     ) -> FloatArray:
         """Return the noise (B, n) at the aperture, W/m²; 1 beyond a sensor's bands.
 
-        Signals (B, n) of sensors with a focal plane are limited, in place, to what fills a well.
+        Signals (B, n) of sensors with a focal plane are limited, in place, to those that fill a
+        well.
         """
         noise = np.ascontiguousarray(self.dark_noise_w_m2.T).take(exposures.sensor, axis=1)
         has_background = self.environment.has_background
@@ -365,18 +379,16 @@ class SnrDetection(DetectionProbability):
             receiver = self.receivers[number]
             pixel_sr = self.ifov_rad[number] ** 2
             width = len(receiver.bands)
-            behind = np.zeros((len(receiver.bands), 1))
+            behind = np.zeros((width, 1))
             if view is not None:
-                radiance, clutter = self._background(
-                    receiver, view.take(rows), exposures.sensor_ecef_m[rows]
-                )
+                sensor_ecef_m = exposures.sensor_ecef_m[rows]
+                radiance, clutter = self._background(receiver, view.take(rows), sensor_ecef_m)
                 behind = radiance * pixel_sr
                 photons = photon_noise_w_m2(behind, self.count_w_m2[number, :width, None])
                 noise[:width, rows] = noise_w_m2(noise[:width, rows], photons, clutter * pixel_sr)
             if receiver.plane is not None:
-                signal_w_m2[:width, rows] = np.minimum(
-                    signal_w_m2[:width, rows], receiver.plane.most_w_m2(behind)
-                )
+                limit = receiver.plane.saturation_w_m2(behind)
+                signal_w_m2[:width, rows] = np.minimum(signal_w_m2[:width, rows], limit)
         return noise
 
     def _background(
@@ -402,30 +414,36 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     environment = make_environment(context.surroundings)
     receivers = receivers_of(context.sensors, environment, config)
     half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
-    ifov_rad = np.array([receiver.radiometer.ifov_rad for receiver in receivers])
-    one_of_kind = {receiver.kind: receiver for receiver in receivers}
-    of_kind = {kind: noise_chance(receiver) for kind, receiver in one_of_kind.items()}
-    chances = np.exp(np.array([of_kind[receiver.kind] for receiver in receivers]))
     floor_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors])
-    confirmed, again = _confirmed(context.sensors, receivers, environment, chances)
+    ifov_rad = np.array([receiver.radiometer.ifov_rad for receiver in receivers])
+    chances = _noise_chances(receivers)
+    confirmed, repeated = _confirmed(context.sensors, receivers, environment, chances)
+    confirmation = [receiver.radiometer.confirmation for receiver in receivers]
     return SnrDetection(
         environment=environment,
         receivers=tuple(receivers),
         width=max(len(receiver.bands) for receiver in receivers),
-        alike=_alike(receivers, floor_rad),
+        twin=_twins(receivers, floor_rad),
         count_w_m2=_counts_w_m2(receivers),
         floor_rad=floor_rad,
         ifov_rad=ifov_rad,
         dark_noise_w_m2=_dark_noise_w_m2(receivers),
         noise_chance=chances,
-        confirmation=np.array(
-            [receiver.radiometer.confirmation for receiver in receivers], dtype=np.int64
-        ),
+        confirmation=np.array(confirmation, dtype=np.int64),
         rate_per_scan=chances * resolution_cells(half_angle, ifov_rad) * confirmed,
-        false_again=again,
+        false_again=repeated,
         probability_tolerance=None if config.exact else config.probability_tolerance,
         warnings=_blind_sensors(context.sensors, environment),
     )
+
+
+def _noise_chances(receivers: Sequence[Receiver]) -> FloatArray:
+    """Return the false-alarm probabilities (sensors,), worked out once for receivers of a kind."""
+    logarithms = dict[tuple[Any, ...], float]()
+    for receiver in receivers:
+        if receiver.kind not in logarithms:
+            logarithms[receiver.kind] = noise_chance(receiver)
+    return np.exp(np.array([logarithms[receiver.kind] for receiver in receivers]))
 
 
 def _blind_sensors(
@@ -437,22 +455,22 @@ def _blind_sensors(
     blind = [sensor for sensor in sensors if sensor.type == "DSP" and _is_long_wave(sensor)]
     if not blind or not environment.has_background:
         return ()
-    ids = [sensor.id for sensor in blind]
-    first = blind[0]
-    listed = ids[0] if len(ids) == 1 else f"{ids[0]} and {len(ids) - 1} more"
+    sensor, *further = blind
+    listed = f"{sensor.id} and {len(further)} more" if further else sensor.id
     words = (
-        f"{listed}: this DSP is the paper's ({', '.join(band.name for band in first.bands)},"
-        f" {first.scan.period_ns * 1e-9:g} s), which sees no launch before the Earth, by day or by"
-        f" night; that of the"
-        " public record (2.7 and 4.3 um, 10 s) is preset: heritage"
+        f"{listed}: this DSP is the paper's ({', '.join(band.name for band in sensor.bands)},"
+        f" {sensor.scan.period_ns * 1e-9:g} s), which sees no launch before the Earth, by day or by"
+        " night; that of the public record (2.7 and 4.3 um, 10 s) is preset: heritage"
     )
     return (Problem("detection", words),)
 
 
 def _is_long_wave(sensor: Sensor) -> bool:
-    """Return whether a sensor has a focal plane and long-wave bands alone."""
+    """Whether a sensor has a focal plane and long-wave bands alone, in which plumes are before the
+    Earth's own emission, not reflected sunlight.
+    """
     has_plane = sensor.radiometer is not None and bool(sensor.radiometer.focal_planes)
-    return has_plane and min(band.lower_um for band in sensor.bands) >= _LONG_WAVE_UM
+    return has_plane and min(band.lower_um for band in sensor.bands) >= 5.0
 
 
 def resolution_cells(half_angle_rad: FloatArray, ifov_rad: FloatArray) -> FloatArray:
@@ -474,7 +492,7 @@ def _confirmed(
     Confirmation gates and the correlation of clutter are those at the range straight down.
     """
     confirmed = np.ones(len(sensors))
-    again = np.empty(len(sensors))
+    repeated = np.empty(len(sensors))
     for number, (sensor, receiver) in enumerate(zip(sensors, receivers, strict=True)):
         radiometer = receiver.radiometer
         chance = float(chances[number])
@@ -482,13 +500,13 @@ def _confirmed(
         height_m = float(heights_m(sensor.orbit.position_ecef_m(np.zeros(1)))[0])
         period_s = sensor.scan.period_ns * 1e-9
         speed_m_s = radiometer.confirmation_speed_m_s
-        back = np.arange(1.0, max(scans, 2))
-        radius = gate_radius_cells(back, period_s, radiometer.ifov_rad, height_m, speed_m_s)
-        correlation = scan_correlation(sensor, receiver, environment, period_s * back)
-        again[number] = false_confirmation_probability(chance, 2, radius, correlation)
+        scans_before = np.arange(1.0, max(scans, 2))
+        radius = gate_radius_cells(scans_before, period_s, radiometer.ifov_rad, height_m, speed_m_s)
+        correlation = scan_correlation(sensor, receiver, environment, period_s * scans_before)
+        repeated[number] = false_confirmation_probability(chance, 2, radius, correlation)
         if needed > 1:
             confirmed[number] = false_confirmation_probability(chance, needed, radius, correlation)
-    return confirmed, again
+    return confirmed, repeated
 
 
 class _Chances(NamedTuple):
@@ -505,19 +523,22 @@ class _Chances(NamedTuple):
         return ndtr(self.probit[rows])
 
 
-def _parts(rows: slice | IntArray) -> list[slice | IntArray]:
-    """Return rows divided into parts with columns that fit a processor's cache."""
+class _ExpectedSignals(NamedTuple):
+    """Expected signals and noise, W/m² (n, B), of one kind of receiver, and its rule's slopes."""
+
+    snr: FloatArray
+    noise_w_m2: FloatArray
+    slopes: FloatArray
+
+
+def _blocks(rows: slice | IntArray) -> list[slice | IntArray]:
+    """Return rows divided into blocks with columns that fit a processor's cache."""
     if isinstance(rows, slice):
         return [
-            slice(rows.start + part.start, rows.start + part.stop)
-            for part in blocks(rows.stop - rows.start)
+            slice(rows.start + block.start, rows.start + block.stop)
+            for block in blocks(rows.stop - rows.start)
         ]
-    return [rows[part] for part in blocks(len(rows))]
-
-
-def _rows_of(part: slice | IntArray, some: IntArray) -> IntArray:
-    """Return some of the rows of a part."""
-    return part.start + some if isinstance(part, slice) else part[some]
+    return [rows[block] for block in blocks(len(rows))]
 
 
 def _counts_w_m2(receivers: Sequence[Receiver]) -> FloatArray:
@@ -532,10 +553,13 @@ def _dark_noise_w_m2(receivers: Sequence[Receiver]) -> FloatArray:
     return noise
 
 
-def _alike(receivers: Sequence[Receiver], floor_rad: FloatArray) -> IndexArray:
+def _twins(receivers: Sequence[Receiver], floor_rad: FloatArray) -> IndexArray:
     """Return the number (sensors,) of the first receiver equal to each one."""
-    first = dict[tuple[Any, ...], int]()
-    kinds = [(*each.kind, floor) for each, floor in zip(receivers, floor_rad.tolist(), strict=True)]
+    numbers = dict[tuple[Any, ...], int]()
+    kinds = [
+        (*receiver.kind, floor)
+        for receiver, floor in zip(receivers, floor_rad.tolist(), strict=True)
+    ]
     return np.array(
-        [first.setdefault(kind, number) for number, kind in enumerate(kinds)], dtype=np.int32
+        [numbers.setdefault(kind, number) for number, kind in enumerate(kinds)], dtype=np.int32
     )

@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
-
-#: Q(-x) is above the least normal double, 2.2e-308, from here on.
-_LEAST_NORMAL = -37.5
+from opir_photons.columns import floats
 
 
 def _special() -> Any:
@@ -34,7 +32,7 @@ def threshold_sigma(false_alarm_probability: ArrayLike) -> FloatArray:
     `false_alarm_probability` is per look and resolution cell, in (0, 1), down to the least double;
     `nan` outside. The result has its shape.
     """
-    return -_special().ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
+    return -_special().ndtri(floats(false_alarm_probability))
 
 
 def false_alarm_probability(threshold: ArrayLike) -> FloatArray:
@@ -51,40 +49,18 @@ def probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray
     `threshold` is T in the same unit. The result has their common shape; `nan` where an argument
     is. Down to the least double, 5e-324.
     """
-    excess = np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
-    # SciPy's ndtr is 0 below the least normal double; its logarithm goes on.
-    return np.where(
-        excess < _LEAST_NORMAL, np.exp(_special().log_ndtr(excess)), _special().ndtr(excess)
-    )[()]
-
-
-def log_probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray:
-    """Return ln P_d = ln Q(T - SNR), exact where P_d itself is too small for a double; arguments as
-    above.
-    """
-    return _special().log_ndtr(
-        np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
-    )
-
-
-def required_snr(probability: ArrayLike, threshold: ArrayLike) -> FloatArray:
-    """Return the signal-to-noise ratios that a threshold detects with probabilities P_d in (0, 1):
-    T - Q⁻¹(P_d).
-
-    Units and shapes as in `probability_of_detection`, which this inverts; `nan` outside the domain.
-    """
-    return np.asarray(threshold, dtype=np.float64) + _special().ndtri(
-        np.asarray(probability, dtype=np.float64)
-    )
+    excess = floats(snr) - floats(threshold)
+    # SciPy's ndtr is 0 below the least normal double, 2.2e-308; its logarithm goes on.
+    tail = np.exp(_special().log_ndtr(excess))
+    return np.where(excess < -37.5, tail, _special().ndtr(excess))[()]
 
 
 def probit(log_hit: FloatArray, log_miss: FloatArray) -> FloatArray:
     """Return the standard normal quantiles of probabilities given by their logarithm and that of
     their complement.
     """
-    return np.where(
-        log_hit < log_miss, _special().ndtri_exp(log_hit), -_special().ndtri_exp(log_miss)
-    )
+    lower = _special().ndtri_exp(log_hit)
+    return np.where(log_hit < log_miss, lower, -_special().ndtri_exp(log_miss))
 
 
 def m_of_n_probability(probability: ArrayLike, needed: int, looks: int) -> FloatArray:
@@ -95,7 +71,7 @@ def m_of_n_probability(probability: ArrayLike, needed: int, looks: int) -> Float
     binomial distribution, by the incomplete beta function: 1 for `needed` <= 0, 0 for more needed
     than looks.
     """
-    chance = np.asarray(probability, dtype=np.float64)
+    chance = floats(probability)
     if needed <= 0:
         return np.ones_like(chance)
     if needed > looks:

@@ -31,10 +31,6 @@ AHI_NEI_W_M2 = {**ABI_NEI_W_M2, "B07": 2.484e-12}
 #: A pixel is sampled every 2 km at nadir, from 35 786 km.
 PIXEL_URAD = 56.0
 
-#: A third of the navigation error (1 km at nadir, 3 sigma) with a pixel's width over the square
-#: root of 12.
-_NAVIGATED_URAD = 19.0
-
 ABI_SCANS = {
     "full-disk": {"scan_period_ms": 600_000.0},
     "conus": {"scan_period_ms": 300_000.0},
@@ -48,39 +44,39 @@ AHI_SCANS = {
 }
 
 
+#: Settings that both imagers have.
+_IMAGER = {
+    "scan_pattern": "step-stare",
+    "detection_probability": {"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5},
+    "threshold_sigma": 7.0,
+    "confirmation_detections": 1,
+    "confirmation_scans": 1,
+    "spectral_discrimination": "none",
+}
+
+
 @with_defaults(
+    **_IMAGER,
     bands=cited(BANDS, ABI),
-    scan_pattern="step-stare",
     scan_period_ms=cited(60_000.0, f"mesoscale sector; {ABI}"),
-    detection_probability={"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5},
-    line_of_sight_sigma_urad=cited(
-        _NAVIGATED_URAD, f"navigation 28 urad, 3 sigma, and pixel; {ABI}"
-    ),
+    # A third of the navigation error (1 km at nadir) with a pixel's width over the root of 12.
+    line_of_sight_sigma_urad=cited(19.0, f"navigation 28 urad, 3 sigma, and pixel; {ABI}"),
     band_nei_w_m2=cited(ABI_NEI_W_M2, f"NEDT 0.1 K at 300 K; {ABI}"),
     ifov_urad=cited(PIXEL_URAD, ABI),
-    threshold_sigma=7.0,
-    confirmation_detections=1,
-    confirmation_scans=1,
-    spectral_discrimination="none",
 )
 class AbiConfig(ScanningSensorConfig):
     """What a scene may set of a GOES-ABI imager."""
 
 
 @with_defaults(
+    **_IMAGER,
     bands=cited(BANDS, f"those of the ABI, within 0.1 µm; {AHI}"),
-    scan_pattern="step-stare",
     scan_period_ms=cited(600_000.0, f"full disk; {AHI}"),
-    detection_probability={"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5},
-    line_of_sight_sigma_urad=_NAVIGATED_URAD,
+    line_of_sight_sigma_urad=19.0,
     band_nei_w_m2=cited(
         AHI_NEI_W_M2, f"NEDT 0.16 K at 300 K in band 7, 0.1 K in the others; {AHI}"
     ),
     ifov_urad=cited(PIXEL_URAD, AHI),
-    threshold_sigma=7.0,
-    confirmation_detections=1,
-    confirmation_scans=1,
-    spectral_discrimination="none",
 )
 class AhiConfig(ScanningSensorConfig):
     """What a scene may set of an AHI imager."""

@@ -32,13 +32,10 @@ from opir_photons.radiometry.focal_plane import (
     centroid_sigma_rad as centroid_sigma_rad,
     electrons_per_w_m2 as electrons_per_w_m2,
     ensquared_energy as ensquared_energy,
-    instantaneous_field_of_view_rad as instantaneous_field_of_view_rad,
     joined_centroid_variance as joined_centroid_variance,
     noise_electrons as noise_electrons,
     noise_equivalent_irradiance as noise_equivalent_irradiance,
     photon_centroid_variance as photon_centroid_variance,
-    sampling_ratio as sampling_ratio,
-    saturation_irradiance as saturation_irradiance,
 )
 from opir_photons.radiometry.lowtran import (
     band_transmittance as band_transmittance,
@@ -60,9 +57,7 @@ from opir_photons.radiometry.planck import (
     band_photon_radiance as band_photon_radiance,
     band_radiance as band_radiance,
     band_radiance_slope as band_radiance_slope,
-    band_ratio as band_ratio,
     grey_body_intensity as grey_body_intensity,
-    planck_photon_radiance as planck_photon_radiance,
     planck_radiance as planck_radiance,
     two_colour_temperature as two_colour_temperature,
 )

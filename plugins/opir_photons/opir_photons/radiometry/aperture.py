@@ -4,9 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
-
-#: W/cm² to W/m².
-W_M2_PER_W_CM2 = 1e4
+from opir_photons.columns import floats
 
 
 def irradiance_at_aperture(
@@ -17,7 +15,7 @@ def irradiance_at_aperture(
     In-band radiant intensity I, W/sr, range R, m, and transmittance τ of the path, in [0, 1],
     broadcast; the result has their common shape.
     """
-    distance = np.asarray(range_m, dtype=np.float64)
+    distance = floats(range_m)
     return np.asarray(intensity_w_sr) * np.asarray(transmittance) / distance / distance
 
 
@@ -61,11 +59,6 @@ def minimum_detectable_intensity(
     arguments broadcast. A threshold at that SNR detects such a source in half of the looks. Source:
     opir-simulator paper (2026), section 2.4.
     """
-    distance = np.asarray(range_m, dtype=np.float64)
-    least = (
-        np.asarray(noise_equivalent_irradiance_w_m2, dtype=np.float64)
-        * distance
-        * distance
-        * np.asarray(snr)
-    )
-    return np.asarray(least / np.asarray(transmittance, dtype=np.float64))
+    distance = floats(range_m)
+    least = floats(noise_equivalent_irradiance_w_m2) * distance * distance * np.asarray(snr)
+    return np.asarray(least / floats(transmittance))

@@ -29,7 +29,7 @@ class FullDeck:
     top_m: float
 
     def is_cloudy(self, point_ecef_m: FloatArray) -> BoolArray:
-        """Return that all points (n, 3) do."""
+        """True for all points (n, 3)."""
         return np.ones(len(point_ecef_m), dtype=np.bool_)
 
 
@@ -38,12 +38,12 @@ class CloudField:
     """Cloud over a random part of the Earth, the same at all times.
 
     The Earth is cut into rows of equal latitude, and each of these into cells about as wide as
-    high; `first` (rows + 1) counts the cells before each row, `cloudy` (cells,) says which are
+    high; `row_start` (rows + 1) counts the cells before each row, `cloudy` (cells,) says which are
     covered.
     """
 
     top_m: float
-    first: IntArray
+    row_start: IntArray
     cloudy: BoolArray
 
     @classmethod
@@ -51,25 +51,22 @@ class CloudField:
         """Return a field of which each cell is covered with probability `cover`, by the stream
         "clouds" of a seed.
         """
-        rows = max(1, round(np.pi * _RADIUS_M / cell_m))
+        rows = max(1, round(np.pi * 6_371_000.0 / cell_m))
         middle = (np.arange(rows) + 0.5) / rows * np.pi - 0.5 * np.pi
         columns = np.maximum(1, np.rint(2.0 * rows * np.cos(middle))).astype(np.int64)
-        first = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(columns)])
-        numbers = uniforms_of(Stream(stream_key(seed, "clouds")).words(0, int(first[-1])))
-        return cls(top_m, first, numbers < cover)
+        row_start = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(columns)])
+        numbers = uniforms_of(Stream(stream_key(seed, "clouds")).words(0, int(row_start[-1])))
+        return cls(top_m, row_start, numbers < cover)
 
     def is_cloudy(self, point_ecef_m: FloatArray) -> BoolArray:
         """Return whether points (n, 3) are in the column of a covered cell."""
         where = ecef_to_geodetic(point_ecef_m)
-        rows = len(self.first) - 1
+        rows = len(self.row_start) - 1
         row = np.clip((where.latitude_rad / np.pi + 0.5) * rows, 0, rows - 1).astype(np.int64)
-        columns = self.first[row + 1] - self.first[row]
+        columns = self.row_start[row + 1] - self.row_start[row]
         turn = where.longitude_rad / (2.0 * np.pi)
         column = np.minimum(((turn - np.floor(turn)) * columns).astype(np.int64), columns - 1)
-        return self.cloudy[self.first[row] + column]
-
-
-_RADIUS_M = 6_371_000.0
+        return self.cloudy[self.row_start[row] + column]
 
 
 def is_hidden(deck: Deck, path: Paths) -> BoolArray:
@@ -78,18 +75,24 @@ def is_hidden(deck: Deck, path: Paths) -> BoolArray:
     A path from below the deck's top goes through it once, one from above that first descends below
     it twice; the places, on a sphere through the top, are looked up in the deck.
     """
+    hidden = np.zeros(len(path), dtype=np.bool_)
     offset = path.sensor_ecef_m - path.target_ecef_m
+    direction = offset / length(*components(offset))[:, None]
+    for distance in _crossings_m(deck.top_m, path):
+        rows = np.flatnonzero(distance > 0.0)
+        crossing = path.target_ecef_m[rows] + distance[rows, None] * direction[rows]
+        hidden[rows] |= deck.is_cloudy(crossing)
+    return hidden
+
+
+def _crossings_m(top_m: float, path: Paths) -> tuple[FloatArray, FloatArray]:
+    """Return the distances (n,) from targets at which lines of sight cross a height; nan if they do
+    not.
+    """
     radius = length(*components(path.target_ecef_m))
     # On the sphere through the target whose centre is the Earth's, and one about it through the
     # deck.
     along = radius * path.elevation_sine
-    rise = (deck.top_m - path.height_m) * (2.0 * radius + deck.top_m - path.height_m)
-    reach = np.square(along) + rise
-    hidden = np.zeros(len(path), dtype=np.bool_)
-    root = np.sqrt(np.maximum(reach, 0.0))
-    direction = offset / length(*components(offset))[:, None]
-    for distance in (-along - root, -along + root):
-        rows = np.flatnonzero((reach >= 0.0) & (distance > 0.0))
-        crossing = path.target_ecef_m[rows] + distance[rows, None] * direction[rows]
-        hidden[rows] |= deck.is_cloudy(crossing)
-    return hidden
+    reach = np.square(along) + (top_m - path.height_m) * (2.0 * radius + top_m - path.height_m)
+    root = np.sqrt(np.where(reach >= 0.0, reach, np.nan))
+    return -along - root, -along + root

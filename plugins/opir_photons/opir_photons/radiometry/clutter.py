@@ -1,4 +1,4 @@
-"""Clutter: what a filter leaves of a background with structure, in closed form.
+"""Clutter: the variance of a structured background behind a filter, in closed form.
 
 The background's radiance has the two-dimensional power spectrum of a Matérn field (of von Kármán's
 form): flat up to the wavenumber 1/scale and falling as k^-α above. Its correlation is that of
@@ -20,11 +20,8 @@ from numpy.typing import ArrayLike
 from scipy.special import gamma, j0, kv
 
 from opir_core.arrays import FloatArray
+from opir_photons.columns import floats
 from opir_photons.radiometry.point_spread import EVEN, PointSpread, filter_transfer, radial_nodes
-
-#: Distances, in outer scales, below which two terms of the series of a correlation are exact to
-#: rounding.
-_VERY_NEAR = 1e-20
 
 
 def structure_spectrum(wavenumber: ArrayLike, scale: ArrayLike, exponent: ArrayLike) -> FloatArray:
@@ -35,12 +32,11 @@ def structure_spectrum(wavenumber: ArrayLike, scale: ArrayLike, exponent: ArrayL
     the variance is the integral of P over the plane of wavenumbers, over (2π)². Source: P. Guttorp
     and T. Gneiting, Biometrika 93 (2006) 989.
     """
-    outer = np.asarray(scale, dtype=np.float64)
-    power = np.asarray(exponent, dtype=np.float64)
-    scaled = np.asarray(wavenumber, dtype=np.float64) * outer
-    return np.asarray(
-        2.0 * np.pi * (power - 2.0) * np.square(outer) * (1.0 + scaled * scaled) ** (-0.5 * power)
-    )
+    outer = floats(scale)
+    power = floats(exponent)
+    scaled = floats(wavenumber) * outer
+    level = 2.0 * np.pi * (power - 2.0) * np.square(outer)
+    return np.asarray(level * (1.0 + scaled * scaled) ** (-0.5 * power))
 
 
 def structure_correlation(distance: ArrayLike, scale: ArrayLike, exponent: ArrayLike) -> FloatArray:
@@ -50,19 +46,23 @@ def structure_correlation(distance: ArrayLike, scale: ArrayLike, exponent: Array
     Distance and outer scale ℓ are in one unit; 1 at distance 0. The Fourier transform of
     `structure_spectrum`.
     """
-    order = 0.5 * np.asarray(exponent, dtype=np.float64) - 1.0
-    far = np.asarray(distance, dtype=np.float64) / np.asarray(scale, dtype=np.float64)
+    order = 0.5 * floats(exponent) - 1.0
+    scaled = floats(distance) / floats(scale)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        value = 2.0 ** (1.0 - order) / gamma(order) * far**order * kv(order, far)
-        # Very near, where K_ν loses digits or overflows, the first terms of its series; where the
-        # power overflows, K_ν is 0.
-        fall = gamma(1.0 - order) / gamma(1.0 + order) * (0.5 * far) ** (2.0 * order)
-        near = 1.0 - np.where(
-            order < 1.0, fall, np.square(far) / (4.0 * np.maximum(order - 1.0, 1e-3))
-        )
-        value = np.where((far < _VERY_NEAR) | ~np.isfinite(value) & (far < 1.0), near, value)
-        value = np.where(np.isnan(value) & (far > 1.0), 0.0, value)
-    return np.where(far > 0.0, value, np.where(np.isnan(far), far, 1.0))
+        value = 2.0 ** (1.0 - order) / gamma(order) * scaled**order * kv(order, scaled)
+        # At small distances K_ν loses digits or overflows: its series is exact to rounding.
+        is_small = (scaled < 1e-20) | ~np.isfinite(value) & (scaled < 1.0)
+        value = np.where(is_small, _correlation_series(scaled, order), value)
+        # Where the power overflows, K_ν is 0.
+        value = np.where(np.isnan(value) & (scaled > 1.0), 0.0, value)
+    return np.where(scaled > 0.0, value, np.where(np.isnan(scaled), scaled, 1.0))
+
+
+def _correlation_series(scaled: FloatArray, order: FloatArray) -> FloatArray:
+    """Return the first two terms of the series of `structure_correlation` in r/ℓ."""
+    fall = gamma(1.0 - order) / gamma(1.0 + order) * (0.5 * scaled) ** (2.0 * order)
+    bend = np.square(scaled) / (4.0 * np.maximum(order - 1.0, 1e-3))
+    return 1.0 - np.where(order < 1.0, fall, bend)
 
 
 @frozen
@@ -113,9 +113,9 @@ class SpatialTransfer:
 
         `farthest` is the largest displacement, pixels, that is looked at.
         """
-        most = max(spread.most, 2.0 * EVEN)
-        wavenumber, step = radial_nodes(most, len(weights) + farthest)
-        transfer, x, y = filter_transfer(weights, wavenumber, most)
+        limit = max(spread.limit, 2.0 * EVEN)
+        wavenumber, step = radial_nodes(limit, len(weights) + farthest)
+        transfer, x, y = filter_transfer(weights, wavenumber, limit)
         passed = np.abs(transfer) * (np.sinc(0.5 * x / np.pi) * np.sinc(0.5 * y / np.pi))
         window = np.square(passed).mean(axis=1) * np.square(spread.transfer(wavenumber))
         return cls(wavenumber, window * wavenumber * step / (2.0 * np.pi))
@@ -125,7 +125,8 @@ class SpatialTransfer:
     ) -> FloatArray:
         """Return the variances left of fields of outer scales (…), pixels, and an exponent."""
         weight = self.weight if frames is None else self.weight * frames.transfer(self.wavenumber)
-        return self._integral(scale, exponent, weight)
+        field = structure_spectrum(self.wavenumber, floats(scale)[..., None], exponent)
+        return np.asarray((field * weight).sum(axis=-1))
 
     def correlation(
         self,
@@ -135,38 +136,31 @@ class SpatialTransfer:
         frames: FrameDifference | None = None,
         motion_per_s: float = 0.0,
     ) -> FloatArray:
-        """Return the correlations (…) of what is left at one target in looks that are intervals
-        (…), s, apart.
+        """Return the correlations (…) of the remaining clutter at one target in looks that are
+        intervals (…), s, apart.
 
         `motion_per_s` is the target's motion over the scene, pixels per s, in an unknown direction.
         Without frames the sensor neither drifts nor jitters: structure changes only by the target's
-        motion. 0 where nothing is left.
+        motion. 0 where no clutter remains.
         """
-        time = np.asarray(interval_s, dtype=np.float64)
-        moved = j0(motion_per_s * np.abs(time)[..., None] * self.wavenumber)
-        if frames is None:
-            common = self.weight * moved
-        else:
-            both = 2.0 * self._frame(frames, time)
-            early = self._frame(frames, time - frames.lag_s)
-            late = self._frame(frames, time + frames.lag_s)
-            common = self.weight * moved * (both - early - late)
+        time = floats(interval_s)
+        common = self.weight * j0(motion_per_s * np.abs(time)[..., None] * self.wavenumber)
+        if frames is not None:
+            common = common * (
+                2.0 * self._frame(frames, time)
+                - self._frame(frames, time - frames.lag_s)
+                - self._frame(frames, time + frames.lag_s)
+            )
         field = structure_spectrum(self.wavenumber, scale, exponent)
-        left = max(float(self.variance(scale, exponent, frames)), np.finfo(np.float64).tiny)
-        return np.asarray((field * common).sum(axis=-1) / left)
+        variance = max(float(self.variance(scale, exponent, frames)), np.finfo(np.float64).tiny)
+        return np.asarray((field * common).sum(axis=-1) / variance)
 
     def _frame(self, frames: FrameDifference, time_s: FloatArray) -> FloatArray:
         """Return the transfer (…, q) of the displacement of two frames some time apart; 1 of a
         frame with itself.
         """
-        apart = np.abs(time_s)[..., None]
+        interval_s = np.abs(time_s)[..., None]
         blurred = np.exp(-np.square(self.wavenumber * frames.registration)) * j0(
-            self.wavenumber * frames.drift_per_s * apart
+            self.wavenumber * frames.drift_per_s * interval_s
         )
-        return np.where(apart > 0.0, blurred, 1.0)
-
-    def _integral(self, scale: ArrayLike, exponent: float, weight: FloatArray) -> FloatArray:
-        outer = np.asarray(scale, dtype=np.float64)[..., None]
-        return np.asarray(
-            (structure_spectrum(self.wavenumber, outer, exponent) * weight).sum(axis=-1)
-        )
+        return np.where(interval_s > 0.0, blurred, 1.0)

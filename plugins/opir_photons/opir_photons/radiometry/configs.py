@@ -34,10 +34,8 @@ class PlumeConfig:
         default=None,
         choices=("kerosene", "methane", "solid", "storable", "hydrogen"),
         help="propellant, whose particles (soot, alumina) add a continuum to the gases' bands, by"
-        " the jet power that"
-        " goes with their peak in SWIR; storable and hydrogen have none; default: that of the"
-        " class, storable for those"
-        " of other plugins",
+        " the jet power that goes with their peak in SWIR; storable and hydrogen have none;"
+        " default: that of the class, storable for those of other plugins",
         source="opir_photons/data/propellants.json, with the source and the spread of each level",
     )
 
@@ -62,8 +60,7 @@ class PlumeConfig:
         maximum=1e12,
         check=_peaks_complaint,
         help="by SWIR, MWIR, LWIR the gases' intensity of the first stage, seen broadside, at the"
-        " best altitude; what"
-        " is not given is the class's",
+        " best altitude; what is not given is the class's",
         source=_TABLE,
     )
     stages: int | None = number(
@@ -140,8 +137,7 @@ class PlumeConfig:
         minimum=100.0,
         maximum=6000.0,
         help="temperature of the body after burnout, for sensors that follow bodies; by default the"
-        " class's, 300 K for"
-        " ballistic flight",
+        " class's, 300 K for ballistic flight",
         source=_TABLE,
         subject="bodies",
     )
@@ -256,8 +252,7 @@ class LowtranConfig:
         default=Factory(dict),
         check=_stand_ins_complaint,
         help="by the name of a sensor's band the band of LOWTRAN's table that stands for it, where"
-        " its edges are not in"
-        " the table",
+        " its edges are not in the table",
         source="no default: bands are found by their edges",
     )
     cloud: CloudConfig | None = nested(
@@ -386,8 +381,7 @@ class EarthConfig:
         minimum=0.0,
         maximum=30.0,
         help="wind over a sea that covers the whole Earth and mirrors the Sun (sky: clear alone);"
-        " for its structure set"
-        " structure.surface",
+        " for its structure set structure.surface",
         source="none: no sun glint",
         subject="sky",
     )
@@ -396,8 +390,7 @@ class EarthConfig:
         minimum=0.0,
         maximum=1.0,
         help="standard deviation of what is left of the background after its subtraction, as a"
-        " share of its radiance,"
-        " for sensors without a focal plane",
+        " share of its radiance, for sensors without a focal plane",
         source="notional: leaves in long waves, in the sensors' default footprints, about the noise"
         " of a look",
         subject="residual",

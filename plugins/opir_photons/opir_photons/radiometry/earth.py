@@ -9,23 +9,21 @@ interpolation are opir's. A sea, where one is set, adds sun glint to the clear s
 
 import csv
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.errors import ModelError
 from opir_core.interfaces import Structure
 from opir_core.plugin import Background, BackgroundContext, Band, Transmittance, Views
+from opir_photons.columns import as_slice_if_consecutive
+from opir_photons.laws import DATA
 from opir_photons.radiometry.configs import EarthConfig, StructureConfig, StructuresConfig
-from opir_photons.radiometry.lowtran import nearest_of, parts_of, require_known_bands
+from opir_photons.radiometry.lowtran import composition_of, require_known_bands
 from opir_photons.radiometry.sea_surface import SeaGlint
-from opir_photons.row_slices import as_slice_if_consecutive
 
-_TABLE = Path(__file__).parents[1] / "data" / "lowtran7_background_radiance.csv"
 _OPAQUE = "ANALYTIC_opaque_cloud_top"
 
 #: Sine of the sensor's elevation at the ground for the table's look angles (incidence 78.8 and 61.6
@@ -36,106 +34,102 @@ LOOK_SINES: Mapping[float, float] = {
     180.0: 1.0,
 }
 
+#: The sine of the Sun's elevation in rows of the night.
+_NIGHT = -1.0
+
 _Row = Mapping[str, str]
+#: Radiances by place and sine of the Sun's elevation.
+_Radiances = Mapping[tuple[float, float], float]
 
 
 @frozen(eq=False)
-class SkyTable:
-    """Radiances of one band under one sky, W m⁻² sr⁻¹.
+class RadianceTable:
+    """Radiances of one band, W m⁻² sr⁻¹, by place: the sine of the sensor's elevation of a sky, or
+    the height of the top of opaque cloud, m.
 
-    `night` (looks,) is at `night_sine`; `day` (looks, suns) is the solar part, at `day_sine` and
+    `night` (places,) is at `night_at`; `day` (places, suns) is the solar part, at `day_at` and
     `sun_sine`, which begins with 0.
     """
 
     band: Band
-    night_sine: FloatArray
+    night_at: FloatArray
     night: FloatArray
-    day_sine: FloatArray
+    day_at: FloatArray
     sun_sine: FloatArray
     day: FloatArray
 
+    @classmethod
+    def of(cls, band: Band, radiances: _Radiances) -> "RadianceTable":
+        """Return the table of radiances by place and Sun."""
+        nights = sorted({place for place, sun in radiances if sun == _NIGHT})
+        days = sorted({place for place, sun in radiances if sun != _NIGHT})
+        suns = sorted({sun for _, sun in radiances} - {_NIGHT})
+        # By night LOWTRAN's surface is black and by day it emits 0.9: in long waves day would be
+        # the colder (-3.6 K).
+        solar = [
+            [0.0, *(max(radiances[day, sun] - radiances[day, _NIGHT], 0.0) for sun in suns)]
+            for day in days
+        ]
+        return cls(
+            band=band,
+            night_at=np.array(nights),
+            night=np.array([radiances[place, _NIGHT] for place in nights]),
+            day_at=np.array(days),
+            sun_sine=np.array([0.0, *suns]),
+            day=np.array(solar),
+        )
 
-@frozen(eq=False)
-class CloudTable:
-    """Radiances of opaque cloud in one band by height of its top: (tops,) by night, (tops, suns)
-    the solar part.
-    """
 
-    band: Band
-    top_m: FloatArray
-    sun_sine: FloatArray
-    night: FloatArray
-    day: FloatArray
+#: Tables with their factors.
+_Parts = Sequence[tuple[float, RadianceTable]]
 
 
 @cache
 def table_rows() -> tuple[_Row, ...]:
     """Return the rows of the table."""
-    lines = _TABLE.read_text(encoding="utf-8").splitlines()
+    table = DATA / "lowtran7_background_radiance.csv"
+    lines = table.read_text(encoding="utf-8").splitlines()
     return tuple(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
-def sky_tables(climate: str, sky: str) -> list[SkyTable]:
+def sky_tables(climate: str, sky: str) -> list[RadianceTable]:
     """Return the tables of a climate and sky, one per band."""
     rows = [row for row in table_rows() if row["atmosphere"] == climate and row["sky"] == sky]
     return [
-        _sky_table(band, [row for row in rows if row["band"] == band.name]) for band in _bands(rows)
+        RadianceTable.of(
+            band,
+            {(LOOK_SINES[float(row["look_deg"])], _sun_sine(row)): _radiance(row) for row in own},
+        )
+        for band, own in _by_band(rows).items()
     ]
 
 
-def cloud_tables(albedo: float) -> list[CloudTable]:
+def cloud_tables(albedo: float) -> list[RadianceTable]:
     """Return the tables of opaque cloud of an albedo, one per band: linear in the albedos 0.1 and
     0.3 of the table.
     """
-    rows = [row for row in table_rows() if row["sky"].startswith(_OPAQUE)]
-    return [
-        _cloud_table(band, [row for row in rows if row["band"] == band.name], albedo)
-        for band in _bands(rows)
-    ]
-
-
-def _bands(rows: list[_Row]) -> Iterator[Band]:
-    yield from dict.fromkeys(
-        Band(row["band"], float(row["lo_um"]), float(row["hi_um"])) for row in rows
-    )
-
-
-def _sky_table(band: Band, rows: list[_Row]) -> SkyTable:
-    night = {float(row["look_deg"]): _radiance(row) for row in rows if row["day_night"] == "night"}
-    by_sun = {
-        (float(row["look_deg"]), _sun_sine(row)): _radiance(row)
-        for row in rows
-        if row["day_night"] == "day"
-    }
-    looks = sorted({look for look, _ in by_sun})
-    suns = sorted({sun for _, sun in by_sun})
-    # By night LOWTRAN's surface is black and by day it emits 0.9: in long waves day would be the
-    # colder (-3.6 K).
-    added = [[0.0, *(max(by_sun[look, sun] - night[look], 0.0) for sun in suns)] for look in looks]
-    return SkyTable(
-        band=band,
-        night_sine=np.array([LOOK_SINES[look] for look in sorted(night)]),
-        night=np.array([night[look] for look in sorted(night)]),
-        day_sine=np.array([LOOK_SINES[look] for look in looks]),
-        sun_sine=np.array([0.0, *suns]),
-        day=np.array(added),
-    )
-
-
-def _cloud_table(band: Band, rows: list[_Row], albedo: float) -> CloudTable:
     share = (albedo - 0.1) / (0.3 - 0.1)
-    by_albedo: dict[tuple[float, float], dict[float, float]] = {}
+    tables = []
+    for band, rows in _by_band(row for row in table_rows() if _OPAQUE in row["sky"]).items():
+        dark, bright = (
+            {
+                (_top_m(row), _sun_sine(row)): _radiance(row)
+                for row in rows
+                if float(row["albedo"]) == level
+            }
+            for level in (0.1, 0.3)
+        )
+        radiances = {place: low + share * (bright[place] - low) for place, low in dark.items()}
+        tables.append(RadianceTable.of(band, radiances))
+    return tables
+
+
+def _by_band(rows: Iterable[_Row]) -> dict[Band, list[_Row]]:
+    by_band: dict[Band, list[_Row]] = {}
     for row in rows:
-        sun = _sun_sine(row) if row["day_night"] == "day" else -1.0
-        by_albedo.setdefault((_top_m(row), sun), {})[float(row["albedo"])] = _radiance(row)
-    radiance = {
-        place: pair[0.1] + share * (pair[0.3] - pair[0.1]) for place, pair in by_albedo.items()
-    }
-    tops = sorted({top for top, _ in radiance})
-    suns = sorted({sun for _, sun in radiance if sun > 0.0})
-    added = [[0.0, *(radiance[top, sun] - radiance[top, -1.0] for sun in suns)] for top in tops]
-    night = np.array([radiance[top, -1.0] for top in tops])
-    return CloudTable(band, np.array(tops), np.array([0.0, *suns]), night, np.array(added))
+        band = Band(row["band"], float(row["lo_um"]), float(row["hi_um"]))
+        by_band.setdefault(band, []).append(row)
+    return by_band
 
 
 def _top_m(row: _Row) -> float:
@@ -143,7 +137,7 @@ def _top_m(row: _Row) -> float:
 
 
 def _sun_sine(row: _Row) -> float:
-    return math.cos(math.radians(float(row["sza_deg"])))
+    return math.cos(math.radians(float(row["sza_deg"]))) if row["day_night"] == "day" else _NIGHT
 
 
 def _radiance(row: _Row) -> float:
@@ -152,15 +146,15 @@ def _radiance(row: _Row) -> float:
 
 @frozen(eq=False)
 class EarthBackground(Background):
-    """Radiance tables by band, each a list of tables with their factors.
+    """Radiance tables by band: those that compose it, with their factors.
 
     `residual` is the share of radiance that is clutter to sensors without a focal plane,
     `structure` that of others; `is_cloudy` says that skies without opaque cloud are cloudy, too;
     `sea` mirrors the Sun below a clear sky.
     """
 
-    skies: tuple[tuple[tuple[float, SkyTable], ...], ...]
-    clouds: tuple[tuple[tuple[float, CloudTable], ...], ...]
+    skies: Sequence[_Parts]
+    clouds: Sequence[_Parts]
     residual: float
     atmosphere: Transmittance
     structure: StructuresConfig
@@ -172,8 +166,8 @@ class EarthBackground(Background):
         return self._radiances_w_m2_sr((band,), view)[0]
 
     def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
-        """Return the standard deviations (n,) of the radiance left after subtraction: a fixed share
-        of the radiance.
+        """Return the standard deviations (n,) of the residual of subtraction: a fixed share of the
+        radiance.
         """
         return self.residual * self.radiance_w_m2_sr(band, view)
 
@@ -187,8 +181,7 @@ class EarthBackground(Background):
     @property
     def structures(self) -> tuple[Structure, ...]:
         """The structures of cloud, surface and limb."""
-        parts = (self.structure.cloud, self._surface, self.structure.limb)
-        return tuple(Structure(1e3 * part.scale_km, part.exponent) for part in parts)
+        return tuple(Structure(1e3 * kind.scale_km, kind.exponent) for kind in self._kinds)
 
     def structured_radiances_w_m2_sr(
         self, bands: Sequence[int], view: Views
@@ -196,48 +189,47 @@ class EarthBackground(Background):
         """Return radiances and the standard deviations of their structure (bands, n), and its
         number (n,).
 
-        Emission is what is left without the Sun; shares of it and of sunlight add as independent.
+        Emission is the radiance by night; shares of it and of sunlight add as independent.
         Beyond the limb they are of the radiance at the horizon, and fall exponentially with the
         tangent height.
         """
         beyond = view.height_m > 0.0
-        lower = np.where(beyond, np.exp(-1e-3 * view.height_m / self.structure.limb.height_km), 1.0)
+        fall = np.where(beyond, np.exp(-1e-3 * view.height_m / self.structure.limb.height_km), 1.0)
         edge = evolve(view, height_m=np.where(beyond, 0.0, view.height_m))
-        whole = self._radiances_w_m2_sr(bands, edge)
-        is_lit = bool(np.any(view.sun_elevation_sine > 0.0))
-        night = evolve(edge, sun_elevation_sine=-np.ones(len(view)))
-        dark = self._radiances_w_m2_sr(bands, night) if is_lit else whole
+        radiance = self._radiances_w_m2_sr(bands, edge)
+        emission = radiance
+        if np.any(view.sun_elevation_sine > 0.0):
+            night = evolve(edge, sun_elevation_sine=-np.ones(len(view)))
+            emission = self._radiances_w_m2_sr(bands, night)
         cloudy = self.is_cloudy | np.isfinite(self.atmosphere.cloud_top_m(view.point_ecef_m))
         number = np.where(beyond, 2, np.where(cloudy, 0, 1)).astype(np.int32)
-        parts = (self.structure.cloud, self._surface, self.structure.limb)
-        thermal, solar = (
-            np.array(each)
-            for each in zip(*((p.thermal_rms, p.solar_rms) for p in parts), strict=True)
-        )
-        rms = lower * np.hypot(thermal[number] * dark, solar[number] * (whole - dark))
-        return np.where(beyond, 0.0, whole), rms, number
+        thermal = np.array([kind.thermal_rms for kind in self._kinds])[number]
+        solar = np.array([kind.solar_rms for kind in self._kinds])[number]
+        rms = fall * np.hypot(thermal * emission, solar * (radiance - emission))
+        return np.where(beyond, 0.0, radiance), rms, number
 
     @property
-    def _surface(self) -> StructureConfig:
-        return self.structure.sea if self.structure.surface == "sea" else self.structure.terrain
+    def _kinds(self) -> tuple[StructureConfig, ...]:
+        structure = self.structure
+        surface = structure.sea if structure.surface == "sea" else structure.terrain
+        return structure.cloud, surface, structure.limb
 
     def _radiances_w_m2_sr(self, bands: Sequence[int], view: Views) -> FloatArray:
         radiance = np.zeros((len(bands), len(view)))
         on_ground = view.height_m <= 0.0
         top_m = self.atmosphere.cloud_top_m(view.point_ecef_m)
         is_cloudy = np.isfinite(top_m)
-        clear, cloudy = (
-            as_slice_if_consecutive(np.flatnonzero(on_ground & sky))
-            for sky in (~is_cloudy, is_cloudy)
-        )
-        if np.any(is_cloudy):
-            high = _SkyPlaces(top_m[cloudy])
-            sun = _SkyPlaces(view.sun_elevation_sine[cloudy])
-            radiance[:, cloudy] = [_cloud_radiance(self.clouds[band], high, sun) for band in bands]
-        low = _SkyPlaces(view.elevation_sine[clear])
-        sun = _SkyPlaces(view.sun_elevation_sine[clear])
-        radiance[:, clear] = [_sky_radiance(self.skies[band], low, sun) for band in bands]
+        for is_sky, points, tables in (
+            (on_ground & ~is_cloudy, view.elevation_sine, self.skies),
+            (on_ground & is_cloudy, top_m, self.clouds),
+        ):
+            if np.any(is_sky):
+                rows = as_slice_if_consecutive(np.flatnonzero(is_sky))
+                place = _SkyPlaces(points[rows])
+                sun = _SkyPlaces(view.sun_elevation_sine[rows])
+                radiance[:, rows] = [_interpolated(tables[band], place, sun) for band in bands]
         if self.sea is not None:
+            clear = as_slice_if_consecutive(np.flatnonzero(on_ground & ~is_cloudy))
             radiance[:, clear] += self.sea.radiances_w_m2_sr(bands, view.take(clear))
         return radiance
 
@@ -268,75 +260,49 @@ def earth_background(config: EarthConfig, context: BackgroundContext) -> Backgro
     require_known_bands(config.bands, context.bands, context.path)
     skies = sky_tables(config.climate, config.sky)
     clouds = cloud_tables(config.cloud_albedo)
-    parts = [
-        _parts(band, config.bands, [table.band for table in skies], context.path)
-        for band in context.bands
-    ]
+    known = [table.band for table in skies]
+    parts = [_factors(band, config.bands, known, context.path) for band in context.bands]
     atmosphere = context.make_atmosphere()
     wind_m_s = config.sea_wind_m_s
-    sea = (
-        None
-        if wind_m_s is None
-        else SeaGlint.of(context.bands, wind_m_s, atmosphere, context.epoch_us)
-    )
     return EarthBackground(
-        skies=tuple(tuple((factor, skies[number]) for factor, number in own) for own in parts),
-        clouds=tuple(
-            tuple((factor, _of_band(clouds, skies[number].band)) for factor, number in own)
-            for own in parts
-        ),
+        skies=_composed(parts, skies),
+        clouds=_composed(parts, clouds),
         residual=config.clutter_residual,
         atmosphere=atmosphere,
         structure=config.structure,
         is_cloudy=config.sky != "clear",
-        sea=sea,
+        sea=None
+        if wind_m_s is None
+        else SeaGlint.of(context.bands, wind_m_s, atmosphere, context.epoch_us),
     )
 
 
-def _of_band(tables: Sequence[CloudTable], band: Band) -> CloudTable:
-    return next(table for table in tables if table.band == band)
+def _composed(
+    parts: Sequence[Mapping[Band, float]], tables: Sequence[RadianceTable]
+) -> Sequence[_Parts]:
+    """Return the tables that compose each band, with their factors."""
+    by_band = {table.band: table for table in tables}
+    return [[(factor, by_band[band]) for band, factor in factors.items()] for factors in parts]
 
 
-def _parts(
+def _factors(
     band: Band, stand_ins: Mapping[str, str], known: Sequence[Band], path: str
-) -> list[tuple[float, int]]:
+) -> Mapping[Band, float]:
     """Return the bands of the table that compose a band, with their factors; a stand-in is scaled
     by width.
     """
-    chosen = parts_of(band, stand_ins, known)
-    if not chosen:
-        names = ", ".join(f"{one.name} {one.lower_um:g}-{one.upper_um:g}" for one in known)
-        raise ModelError(
-            f"{path}: the band {band.name}, {band.lower_um:g} to {band.upper_um:g} um, is not one"
-            f" of the table's"
-            f" ({names}), nor made of them side by side; say in {path}.bands which of them stands"
-            f" for it,"
-            f" as in bands: {{{band.name}: {nearest_of(band, known).name}}}"
-        )
-    width = sum(one.upper_um - one.lower_um for one in chosen)
+    parts = composition_of(band, stand_ins, known, path, "the table's")
+    width = sum(part.upper_um - part.lower_um for part in parts)
     factor = (band.upper_um - band.lower_um) / width if band.name in stand_ins else 1.0
-    return [(factor, known.index(one)) for one in chosen]
+    return dict.fromkeys(parts, factor)
 
 
-def _sky_radiance(
-    parts: Sequence[tuple[float, SkyTable]], look: _SkyPlaces, sun: _SkyPlaces
-) -> FloatArray:
-    total = np.zeros(len(look.at))
+def _interpolated(parts: _Parts, place: _SkyPlaces, sun: _SkyPlaces) -> FloatArray:
+    total = np.zeros(len(place.at))
     for factor, table in parts:
-        night = _along(table.night, *look.among(table.night_sine))
-        added = _between(table.day, look.among(table.day_sine), sun.among(table.sun_sine))
-        total += factor * (night + added)
-    return np.maximum(total, 0.0)
-
-
-def _cloud_radiance(
-    parts: Sequence[tuple[float, CloudTable]], top: _SkyPlaces, sun: _SkyPlaces
-) -> FloatArray:
-    total = np.zeros(len(top.at))
-    for factor, table in parts:
-        night = _along(table.night, *top.among(table.top_m))
-        added = _between(table.day, top.among(table.top_m), sun.among(table.sun_sine))
-        total += factor * (night + added)
+        night = _along(table.night, *place.among(table.night_at))
+        solar = _between(table.day, place.among(table.day_at), sun.among(table.sun_sine))
+        total += factor * (night + solar)
     return np.maximum(total, 0.0)
 
 

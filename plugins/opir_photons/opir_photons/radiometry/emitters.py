@@ -1,7 +1,7 @@
 """Emitters as columns: from a list, from a CSV file, or drawn at random over a region."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from io import StringIO
 
 import numpy as np
@@ -14,6 +14,7 @@ from opir_core.plugin import SourceContext
 from opir_core.random_streams import Stream, normal_pairs, stream_key, uniforms_of
 from opir_core.scene import file_bytes, text_of
 from opir_photons.radiometry.source_configs import (
+    PLACE_FIELDS,
     FieldConfig,
     SourceConfig,
     emitter_complaint,
@@ -21,12 +22,8 @@ from opir_photons.radiometry.source_configs import (
     own_fields,
 )
 
-#: The most emitters of one block.
+#: The largest number of emitters of one block.
 MOST_EMITTERS = 20_000
-
-#: The sphere on which densities are counted: as much surface as the ellipsoid (WGS 84's authalic
-#: radius), km.
-AUTHALIC_RADIUS_KM = 6371.007181
 
 Emitter = Mapping[str, float]
 
@@ -53,27 +50,22 @@ def emitters_of(
     Brief ones of a random field begin at random during the scene. `SceneError`, with its line, for
     an invalid file, `ModelError` for more emitters than a block may have.
     """
-    kind = type(config)
-    defaults = {name: getattr(config, name) for name in own_fields(kind)}
+    defaults = {name: getattr(config, name) for name in own_fields(type(config))}
     defaults["end_s"] = context.duration_s + 10.0 if config.end_s is None else config.end_s
     if config.field is not None:
-        given = _drawn(config.field, config.area_m2, context, is_brief)
-        count = len(given["lat_deg"])
-        return Emitters(
-            {**{name: np.full(count, value) for name, value in defaults.items()}, **given}
-        )
-    rows = (
-        config.at if config.at is not None else rows_of_csv(str(config.csv), config, context.path)
-    )
+        drawn = _drawn(config.field, config.area_m2, context, is_brief)
+        count = len(drawn["lat_deg"])
+        columns = {name: np.full(count, value) for name, value in defaults.items()}
+        return Emitters({**columns, **drawn})
+    rows = rows_of_csv(str(config.csv), config, context.path) if config.at is None else config.at
     if len(rows) > MOST_EMITTERS:
         raise ModelError(
             f"{context.path}: {len(rows)} emitters; a block has at most {MOST_EMITTERS}"
         )
-    names = ("lat_deg", "lon_deg", *defaults)
     return Emitters(
         {
             name: np.array([row.get(name, defaults.get(name)) for row in rows], dtype=np.float64)
-            for name in names
+            for name in (*PLACE_FIELDS, *defaults)
         }
     )
 
@@ -82,20 +74,20 @@ def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emi
     """Return the emitters of a CSV file; raises `SceneError` with one message that names file and
     line.
     """
+
+    def refusal(message: str) -> SceneError:
+        return SceneError([Problem(f"{scene_path}.csv", message)])
+
     if not path:
-        raise SceneError(
-            [Problem(f"{scene_path}.csv", "the path is empty; give that of a file of emitters")]
-        )
+        raise refusal("the path is empty; give that of a file of emitters")
     try:
         text = text_of(file_bytes(path))
         return [_emitter(row, number, block) for number, row in _numbered(text, type(block))]
     except (OSError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise SceneError(
-            [Problem(f"{scene_path}.csv", f"{path} cannot be read: {reason}")]
-        ) from error
+        raise refusal(f"{path} cannot be read: {reason}") from error
     except ValueError as error:
-        raise SceneError([Problem(f"{scene_path}.csv", f"{path}, {error}")]) from error
+        raise refusal(f"{path}, {error}") from error
 
 
 def _numbered(text: str, kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
@@ -103,34 +95,33 @@ def _numbered(text: str, kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
 
     Semicolons or tabs may part the columns; decimals may have commas then.
     """
-    head = next(
-        (line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")),
-        "",
-    )
+    lines = _stripped(text)
+    number, header = next(lines, (1, []))
+    if not header:
+        raise ValueError("line 1: a header with lat_deg and lon_deg is needed")
+    complaint = _header_complaint(header, kind)
+    if complaint:
+        raise ValueError(f"line {number}: {complaint}")
+    rows = []
+    for number, cells in lines:
+        if len(cells) != len(header):
+            raise ValueError(f"line {number}: {len(cells)} cells under a header of {len(header)}")
+        rows.append((number, dict(zip(header, cells, strict=True))))
+    return rows
+
+
+def _stripped(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the numbers and cells of the lines of a CSV that are neither empty nor comments."""
+    lines = (line for line in text.splitlines() if line.strip())
+    head = next((line for line in lines if not line.lstrip().startswith("#")), "")
     delimiter = next((mark for mark in "\t;" if mark in head), ",")
     reader = csv.reader(StringIO(text), delimiter=delimiter, strict=True)
-    header: list[str] | None = None
-    lines = []
-    for cells in reader:
-        stripped = [
-            cell.strip() if delimiter == "," else cell.strip().replace(",", ".") for cell in cells
-        ]
-        if not any(stripped) or stripped[0].startswith("#"):
-            continue
-        if header is None:
-            header = stripped
-            complaint = _header_complaint(header, kind)
-            if complaint:
-                raise ValueError(f"line {reader.line_num}: {complaint}")
-            continue
-        if len(stripped) != len(header):
-            raise ValueError(
-                f"line {reader.line_num}: {len(stripped)} cells under a header of {len(header)}"
-            )
-        lines.append((reader.line_num, dict(zip(header, stripped, strict=True))))
-    if header is None:
-        raise ValueError("line 1: a header with lat_deg and lon_deg is needed")
-    return lines
+    for row in reader:
+        cells = [cell.strip() for cell in row]
+        if any(cells) and not cells[0].startswith("#"):
+            if delimiter != ",":
+                cells = [cell.replace(",", ".") for cell in cells]
+            yield reader.line_num, cells
 
 
 def _header_complaint(header: list[str], kind: type) -> str | None:
@@ -169,23 +160,23 @@ def _drawn(
 ) -> dict[str, FloatArray]:
     """Return positions, areas and, for brief emitters, start times of a random field."""
     region = field.region
-    sines = np.sin(np.radians([region.south_deg, region.north_deg]))
+    south, north = np.sin(np.radians([region.south_deg, region.north_deg]))
     width_deg = (region.east_deg - region.west_deg) % 360.0 or 360.0
     hours = context.duration_s / 3600.0 if is_brief else 1.0
-    surface_km2 = AUTHALIC_RADIUS_KM**2 * (sines[1] - sines[0]) * np.radians(width_deg)
+    # On the sphere with as much surface as the ellipsoid: WGS 84's authalic radius, km.
+    surface_km2 = 6371.007181**2 * (north - south) * np.radians(width_deg)
     count = _poisson(field.per_million_km2 * surface_km2 * 1e-6 * hours, context)
-    across, along, when = (
-        _uniforms(context, name, count) for name in ("latitude", "longitude", "start")
-    )
+    sine = south + _uniforms(context, "latitude", count) * (north - south)
+    longitude_deg = region.west_deg + _uniforms(context, "longitude", count) * width_deg
     size = normal_pairs(_words(context, "area", count))[0]
     drawn = {
-        "lat_deg": np.degrees(
-            np.arcsin(np.clip(sines[0] + across * (sines[1] - sines[0]), -1.0, 1.0))
-        ),
-        "lon_deg": (region.west_deg + along * width_deg + 180.0) % 360.0 - 180.0,
+        "lat_deg": np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))),
+        "lon_deg": (longitude_deg + 180.0) % 360.0 - 180.0,
         "area_m2": area_m2 * np.exp(field.area_log_sigma * size),
     }
-    return {**drawn, "start_s": when * context.duration_s} if is_brief else drawn
+    if is_brief:
+        drawn["start_s"] = _uniforms(context, "start", count) * context.duration_s
+    return drawn
 
 
 def _poisson(mean: float, context: SourceContext) -> int:
@@ -193,12 +184,11 @@ def _poisson(mean: float, context: SourceContext) -> int:
     if mean > MOST_EMITTERS:
         raise ModelError(
             f"{context.path}: {mean:g} emitters are expected; a block has at most {MOST_EMITTERS}:"
-            f" lower"
-            " per_million_km2 or take a smaller region"
+            " lower per_million_km2 or take a smaller region"
         )
     # Ten standard deviations above the mean: beyond once in 1e23 runs.
-    most = int(mean + 10.0 * np.sqrt(mean) + 40.0)
-    steps = -np.log1p(-_uniforms(context, "count", most))
+    limit = int(mean + 10.0 * np.sqrt(mean) + 40.0)
+    steps = -np.log1p(-_uniforms(context, "count", limit))
     return int(np.count_nonzero(np.cumsum(steps) < mean))
 
 

@@ -1,4 +1,4 @@
-"""What a filter of pixels makes of a point source, where it looks and beside it, in closed form.
+"""The response of a filter of pixels to a point source, in its centre and beside it, in closed form.
 
 The output of a filter w for a source displaced by d from where the filter looks, averaged over the
 direction of d and over the source's place on its pixel, is
@@ -19,12 +19,12 @@ from numpy.typing import ArrayLike
 from scipy.special import j0
 
 from opir_core.arrays import FloatArray
+from opir_photons.columns import floats
 from opir_photons.radiometry.clutter import FrameDifference
 from opir_photons.radiometry.point_spread import EVEN, PointSpread, filter_transfer, radial_nodes
 
-#: Steps of a table of responses to displaced spots, and pixels beyond the filter at which it ends.
-_STEPS = 2000
-_BEYOND = 3.0
+#: Pixels beyond the filter at which a table of responses to displaced spots ends.
+_MARGIN = 3.0
 
 
 @frozen(eq=False)
@@ -42,14 +42,12 @@ class FilteredSpot:
         """Return the output of a filter (m, m) over all places of a spot on its pixel (`mean`), or
         on a corner.
         """
-        most = max(spread.most, 2.0 * EVEN)
-        wavenumber, step = radial_nodes(most, 2.0 * len(weights) + _BEYOND)
-        transfer, x, y = filter_transfer(weights, wavenumber, most)
+        limit = max(spread.limit, 2.0 * EVEN)
+        wavenumber, step = radial_nodes(limit, 2.0 * len(weights) + _MARGIN)
+        transfer, x, y = filter_transfer(weights, wavenumber, limit)
         pixel = np.sinc(0.5 * x / np.pi) * np.sinc(0.5 * y / np.pi)
-        passed = transfer.real * (
-            pixel * (pixel if phase == "mean" else np.cos(0.5 * x) * np.cos(0.5 * y))
-        )
-        window = passed.mean(axis=1) * spread.transfer(wavenumber)
+        place = pixel if phase == "mean" else np.cos(0.5 * x) * np.cos(0.5 * y)
+        window = (transfer.real * (pixel * place)).mean(axis=1) * spread.transfer(wavenumber)
         return cls(wavenumber, window * wavenumber * step / (2.0 * np.pi), len(weights))
 
     def response(
@@ -59,12 +57,12 @@ class FilteredSpot:
 
         `frames` are two frames whose drift and registration errors add to the displacement.
         """
-        far = np.asarray(displacement, dtype=np.float64)[..., None]
+        distance = floats(displacement)[..., None]
         weight = self.weight
         if frames is not None:
             drift = j0(self.wavenumber * (frames.drift_per_s * frames.lag_s))
             weight = weight * drift * np.exp(-np.square(self.wavenumber * frames.registration))
-        return np.asarray((j0(self.wavenumber * far) * weight).sum(axis=-1))
+        return np.asarray((j0(self.wavenumber * distance) * weight).sum(axis=-1))
 
     def own_past(self, frames: FrameDifference) -> "OwnPast":
         """Return the share of a source's light that the difference of two frames subtracts, by
@@ -72,12 +70,12 @@ class FilteredSpot:
         """
         reach = (
             len(self) / math.sqrt(2.0)
-            + _BEYOND
+            + _MARGIN
             + frames.drift_per_s * frames.lag_s
             + 3.0 * frames.registration
         )
-        place = np.linspace(0.0, reach, _STEPS + 1)
-        blocks = [self.response(part, frames) for part in np.array_split(place, 20)]
+        place = np.linspace(0.0, reach, 2001)
+        blocks = [self.response(block, frames) for block in np.array_split(place, 20)]
         return OwnPast(place, np.concatenate(blocks) / float(self.response()))
 
     def __len__(self) -> int:

@@ -19,41 +19,24 @@ from numpy.typing import ArrayLike
 from scipy.special import erf
 
 from opir_core.arrays import FloatArray
+from opir_photons.columns import floats
+from opir_photons.radiometry.planck import PHOTON_J_UM
+from opir_photons.radiometry.quadrature import unit_legendre
 
-#: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
-PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6
-
-#: Gaussian of the power and the peak of an Airy pattern, in λ/D: the peaks are 1/(2π σ²) and (π/4)
-#: (D/λ)². The curvatures of both peaks are then equal, too.
-AIRY_SIGMA = math.sqrt(2.0) / math.pi
-
-#: Sub-pixel phases of an average, from the centre of a pixel to its edge; it converges faster than
-#: any power.
-_PHASES = (np.arange(32) + 0.5) / 64.0
-#: Gauss-Legendre quadrature over [0, 1].
-_NODES, _WEIGHTS = (
-    0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]])
-)
-#: Widths, in pixels: beyond the first all phases are alike, beyond the second a spot is a wider one
-#: in larger pixels.
-_ALIKE = 1.5
+#: Width of a spot, in pixels, beyond which it is a wider one in larger pixels.
 _SMOOTH = 4.0
-
-
-def _floats(*values: ArrayLike) -> list[FloatArray]:
-    return [np.asarray(value, dtype=np.float64) for value in values]
 
 
 def airy_sigma_rad(wavelength_um: ArrayLike, aperture_m: ArrayLike) -> FloatArray:
     """Return the widths of diffraction-limited spots, rad: σ = (√2 / π) λ / D.
 
-    The Gaussian with the power, the peak and the curvature at the peak of the Airy pattern of a
-    circular aperture of diameter D, m, at wavelength λ, µm. The Airy pattern's rings, 16 % of its
-    power, are in the Gaussian's core.
+    The Gaussian with the power, the peak, 1/(2π σ²) = (π/4) (D/λ)², and the curvature at the peak
+    of the Airy pattern of a circular aperture of diameter D, m, at wavelength λ, µm. The Airy
+    pattern's rings, 16 % of its power, are in the Gaussian's core.
     """
-    wavelength, aperture = _floats(wavelength_um, aperture_m)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(AIRY_SIGMA * 1e-6 * wavelength / aperture)
+        scaled = math.sqrt(2.0) / math.pi * 1e-6 * floats(wavelength_um)
+        return np.asarray(scaled / floats(aperture_m))
 
 
 def blurred_sigma_rad(
@@ -65,29 +48,8 @@ def blurred_sigma_rad(
     integration time, or of any other Gaussian blur; `smear_rad` the length of a uniform motion,
     whose variance smear²/12 is shared by both axes: its direction is random.
     """
-    own, jitter, smear = _floats(sigma_rad, jitter_rad, smear_rad)
-    return np.asarray(np.sqrt(own * own + jitter * jitter + smear * smear / 24.0))
-
-
-def instantaneous_field_of_view_rad(
-    pixel_pitch_m: ArrayLike, focal_length_m: ArrayLike
-) -> FloatArray:
-    """Return the IFOV of pixels, rad: pitch over focal length, both in m."""
-    pitch, focal_length = _floats(pixel_pitch_m, focal_length_m)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(pitch / focal_length)
-
-
-def sampling_ratio(
-    wavelength_um: ArrayLike, aperture_m: ArrayLike, pixel_rad: ArrayLike
-) -> FloatArray:
-    """Return Q = (λ/D) / IFOV: at 2 and above pixels sample all that the aperture passes (Nyquist).
-
-    Source: R. D. Fiete, Opt. Eng. 38 (1999) 1229. Wavelength in µm, aperture diameter in m.
-    """
-    wavelength, aperture, pixel = _floats(wavelength_um, aperture_m, pixel_rad)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(1e-6 * wavelength / aperture / pixel)
+    sigma, jitter, smear = map(floats, (sigma_rad, jitter_rad, smear_rad))
+    return np.asarray(np.sqrt(sigma * sigma + jitter * jitter + smear * smear / 24.0))
 
 
 @np.errstate(divide="ignore", invalid="ignore")
@@ -101,7 +63,7 @@ def ensquared_energy(
     (its sub-pixel phase) the share is the `mean` of all places, the `best`, at the centre, or the
     `worst`, at a corner.
     """
-    sigma, pixel, count = _floats(sigma_rad, pixel_rad, pixels)
+    sigma, pixel, count = map(floats, (sigma_rad, pixel_rad, pixels))
     inner = 0.5 * (count - 1.0) * pixel
     outer = 0.5 * (count + 1.0) * pixel
     scale = math.sqrt(2.0) * sigma
@@ -110,22 +72,28 @@ def ensquared_energy(
     elif phase == "worst":
         share = 0.5 * (_erf(inner, scale) + erf(outer / scale))
     elif phase == "mean":
-        falling = np.exp(-np.square(outer / scale)) - np.exp(-np.square(_ratio(inner, scale)))
-        share = (
-            outer * erf(outer / scale)
-            - inner * _erf(inner, scale)
-            + scale * falling / math.sqrt(math.pi)
-        ) / pixel
-        # The mean of erf(x / scale) from inner to outer: of wide spots by quadrature, whose terms
-        # have one sign.
-        wide = sum(
-            weight * erf((inner + pixel * node) / scale)
-            for node, weight in zip(_NODES, _WEIGHTS, strict=True)
-        )
-        share = np.where(pixel < scale, wide, share)
+        share = _mean_erf(inner, outer, pixel, scale)
     else:
         raise ValueError(f"phase: {phase!r} is not one of mean, best, worst")
     return np.asarray(share * share)
+
+
+def _mean_erf(
+    inner: FloatArray, outer: FloatArray, pixel: FloatArray, scale: FloatArray
+) -> FloatArray:
+    """Return the mean of erf(x / scale) from `inner` to `outer`, a pixel further."""
+    falling = np.exp(-np.square(outer / scale)) - np.exp(-np.square(_ratio(inner, scale)))
+    integral = (
+        outer * erf(outer / scale)
+        - inner * _erf(inner, scale)
+        + scale * falling / math.sqrt(math.pi)
+    )
+    # Of wide spots by quadrature, whose terms have one sign.
+    wide = sum(
+        weight * erf((inner + pixel * node) / scale)
+        for node, weight in zip(*unit_legendre(12), strict=True)
+    )
+    return np.where(pixel < scale, wide, integral / pixel)
 
 
 def _ratio(length: FloatArray, scale: FloatArray) -> FloatArray:
@@ -152,12 +120,10 @@ def electrons_per_w_m2(
     (`ensquared_energy`); of a background of radiance L, W m⁻² sr⁻¹, a pixel of solid angle ω
     receives the irradiance L ω.
     """
-    wavelength, aperture, passed, efficiency, time = _floats(
-        wavelength_um, aperture_m, transmission, quantum_efficiency, integration_s
-    )
-    return np.asarray(
-        0.25 * math.pi * aperture * aperture * passed * efficiency * time * wavelength / PHOTON_J_UM
-    )
+    aperture = floats(aperture_m)
+    collected = 0.25 * math.pi * aperture * aperture * floats(transmission)
+    collected = collected * floats(quantum_efficiency) * floats(integration_s)
+    return np.asarray(collected * floats(wavelength_um) / PHOTON_J_UM)
 
 
 def noise_electrons(
@@ -171,8 +137,9 @@ def noise_electrons(
 
     Collected electrons are Poisson distributed; `read_e` is the standard deviation of reading.
     """
-    background, dark, read, signal = _floats(background_e, dark_e, read_e, signal_e)
-    return np.asarray(np.sqrt(background + dark + signal + read * read))
+    read = floats(read_e)
+    counted = floats(background_e) + floats(dark_e) + floats(signal_e)
+    return np.asarray(np.sqrt(counted + read * read))
 
 
 def noise_equivalent_irradiance(
@@ -188,29 +155,9 @@ def noise_equivalent_irradiance(
     pixels the signal gain is the ensquared energy of all and the noise gain n; a difference of two
     frames doubles the noise gain.
     """
-    noise, electrons, signal, doubled = _floats(
-        noise_e, electrons_per_unit, signal_gain, noise_gain
-    )
+    noise = floats(noise_e) * np.sqrt(floats(noise_gain))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(noise * np.sqrt(doubled) / (electrons * signal))
-
-
-def saturation_irradiance(
-    well_e: ArrayLike,
-    electrons_per_unit: ArrayLike,
-    occupied_e: ArrayLike = 0.0,
-    peak_share: ArrayLike = 1.0,
-) -> FloatArray:
-    """Return the irradiances at the aperture, W/m², of point sources that fill a pixel's well; 0
-    where it is full.
-
-    `well_e` are the electrons that a pixel holds, `occupied_e` those of background and dark current
-    in it, `peak_share` the share of a spot's energy in its brightest pixel, `electrons_per_unit`
-    the electrons of 1 W/m².
-    """
-    well, electrons, occupied, share = _floats(well_e, electrons_per_unit, occupied_e, peak_share)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.maximum(well - occupied, 0.0) / (electrons * share))
+        return np.asarray(noise / (floats(electrons_per_unit) * floats(signal_gain)))
 
 
 def centroid_sigma_rad(
@@ -225,7 +172,7 @@ def centroid_sigma_rad(
     noise b (Winick, eq. 20); the bound's variance is averaged over phases. Summed pixel by pixel:
     `joined_centroid_variance` is for many spots.
     """
-    columns = np.broadcast_arrays(*_floats(pixel_snr, sigma_rad, pixel_rad, signal_e))
+    columns = np.broadcast_arrays(*map(floats, (pixel_snr, sigma_rad, pixel_rad, signal_e)))
     widths = zip(*(column.ravel().tolist() for column in columns), strict=True)
     bounds = [_bound(snr, sigma / pixel, signal) * pixel for snr, sigma, pixel, signal in widths]
     return np.array(bounds).reshape(columns[0].shape)
@@ -239,14 +186,17 @@ def _bound(snr: float, width: float, signal: float) -> float:
     share, slope = _shares(np.array([width]))
     share = share[0]
     slope = slope[0]
-    if width > _ALIKE:
+    # All phases of wide spots are alike.
+    if width > 1.5:
         share = share[:1]
         slope = slope[:1]
     # Over rows, columns, phases along and phases across; in units of the noise of a pixel.
-    both = share[:, None, :, None] * share[None, :, None, :]
+    squares = share[:, None, :, None] * share[None, :, None, :]
     steep = slope[:, None, :, None] * share[None, :, None, :]
     with np.errstate(divide="ignore"):
-        information = (np.square(snr * steep) / (1.0 + snr * snr / signal * both)).sum(axis=(2, 3))
+        information = (np.square(snr * steep) / (1.0 + snr * snr / signal * squares)).sum(
+            axis=(2, 3)
+        )
         return math.sqrt(np.mean(1.0 / information))
 
 
@@ -257,8 +207,8 @@ def centroid_factor_rad(sigma_rad: ArrayLike, pixel_rad: ArrayLike) -> FloatArra
     As `centroid_sigma_rad`; for wide spots √(8π) σ² / pixel. The sum over pixels is then a product
     of one over rows and one over columns, whose inverses are averaged one by one.
     """
-    sigma, pixel = _floats(sigma_rad, pixel_rad)
-    width = sigma / pixel
+    pixel = floats(pixel_rad)
+    width = floats(sigma_rad) / pixel
     share, slope = _shares(np.minimum(width, _SMOOTH))
     with np.errstate(divide="ignore"):
         along = np.mean(1.0 / np.square(slope).sum(axis=-1), axis=-1)
@@ -272,7 +222,8 @@ def photon_centroid_variance(sigma_rad: ArrayLike, pixel_rad: ArrayLike) -> Floa
     The Cramér-Rao bound in photon noise alone is this over the electrons of the signal, within 2 %
     from 0.25 pixels on (R. E. Thompson, D. R. Larson and W. W. Webb, Biophys. J. 82 (2002) 2775).
     """
-    sigma, pixel = _floats(sigma_rad, pixel_rad)
+    sigma = floats(sigma_rad)
+    pixel = floats(pixel_rad)
     return np.asarray(sigma * sigma + pixel * pixel / 12.0)
 
 
@@ -284,11 +235,11 @@ def joined_centroid_variance(white: ArrayLike, photons: ArrayLike) -> FloatArray
     it is the bound of wide spots. Standard deviations are within 5 % of `centroid_sigma_rad` for
     spots of 0.25 pixels and wider.
     """
-    own, counted = _floats(white, photons)
-    both = own + counted
-    return np.asarray(
-        both + counted * np.sqrt(0.5 * own / np.maximum(both, np.finfo(np.float64).tiny))
-    )
+    white_variance = floats(white)
+    photon_variance = floats(photons)
+    total = white_variance + photon_variance
+    share = white_variance / np.maximum(total, np.finfo(np.float64).tiny)
+    return np.asarray(total + photon_variance * np.sqrt(0.5 * share))
 
 
 def _shares(width: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -297,7 +248,10 @@ def _shares(width: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     reach = math.ceil(7.0 * float(np.max(width, initial=1.0))) + 1
     narrow = np.asarray(width)[..., None, None]
-    off = (_PHASES[:, None] - np.arange(-reach, reach + 1)) / narrow
+    # Sub-pixel phases from the centre of a pixel to its edge: the mean over them converges faster
+    # than any power.
+    phases = (np.arange(32) + 0.5) / 64.0
+    off = (phases[:, None] - np.arange(-reach, reach + 1)) / narrow
     step = 0.5 / narrow
     share = 0.5 * (erf((off + step) / math.sqrt(2.0)) - erf((off - step) / math.sqrt(2.0)))
     return share, (_density(off + step) - _density(off - step)) / narrow

@@ -10,13 +10,14 @@ refraction lowers rays by up to 2 km, where the air changes fast with height.
 
 import math
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_photons.columns import floats
+from opir_photons.laws import DATA
 
 
 def akima(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
@@ -29,18 +30,16 @@ def akima(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
     `Akima1DInterpolator` differs in the last bits and takes 0.3 s to import.
     """
     rise = np.diff(y, axis=0) / np.diff(x)[:, None]
-    before = [2.0 * rise[0] - rise[1]]
-    before.insert(0, 2.0 * before[0] - rise[0])
-    after = [2.0 * rise[-1] - rise[-2]]
-    after.append(2.0 * after[0] - rise[-1])
-    slopes = np.vstack([*before, rise, *after])
+    start = 2.0 * rise[0] - rise[1]
+    end = 2.0 * rise[-1] - rise[-2]
+    slopes = np.vstack([2.0 * start - rise[0], start, rise, end, 2.0 * end - rise[-1]])
     bend = np.abs(np.diff(slopes, axis=0))
-    left = bend[2:]
-    right = bend[:-2]
-    total = left + right
+    lower = slopes[1:-2]
+    upper = slopes[2:-1]
+    total = bend[2:] + bend[:-2]
     is_straight = total <= 1e-9 * np.abs(bend).max()
-    weighted = (left * slopes[1:-2] + right * slopes[2:-1]) / np.where(is_straight, 1.0, total)
-    slope = np.where(is_straight, 0.5 * (slopes[1:-2] + slopes[2:-1]), weighted)
+    weighted = (bend[2:] * lower + bend[:-2] * upper) / np.where(is_straight, 1.0, total)
+    slope = np.where(is_straight, 0.5 * (lower + upper), weighted)
     return _hermite(x, y, slope, at)
 
 
@@ -49,39 +48,31 @@ def _hermite(x: FloatArray, y: FloatArray, slope: FloatArray, at: FloatArray) ->
     place = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
     width = (x[place + 1] - x[place])[:, None]
     t = ((at - x[place])[:, None]) / width
-    level: FloatArray = y[place] * (1.0 + 2.0 * t) * (1.0 - t) ** 2 + y[place + 1] * t * t * (
-        3.0 - 2.0 * t
-    )
+    start: FloatArray = y[place] * (1.0 + 2.0 * t) * (1.0 - t) ** 2
+    level = start + y[place + 1] * t * t * (3.0 - 2.0 * t)
     return level + width * t * (1.0 - t) * (slope[place] * (1.0 - t) - slope[place + 1] * t)
 
 
-def sky_columns(table: Path, climate: str, aerosol: str) -> dict[str, list[str]]:
-    """Return the cells of a climate and aerosol by column name; empty for an unknown sky.
+def sky_columns(table: str, climate: str, aerosol: str) -> dict[str, list[str]]:
+    """Return the cells of a climate and aerosol in a file of data by column name; empty for an
+    unknown sky.
 
     The rows of one sky are consecutive, below a line of names.
     """
-    text = table.read_text(encoding="utf-8")
+    text = (DATA / table).read_text(encoding="utf-8")
     beginning = f"\n{climate},{aerosol},"
-    first = text.find(beginning)
-    last = text.rfind(beginning)
-    if first < 0:
+    start = text.find(beginning)
+    if start < 0:
         return {}
     head = text.find("\natmosphere,aerosol,") + 1
     names = text[head : text.find("\n", head)].split(",")
-    cells = text[first + 1 : text.find("\n", last + 1)].replace("\n", ",").split(",")
+    end = text.find("\n", text.rfind(beginning) + 1)
+    cells = text[start + 1 : end].replace("\n", ",").split(",")
     return {name: cells[place :: len(names)] for place, name in enumerate(names)}
 
 
-#: The least transmittance in the table.
-_LEAST = 1e-9
-
 #: Added to depths before their ratio: for almost clear air the ratio of depths is rounding.
 _ADDED = 1e-3
-
-#: The columns of the table before the bands: sky, lowest height and height.
-_PLACE = 4
-
-_TABLE = Path(__file__).parents[1] / "data" / "lowtran7_limb_transmittance.csv"
 
 
 @frozen(eq=False)
@@ -101,27 +92,24 @@ class LimbTable:
         of `long_paths`.
         """
         lowest = np.unique(self.lowest_m)
-        lowest_m = np.linspace(0.0, TOP_M, depth.shape[1])
         predicted = predicted_depth(depth, self.lowest_m, self.height_m)
-        log_growth = np.log(
-            (_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (predicted + _ADDED)
-        )
-        whole = np.vstack(
-            [*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)]
-        )
-        growth = np.exp(akima(np.append(lowest, TOP_M), whole, np.maximum(lowest_m, lowest[0])).T)
+        # The least transmittance in the table is 1e-9.
+        log_air = np.log(np.maximum(self.transmittance, 1e-9))
+        log_growth = np.log((_ADDED - log_air) / (predicted + _ADDED))
+        rows = [*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)]
+        places = np.linspace(0.0, TOP_M, depth.shape[1]).clip(lowest[0])
+        growth = np.exp(akima(np.append(lowest, TOP_M), np.vstack(rows), places).T)
         return np.maximum((predicted_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
 
     def _along_climbs(self, lowest_m: float, log_growth: FloatArray) -> FloatArray:
         """Return logarithms (climbs,) of growth from one lowest height by those (n,) of the
         table.
         """
-        own = self.lowest_m == lowest_m
-        climb = np.sqrt(np.append(0.0, self.height_m[own] - lowest_m))
-        values = np.append(0.0, log_growth[own])[:, None]
-        return akima(climb, values, np.minimum(np.linspace(0.0, HIGHEST_ROOT, CLIMBS), climb[-1]))[
-            :, 0
-        ]
+        rows = self.lowest_m == lowest_m
+        climb = np.sqrt(np.append(0.0, self.height_m[rows] - lowest_m))
+        values = np.append(0.0, log_growth[rows])[:, None]
+        places = np.minimum(np.linspace(0.0, HIGHEST_ROOT, CLIMBS), climb[-1])
+        return akima(climb, values, places)[:, 0]
 
 
 @cache
@@ -129,15 +117,13 @@ def limb_tables(climate: str, aerosol: str, suffix: str) -> dict[str, LimbTable]
     """Return a climate's tables by the name of the band; `suffix` is that of the columns' names, ""
     or "_bb1500".
     """
-    cells = sky_columns(_TABLE, climate, aerosol)
-    lowest_m, height_m = (
-        np.array(list(map(float, cells[name]))) * 1e3 for name in ("lowest_km", "h_km")
-    )
+    cells = sky_columns("lowtran7_limb_transmittance.csv", climate, aerosol)
+    lowest_m = floats(cells["lowest_km"]) * 1e3
+    height_m = floats(cells["h_km"]) * 1e3
+    # The columns before the bands are sky, lowest height and height.
     return {
-        name.removesuffix(suffix): LimbTable(
-            lowest_m, height_m, np.array(list(map(float, cells[name])))
-        )
-        for name in list(cells)[_PLACE:]
+        name.removesuffix(suffix): LimbTable(lowest_m, height_m, floats(cells[name]))
+        for name in list(cells)[4:]
         if name.endswith("_bb1500") == bool(suffix)
     }
 
@@ -160,18 +146,6 @@ HIGHEST_SLANT = math.asinh(1.0 / BEND)
 CLIMBS = 81
 HIGHEST_ROOT = math.sqrt(TOP_M)
 
-#: Refractive index of air at the ground, less 1: in the infrared, at 7 °C (Edlén, Metrologia 2
-#: (1966), 71).
-_REFRACTIVITY = 2.8e-4
-
-#: Iterations for the lowest height of the bent path: each leaves 0.22 of the error, 1.8 km at
-#: first.
-_STEPS = 8
-
-#: Growth of optical depth on the way back: for strong lines it varies as the root of the amount of
-#: air (Goody and Yung, Atmospheric Radiation, 2nd edition 1989, section 4.4).
-_WAY_BACK = math.sqrt(2.0) - 1.0
-
 
 class _LimbPlaces(NamedTuple):
     """Places of paths on the grid of rising ones: bent lowest heights, m, the corner below,
@@ -192,11 +166,19 @@ def bent_lowest_m(lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
     product (Bouguer); the refractivity falls with the scale height.
     """
     radius = RADIUS_M + lowest_m
-    index = _REFRACTIVITY * np.exp(-height_m / SCALE_HEIGHT_M)
-    turn = np.asarray(lowest_m + 0.0 * height_m)
-    for _ in range(_STEPS):
-        turn = lowest_m - radius * (_REFRACTIVITY * np.exp(-turn / SCALE_HEIGHT_M) - index)
+    index = _refractivity(height_m)
+    turn = lowest_m + 0.0 * height_m
+    # Each iteration leaves 0.22 of the error, 1.8 km at first.
+    for _ in range(8):
+        turn = lowest_m - radius * (_refractivity(turn) - index)
     return np.maximum(turn, 0.0)
+
+
+def _refractivity(height_m: FloatArray) -> FloatArray:
+    """Return the refractive index of air in the infrared less 1: at the ground that at 7 °C (Edlén,
+    Metrologia 2 (1966), 71).
+    """
+    return 2.8e-4 * np.exp(-height_m / SCALE_HEIGHT_M)
 
 
 def climbs_of(heights: int) -> tuple[FloatArray, FloatArray]:
@@ -229,28 +211,26 @@ def _grid_places(slants: int, heights: int) -> _LimbPlaces:
 
 def _places(lowest_m: FloatArray, height_m: FloatArray, slants: int, heights: int) -> _LimbPlaces:
     cosine = (RADIUS_M + lowest_m) / (RADIUS_M + height_m)
-    slant = np.arcsinh(np.sqrt((1.0 - cosine) * (1.0 + cosine)) / BEND) * (
-        (slants - 1) / HIGHEST_SLANT
-    )
+    sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
+    slant = np.arcsinh(sine / BEND) * ((slants - 1) / HIGHEST_SLANT)
     level = np.minimum(height_m, TOP_M) * ((heights - 1) / TOP_M)
-    row, column = (
-        np.minimum(at.astype(np.int64), most - 2)
-        for at, most in ((slant, slants), (level, heights))
-    )
-    return _LimbPlaces(
-        bent_lowest_m(lowest_m, height_m), row * heights + column, slant - row, level - column
-    )
+    row = np.minimum(slant.astype(np.int64), slants - 2)
+    column = np.minimum(level.astype(np.int64), heights - 2)
+    turn_m = bent_lowest_m(lowest_m, height_m)
+    return _LimbPlaces(turn_m, row * heights + column, slant - row, level - column)
 
 
 def _predicted(depth: FloatArray, places: _LimbPlaces) -> FloatArray:
     turn_m, corner, across, up = places
     flat = depth.ravel()
     heights = depth.shape[1]
-    # Bilinear between four corners, in order: here, higher, steeper, both.
-    here, higher, steeper, both = (
+    # Bilinear between four corners.
+    low, high, steep_low, steep_high = (
         flat.take(corner + step) for step in (0, 1, heights, heights + 1)
     )
-    lower = here + across * (steeper - here)
-    beyond = lower + up * (higher + across * (both - higher) - lower)
+    lower = low + across * (steep_low - low)
+    beyond = lower + up * (high + across * (steep_high - high) - lower)
     level = np.exp(np.interp(turn_m, np.linspace(0.0, TOP_M, heights), np.log(depth[0])))
-    return level + _WAY_BACK * np.maximum(level - beyond, 0.0)
+    # For strong lines optical depth grows as the root of the amount of air (Goody and Yung,
+    # Atmospheric Radiation, 2nd edition 1989, section 4.4): on the way back by this share.
+    return level + (math.sqrt(2.0) - 1.0) * np.maximum(level - beyond, 0.0)

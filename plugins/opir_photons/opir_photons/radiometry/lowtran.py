@@ -10,15 +10,15 @@ horizon. Paths to a sensor below the target's horizon first descend; they have a
 import math
 from collections.abc import Mapping, Sequence
 from functools import cache
-from pathlib import Path
 
 import numpy as np
-from attrs import Factory, evolve, field, frozen
+from attrs import evolve, field, frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.plugin import AtmosphereContext, Band, Paths, Transmittance
+from opir_photons.columns import as_slice_if_consecutive, floats
 from opir_photons.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
 from opir_photons.radiometry.configs import CloudConfig, LowtranConfig
 from opir_photons.radiometry.long_paths import (
@@ -35,17 +35,10 @@ from opir_photons.radiometry.long_paths import (
     sky_columns,
 )
 from opir_photons.radiometry.planck import band_radiance
-from opir_photons.row_slices import as_slice_if_consecutive
 
 #: The grid: numbers of sines of elevation, from the horizon to the zenith, and of heights from 0 to
 #: the top.
 GRID_SHAPE = (125, 401)
-
-#: Bounds of optical depth: τ from 1e-26 to almost 1.
-_LEAST = 1e-12
-_MOST = 60.0
-
-_TABLE = Path(__file__).parents[1] / "data" / "lowtran7_band_transmittance.csv"
 
 #: A weighting's column in the table, and the ending of its columns in that of long paths.
 _WEIGHTINGS = {"flat": ("tau_flat", ""), "blackbody-1500K": ("tau_bb1500", "_bb1500")}
@@ -70,26 +63,24 @@ def node_tables(climate: str, aerosol: str, weighting: str) -> Mapping[str, Node
     aerosol.
     """
     column, suffix = _WEIGHTINGS[weighting]
-    cells = sky_columns(_TABLE, climate, aerosol)
+    cells = sky_columns("lowtran7_band_transmittance.csv", climate, aerosol)
     if not cells:
         return {}
-    height_km, zenith_deg, values = (
-        np.array(list(map(float, cells[name]))) for name in ("h_km", "zen_deg", column)
-    )
-    edges_um = zip(cells["lo_um"], cells["hi_um"], strict=True)
-    bands = [
-        Band(name, *map(float, ends))
-        for name, ends in dict(zip(cells["band"], edges_um, strict=True)).items()
-    ]
-    places = {band.name: place for place, band in enumerate(bands)}
-    number = np.array([places[name] for name in cells["band"]])
-    order = np.lexsort((zenith_deg, height_km, number))
-    heights, angles = (np.array(sorted(set(own.tolist()))) for own in (height_km, zenith_deg))
+    height_km = floats(cells["h_km"])
+    zenith_deg = floats(cells["zen_deg"])
+    edges_um = zip(floats(cells["lo_um"]), floats(cells["hi_um"]), strict=True)
+    bands = dict(zip(cells["band"], edges_um, strict=True))
+    numbers = {name: number for number, name in enumerate(bands)}
+    order = np.lexsort((zenith_deg, height_km, floats([numbers[name] for name in cells["band"]])))
+    heights_m = np.unique(height_km) * 1e3
+    zeniths_rad = np.radians(np.unique(zenith_deg))
+    by_band = floats(cells[column])[order].reshape(len(bands), len(heights_m), -1)
     limbs = limb_tables(climate, aerosol, suffix)
-    by_band = values[order].reshape(len(bands), len(heights), -1)
     return {
-        band.name: NodeTable(band, heights * 1e3, np.radians(angles), own, limbs[band.name])
-        for band, own in zip(bands, by_band, strict=True)
+        name: NodeTable(
+            Band(name, *map(float, ends_um)), heights_m, zeniths_rad, transmittance, limbs[name]
+        )
+        for (name, ends_um), transmittance in zip(bands.items(), by_band, strict=True)
     }
 
 
@@ -109,8 +100,8 @@ def fine_grid(nodes: NodeTable, shape: tuple[int, int] = GRID_SHAPE) -> BandGrid
     heights_m = np.linspace(0.0, TOP_M, shape[1])
     sines = np.sinh(np.linspace(0.0, HIGHEST_SLANT, shape[0])) * BEND
     roots = akima(nodes.height_m, _roots(nodes.transmittance), heights_m)
-    masses, at = (np.log(shell_air_mass(one)) for one in (np.cos(nodes.zenith_rad), sines))
-    depth = akima(masses, roots.T, at) ** 4
+    masses = np.log(shell_air_mass(np.cos(nodes.zenith_rad)))
+    depth = akima(masses, roots.T, np.log(shell_air_mass(sines))) ** 4
     risen = np.maximum.accumulate(_transmittance(depth, heights_m), axis=0)
     return BandGrid(risen, _transmittance(nodes.limb.depths(depth), heights_m))
 
@@ -128,17 +119,13 @@ def shell_air_mass(sine: FloatArray | float) -> FloatArray:
     The secant of small zenith angles, 40 at the horizon.
     """
     ratio = RADIUS_M / SCALE_HEIGHT_M
-    across = ratio * np.asarray(sine, dtype=np.float64)
+    across = ratio * floats(sine)
     return (2.0 * ratio + 1.0) / (np.sqrt(across * across + (2.0 * ratio + 1.0)) + across)
 
 
 def _roots(transmittance: FloatArray) -> FloatArray:
-    """Return fourth roots of optical depth."""
-    return np.clip(-np.log(np.maximum(transmittance, math.exp(-_MOST))), _LEAST, _MOST) ** 0.25
-
-
-#: Edges of bands are the same when they agree to this, µm.
-SAME_EDGE_UM = 1e-6
+    """Return fourth roots of optical depth, within bounds: τ from 1e-26 to almost 1."""
+    return np.clip(-np.log(np.maximum(transmittance, math.exp(-60.0))), 1e-12, 60.0) ** 0.25
 
 
 @frozen(eq=False)
@@ -147,10 +134,11 @@ class LowtranAtmosphere(Transmittance):
 
     grids: tuple[BandGrid, ...]
     deck: Deck | None
-    _extended: tuple[BandGrid, ...] = field(
-        init=False,
-        default=Factory(lambda own: tuple(map(_extended_grid, own.grids)), takes_self=True),
-    )
+    _extended: tuple[BandGrid, ...] = field(init=False)
+
+    @_extended.default
+    def _extended_grids(self) -> tuple[BandGrid, ...]:
+        return tuple(BandGrid(_extended(grid.above), _extended(grid.below)) for grid in self.grids)
 
     def transmittance(self, band: int, path: Paths) -> FloatArray:
         """Return in-band transmittances (n,): cubic in height, linear in asinh(sine / 0.05).
@@ -202,13 +190,12 @@ class LowtranAtmosphere(Transmittance):
         grids = [self._extended[band] for band in bands]
         scale = (len(grids[0].above) - 1) / HIGHEST_SLANT
         across = np.arcsinh(np.maximum(elevation_sine, 0.0) / BEND) * scale
-        found = _within([grid.above for grid in grids], height_m, across)
+        result = _within([grid.above for grid in grids], height_m, across)
         falling = np.flatnonzero(elevation_sine < 0.0)
         if len(falling):
-            found[:, falling] = _below(
-                [grid.below for grid in grids], height_m[falling], elevation_sine[falling]
-            )
-        return found
+            below = [grid.below for grid in grids]
+            result[:, falling] = _below(below, height_m[falling], elevation_sine[falling])
+        return result
 
 
 def lowest_m(height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
@@ -248,21 +235,17 @@ def _within(grids: Sequence[FloatArray], height_m: FloatArray, across: FloatArra
     up -= column
     # Extended grids have two more columns.
     at = row * (heights + 2) + column
-    found = np.empty((len(grids), len(at)))
-    for value, grid in zip(found, grids, strict=True):
+    result = np.empty((len(grids), len(at)))
+    for value, grid in zip(result, grids, strict=True):
         _mixed(grid, at, across, up, value)
-    return np.clip(found, 0.0, 1.0, out=found)
-
-
-def _extended_grid(grid: BandGrid) -> BandGrid:
-    return BandGrid(_extended(grid.above), _extended(grid.below))
+    return np.clip(result, 0.0, 1.0, out=result)
 
 
 def _extended(grid: FloatArray) -> FloatArray:
     """Return a grid with one more column at both ends, extrapolated linearly."""
-    before = 2.0 * grid[:, 0] - grid[:, 1]
-    after = 2.0 * grid[:, -1] - grid[:, -2]
-    return np.concatenate([before[:, None], grid, after[:, None]], axis=1)
+    lower = 2.0 * grid[:, :1] - grid[:, 1:2]
+    upper = 2.0 * grid[:, -1:] - grid[:, -2:-1]
+    return np.concatenate([lower, grid, upper], axis=1)
 
 
 def _mixed(
@@ -283,25 +266,22 @@ def _mixed(
         upper *= across
         upper += lower
         taps.append(upper)
-    before, here, beyond, after = taps
-    rise = 0.5 * (beyond - before)
-    bend = 0.5 * (after - here)
-    cubic = 2.0 * (here - beyond) + rise + bend
-    into[:] = here + up * (rise + up * (beyond - here - rise - cubic + up * cubic))
+    # The taps at -1, 0, 1 and 2 of the fraction.
+    outer_low, low, high, outer_high = taps
+    rise = 0.5 * (high - outer_low)
+    bend = 0.5 * (outer_high - low)
+    cubic = 2.0 * (low - high) + rise + bend
+    into[:] = low + up * (rise + up * (high - low - rise - cubic + up * cubic))
 
 
 def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Transmittance:
     """Return the atmosphere of a climate; `ModelError` for a band of the scene that the table does
     not have.
     """
-    tables = node_tables(config.climate, config.aerosol, config.weighting)
     require_known_bands(config.bands, context.bands, context.path)
-    grids = tuple(
-        _grid(band, config, list(tables.values()), context.path) for band in context.bands
-    )
-    return LowtranAtmosphere(
-        grids, None if config.cloud is None else _deck(config.cloud, context.seed)
-    )
+    grids = tuple(_grid(band, config, context.path) for band in context.bands)
+    deck = None if config.cloud is None else _deck(config.cloud, context.seed)
+    return LowtranAtmosphere(grids, deck)
 
 
 def band_transmittance(
@@ -327,9 +307,7 @@ def band_transmittance(
     Source: LOWTRAN7 (Kneizys et al., AFGL-TR-88-0177, 1988), tabulated and interpolated as by the
     component `lowtran`.
     """
-    height, sine = np.broadcast_arrays(
-        np.asarray(height_m, dtype=np.float64), np.sin(elevation_rad)
-    )
+    height, sine = np.broadcast_arrays(floats(height_m), np.sin(elevation_rad))
     grid = _cached_grid(lower_um, upper_um, climate, aerosol, weighting)
     nowhere = np.empty((height.size, 3))
     path = Paths(height.ravel(), sine.ravel(), nowhere, nowhere, np.empty(height.size))
@@ -341,18 +319,16 @@ def _cached_grid(
     lower_um: float, upper_um: float, climate: str, aerosol: str, weighting: str
 ) -> BandGrid:
     config = LowtranConfig(climate=climate, aerosol=aerosol, weighting=weighting)
-    tables = node_tables(climate, aerosol, weighting)
     try:
-        return _grid(
-            Band("band", lower_um, upper_um), config, list(tables.values()), "band_transmittance"
-        )
+        return _grid(Band("band", lower_um, upper_um), config, "band_transmittance")
     except ModelError:
-        known = ", ".join(
-            f"{table.band.lower_um:g}-{table.band.upper_um:g}" for table in tables.values()
+        edges = ", ".join(
+            f"{table.band.lower_um:g}-{table.band.upper_um:g}"
+            for table in node_tables(climate, aerosol, weighting).values()
         )
         raise ValueError(
             f"{lower_um:g} to {upper_um:g} um is no band of LOWTRAN's table, nor composed of"
-            f" adjacent ones: {known}"
+            f" adjacent ones: {edges}"
         ) from None
 
 
@@ -362,25 +338,14 @@ def _deck(config: CloudConfig, seed: int) -> Deck:
     return CloudField.drawn(config.top_km * 1e3, config.cover, config.cell_km * 1e3, seed)
 
 
-def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: str) -> BandGrid:
-    chosen = parts_of(band, config.bands, [table.band for table in nodes])
-    if not chosen:
-        known = ", ".join(
-            f"{one.band.name} {one.band.lower_um:g}-{one.band.upper_um:g}" for one in nodes
-        )
-        raise ModelError(
-            f"{path}: the band {band.name}, {band.lower_um:g} to {band.upper_um:g} um, is not one"
-            f" of LOWTRAN's table"
-            f" ({known}), nor made of them side by side; say in {path}.bands which of them stands"
-            f" for it,"
-            f" as in bands: {{{band.name}: {nearest_of(band, [one.band for one in nodes]).name}}}"
-        )
-    weights = np.array([_weight(part, config.weighting) for part in chosen])
-    shares = (weights / weights.sum())[:, None, None]
-    grids = [fine_grid(next(table for table in nodes if table.band == part)) for part in chosen]
-    above, below = (
-        np.array([getattr(grid, name) for grid in grids]) for name in ("above", "below")
-    )
+def _grid(band: Band, config: LowtranConfig, path: str) -> BandGrid:
+    nodes = node_tables(config.climate, config.aerosol, config.weighting)
+    bands = [table.band for table in nodes.values()]
+    parts = composition_of(band, config.bands, bands, path, "LOWTRAN's table")
+    shares = _shares(parts, config.weighting)
+    grids = [fine_grid(nodes[part.name]) for part in parts]
+    above = np.array([grid.above for grid in grids])
+    below = np.array([grid.below for grid in grids])
     return BandGrid((shares * above).sum(axis=0), (shares * below).sum(axis=0))
 
 
@@ -391,40 +356,61 @@ def require_known_bands(stand_ins: Mapping[str, str], bands: Sequence[Band], pat
         if name not in names:
             raise ModelError(
                 f"{path}.bands: no sensor of the scene has a band {name}, for which {standing} is"
-                f" to stand;"
-                f" they have {', '.join(names)}"
+                f" to stand; they have {', '.join(names)}"
             )
 
 
-def nearest_of(band: Band, known: Sequence[Band]) -> Band:
-    """Return the band of a table with the middle nearest to that of another band."""
-    return min(
-        known, key=lambda one: abs(one.lower_um + one.upper_um - band.lower_um - band.upper_um)
+def composition_of(
+    band: Band, stand_ins: Mapping[str, str], bands: Sequence[Band], path: str, table: str
+) -> list[Band]:
+    """Return the bands of a table that compose a band: the stand-in of the scene, or adjacent ones;
+    `ModelError` if there are none, with the name of the `table`.
+    """
+    if band.name in stand_ins:
+        parts = [candidate for candidate in bands if candidate.name == stand_ins[band.name]]
+    else:
+        parts = _adjacent(band, bands)
+    if parts:
+        return parts
+    names = ", ".join(f"{other.name} {other.lower_um:g}-{other.upper_um:g}" for other in bands)
+    middle_um = band.lower_um + band.upper_um
+    nearest = min(bands, key=lambda other: abs(other.lower_um + other.upper_um - middle_um))
+    raise ModelError(
+        f"{path}: the band {band.name}, {band.lower_um:g} to {band.upper_um:g} um, is not one of"
+        f" {table} ({names}), nor made of them side by side; say in {path}.bands which of them"
+        f" stands for it, as in bands: {{{band.name}: {nearest.name}}}"
     )
 
 
-def parts_of(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band]) -> list[Band]:
-    """Return the bands of a table that compose a band: the stand-in of the scene, or adjacent ones,
-    or none.
+def _adjacent(band: Band, bands: Sequence[Band]) -> list[Band]:
+    """Return the adjacent bands, widest first, between the edges of a band; none if they do not
+    cover it.
     """
-    if band.name in stand_ins:
-        return [one for one in known if one.name == stand_ins[band.name]]
+    # Edges agree to this, µm.
+    same_um = 1e-6
     parts: list[Band] = []
     edge = band.lower_um
-    while edge < band.upper_um - SAME_EDGE_UM:
-        starting = [one for one in known if abs(one.lower_um - edge) <= SAME_EDGE_UM]
-        fitting = [one for one in starting if one.upper_um <= band.upper_um + SAME_EDGE_UM]
+    while edge < band.upper_um - same_um:
+        fitting = [
+            part
+            for part in bands
+            if abs(part.lower_um - edge) <= same_um and part.upper_um <= band.upper_um + same_um
+        ]
         if not fitting:
             return []
-        parts.append(max(fitting, key=lambda one: one.upper_um))
+        parts.append(max(fitting, key=lambda part: part.upper_um))
         edge = parts[-1].upper_um
     return parts
 
 
-def _weight(band: Band, weighting: str) -> float:
-    """Return the weight of a band in a wider one: its width, or the radiance of a black body of
-    1500 K in it.
+def _shares(bands: Sequence[Band], weighting: str) -> FloatArray:
+    """Return the shares (n, 1, 1) of bands in the band that they compose: by width, or by the
+    radiance of a black body of 1500 K.
     """
     if weighting == "flat":
-        return band.upper_um - band.lower_um
-    return float(band_radiance(1500.0, band.lower_um, band.upper_um))
+        weights = np.array([band.upper_um - band.lower_um for band in bands])
+    else:
+        weights = np.array(
+            [float(band_radiance(1500.0, band.lower_um, band.upper_um)) for band in bands]
+        )
+    return (weights / weights.sum())[:, None, None]

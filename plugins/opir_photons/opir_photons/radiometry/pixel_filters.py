@@ -13,13 +13,7 @@ import numpy as np
 from scipy.special import erf
 
 from opir_core.arrays import FloatArray
-
-#: Gauss-Legendre quadrature over [0, 1], and the width, in pixels, from which it is exact to
-#: rounding.
-_NODES, _WEIGHTS = (
-    0.5 * column for column in np.polynomial.legendre.leggauss(12) + np.array([[1.0], [0.0]])
-)
-_WIDE = 1.0
+from opir_photons.radiometry.quadrature import unit_legendre
 
 FILTERS = ("sum", "surround", "matched")
 
@@ -52,11 +46,12 @@ def mean_shares(width: int, sigma_rad: float, pixel_rad: float) -> FloatArray:
     """
     place = _places(width)
     spread = sigma_rad / pixel_rad
-    if spread > _WIDE:
+    # From this width on, in pixels, the quadrature is exact to rounding.
+    if spread > 1.0:
         along = _of_wide_spot(place, spread)
     else:
-        outer, own, inner = (_mean_edge(place + step, spread) for step in (1.0, 0.0, -1.0))
-        along = outer - 2.0 * own + inner
+        outer, central, inner = (_mean_edge(place + step, spread) for step in (1.0, 0.0, -1.0))
+        along = outer - 2.0 * central + inner
     return np.outer(along, along)
 
 
@@ -66,8 +61,9 @@ def _of_wide_spot(place: FloatArray, spread: float) -> FloatArray:
 
     By quadrature: of wide spots the difference of integrals would cancel.
     """
-    off = (place[:, None] + np.concatenate([-_NODES, _NODES])) / spread
-    weight = np.tile(_WEIGHTS * (1.0 - _NODES), 2)
+    nodes, weights = unit_legendre(12)
+    off = (place[:, None] + np.concatenate([-nodes, nodes])) / spread
+    weight = np.tile(weights * (1.0 - nodes), 2)
     return (np.exp(-0.5 * off * off) * weight).sum(axis=1) / (spread * math.sqrt(2.0 * math.pi))
 
 

@@ -1,5 +1,5 @@
-"""What an imager shows: brightness temperatures of pixels, and the place on the map of something
-above the ground.
+"""Brightness temperatures of an imager's pixels, and the places on its map of objects above the
+ground.
 """
 
 from typing import NamedTuple
@@ -16,29 +16,30 @@ from opir_core.geometry import (
     length,
 )
 from opir_core.plugin import Band
+from opir_photons.columns import floats
 from opir_photons.radiometry.planck import COLDEST_K, HOTTEST_K, band_radiance, band_radiance_slope
-
-#: Newton's steps in ln L over 1/T, along which it is nearly straight.
-_STEPS = 10
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def brightness_temperature_k(radiance_w_m2_sr: ArrayLike, band: Band) -> FloatArray:
     """Return the temperatures of the black bodies that have in-band radiances, K.
 
-    nan for a radiance of a black body outside 50 K to 20 000 K, and for what is not above 0.
+    nan for a radiance of a black body outside 50 K to 20 000 K, and for radiances not above 0.
     """
-    radiance = np.asarray(radiance_w_m2_sr, dtype=np.float64)
+    radiance = floats(radiance_w_m2_sr)
     edges = (band.lower_um, band.upper_um)
-    wanted = np.log(np.where(radiance > 0.0, radiance, np.nan))
+    log_radiance = np.log(np.where(radiance > 0.0, radiance, np.nan))
     temperature = np.full(radiance.shape, 300.0)
-    for _ in range(_STEPS):
+    # Newton's steps in ln L over 1/T, along which it is nearly straight.
+    for _ in range(10):
         black = band_radiance(temperature, *edges)
         per_inverse = -np.square(temperature) * band_radiance_slope(temperature, *edges) / black
-        inverse = 1.0 / temperature + (wanted - np.log(black)) / per_inverse
+        inverse = 1.0 / temperature + (log_radiance - np.log(black)) / per_inverse
         temperature = 1.0 / np.clip(inverse, 1.0 / HOTTEST_K, 1.0 / COLDEST_K)
-    least, most = (band_radiance(limit, *edges) for limit in (COLDEST_K, HOTTEST_K))
-    return np.where((radiance >= least) & (radiance <= most), temperature, np.nan)
+    is_within = (radiance >= band_radiance(COLDEST_K, *edges)) & (
+        radiance <= band_radiance(HOTTEST_K, *edges)
+    )
+    return np.where(is_within, temperature, np.nan)
 
 
 def pixel_temperature_k(
@@ -50,12 +51,12 @@ def pixel_temperature_k(
     `irradiance_w_m2` is that part of the point's in-band irradiance at the aperture that falls into
     the pixel.
     """
-    added = np.asarray(irradiance_w_m2, dtype=np.float64) / (pixel_rad * pixel_rad)
-    return brightness_temperature_k(np.asarray(background_w_m2_sr, dtype=np.float64) + added, band)
+    point_w_m2_sr = floats(irradiance_w_m2) / (pixel_rad * pixel_rad)
+    return brightness_temperature_k(floats(background_w_m2_sr) + point_w_m2_sr, band)
 
 
 class Parallax(NamedTuple):
-    """Places (n,) on a map where things above the ground appear: geodetic latitude, longitude, rad;
+    """Places (n,) on a map where objects above the ground appear: geodetic latitude, longitude, rad;
     the shift, m.
     """
 
@@ -73,5 +74,5 @@ def parallax(sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> Parallax:
     ground = intersection_with_ellipsoid(sensor_ecef_m, target_ecef_m - sensor_ecef_m)
     below = ecef_to_geodetic(target_ecef_m)
     foot = geodetic_to_ecef(below.latitude_rad, below.longitude_rad, np.zeros(len(ground)))
-    seen = ecef_to_geodetic(ground)
-    return Parallax(seen.latitude_rad, seen.longitude_rad, length(*components(ground - foot)))
+    place = ecef_to_geodetic(ground)
+    return Parallax(place.latitude_rad, place.longitude_rad, length(*components(ground - foot)))

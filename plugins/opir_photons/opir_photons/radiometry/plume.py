@@ -1,8 +1,9 @@
 """The signature model `plume`: notional radiant intensity by class, propellant, thrust phase,
 altitude and aspect.
 
-Sources: `opir_core/data/plumes.json` for the gases, `opir_photons/data/propellants.json` for the
-continuum of soot and alumina, which mark their notional values. Gases, hot water near 6.3 µm and
+Sources: `opir_core/data/plumes.json` and `opir_photons/data/plume_gases.json` for the gases,
+`opir_photons/data/propellants.json` for the continuum of soot and alumina, which mark their
+notional values. Gases, hot water near 6.3 µm and
 particles have factors of altitude of their own, so that the ratios of bands change with height; the
 factors for stage, rise at ignition and aspect are common. The factor of aspect is that of the
 projected area of a long body: at an angle a from the direction of flight √(sin² a + e² cos² a),
@@ -14,16 +15,18 @@ stages share the burn equally and only the first rises. A number of stages that 
 gives shares the burn equally, too.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.plugin import Band, Plume, SignatureContext, Signatures
 from opir_core.scene import core_plumes, core_target_class, plume_table
+from opir_photons.laws import law
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.planck import SECOND_RADIATION_UM_K, band_radiance
 from opir_photons.radiometry.propellants import (
@@ -34,27 +37,8 @@ from opir_photons.radiometry.propellants import (
     propellants,
 )
 
-#: Bands of hot combustion gases, µm: H₂O with CO₂ near 2.7, CO₂ near 4.3 (C. B. Ludwig et al.,
-#: Handbook of Infrared Radiation from Combustion Gases, NASA SP-3080, 1973; the edges of the hot
-#: bands are notional). The key is the band of the table that determines the gas.
-GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (4.17, 4.6)}
-
-#: The band of hot water near 6.3 µm, whose intensity follows that of the gases near 2.7 µm.
-WATER_UM = (5.0, 7.7)
-
-#: Centres, 1/cm, and strengths, m²/(g cm), of the bands near 6.3 and 2.7 µm: H₂O 41.2; H₂O 25.9
-#: with CO₂ 4.0 at 2.44 g for each of H₂O, as hydrocarbons burn. Of thin gas. As recalled from D. K.
-#: Edwards, Advances in Heat Transfer 12 (1976) 115, which was not at hand: to be taken as notional.
-_WATER = (1600.0, 41.2)
-_NEAR_2_7 = (3760.0, 25.9 + 2.44 * 4.0)
-
-#: Temperature of the gases over that in afterburning, by altitude, km: without it, and expanding
-#: into ever thinner air, they cool to about 1000 K. Notional.
-_COOLING_KM = (40.0, 60.0, 75.0, 90.0)
-_COOLING = (1.0, 0.8, 0.65, 0.5)
-
-#: The most stages of a plume.
-_MOST_STAGES = 8
+#: The largest number of stages of a plume.
+_MAX_STAGES = 8
 
 
 @frozen(eq=False)
@@ -108,24 +92,22 @@ class PlumeSignatures(Signatures):
     ) -> FloatArray:
         """Return those of several bands (bands, n), which differ only in their peaks and bodies."""
         common = self._thrust(target, time_since_ignition_s) * self._aspect(target, aspect_rad)
-        gas, *others = common * self._altitude(target, altitude_m)
-        late = np.flatnonzero(time_since_ignition_s > self.burn_time_s[target])
+        gas, water, particles = common * self._altitude(target, altitude_m)
+        burnt_out = np.flatnonzero(time_since_ignition_s > self.burn_time_s[target])
         intensities = np.empty((len(bands), len(target)))
         for intensity, band in zip(intensities, bands, strict=True):
             np.multiply(self.peak_w_sr[band].take(target), gas, out=intensity)
-            for peak_w_sr, factor in zip(
-                (self.water_w_sr, self.particle_w_sr), others, strict=True
-            ):
-                intensity += peak_w_sr[band].take(target) * factor
-            intensity[late] = self.body_w_sr[band].take(target[late])
+            intensity += self.water_w_sr[band].take(target) * water
+            intensity += self.particle_w_sr[band].take(target) * particles
+            intensity[burnt_out] = self.body_w_sr[band].take(target[burnt_out])
         return intensities
 
     def reflecting_area_m2(
         self, target: IndexArray, time_since_ignition_s: FloatArray
     ) -> FloatArray:
         """Return albedo times cross-section (n,) of bodies, m²; 0 before burnout."""
-        is_late = time_since_ignition_s > self.burn_time_s[target]
-        return np.where(is_late, self.body_reflecting_m2[target], 0.0)
+        is_burnt_out = time_since_ignition_s > self.burn_time_s[target]
+        return np.where(is_burnt_out, self.body_reflecting_m2[target], 0.0)
 
     @property
     def time_breakpoints_s(self) -> FloatArray:
@@ -135,11 +117,10 @@ class PlumeSignatures(Signatures):
     @property
     def altitude_breakpoints_m(self) -> FloatArray:
         """The altitudes at which the factor of altitude is given, (n, k) m."""
-        most = max(len(altitude_m) for altitude_m, *_ in self.shapes)
-        padded = [
-            np.concatenate([each, np.full(most - len(each), np.nan)]) for each, *_ in self.shapes
-        ]
-        return np.array(padded)[self.shape]
+        levels_m = np.full((len(self.shapes), max(len(shape[0]) for shape in self.shapes)), np.nan)
+        for row, (altitude_m, *_) in zip(levels_m, self.shapes, strict=True):
+            row[: len(altitude_m)] = altitude_m
+        return levels_m[self.shape]
 
     def _thrust(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         stage = np.zeros(len(target), dtype=np.int64)
@@ -155,9 +136,9 @@ class PlumeSignatures(Signatures):
         """Return the factors of altitude (3, n) of gases, water and particles."""
         factors = np.empty((3, len(target)))
         shape = self.shape[target]
-        for number, (points_m, *own) in enumerate(self.shapes):
+        for number, (points_m, *levels) in enumerate(self.shapes):
             rows = slice(None) if len(self.shapes) == 1 else np.flatnonzero(shape == number)
-            factors[:, rows] = [np.interp(altitude_m[rows], points_m, each) for each in own]
+            factors[:, rows] = [np.interp(altitude_m[rows], points_m, level) for level in levels]
         return factors
 
     def _aspect(self, target: IndexArray, aspect_rad: FloatArray) -> FloatArray:
@@ -172,70 +153,98 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
     """
     plumes = [_default_plume(config, context, row) for row, config in enumerate(configs)]
     burn_time_s = np.asarray(context.burn_time_s, dtype=np.float64)
-    burns = np.minimum(
-        np.count_nonzero(np.isfinite(context.burns_s[..., 0]), axis=1), _MOST_STAGES
-    ).tolist()
-    of_flight = [
-        config.stages is None and count > 1 for config, count in zip(configs, burns, strict=True)
-    ]
-    stages = np.array(
-        [
-            count if own else config.stages or plume.stages
-            for own, count, config, plume in zip(of_flight, burns, configs, plumes, strict=True)
+    stages = _stages_of(configs, plumes, burn_time_s, context.burns_s)
+    rows, kind = _distinct(configs, plumes)
+    exhausts = [_Exhaust.of(configs[row], plumes[row], context.paths[row]) for row in rows]
+    shapes = list(dict.fromkeys(exhaust.shape for exhaust in exhausts))
+    numbers = [shapes.index(exhaust.shape) for exhaust in exhausts]
+
+    def by_band(intensity_w_sr: Callable[[_Exhaust, Band], float]) -> FloatArray:
+        columns = [
+            [intensity_w_sr(exhaust, band) for exhaust in exhausts] for band in context.bands
         ]
-    )
-    ends_s, ignitions_s = _stage_times(
-        np.array(of_flight, dtype=np.bool_), stages, burn_time_s, context.burns_s
-    )
-    first, alike = _alike(configs, plumes)
-    each = [(configs[row], plumes[row]) for row in first]
-    burnt = [_propellant(*one) for one in each]
-    shape_of = [
-        (own.altitude_km, own.altitude_scale, own.gas_temperature_k, fuel)
-        for (own, _), fuel in zip(each, burnt, strict=True)
-    ]
-    shapes = list(dict.fromkeys(shape_of))
-    peaks = [_peaks(*one, context, row) for one, row in zip(each, first, strict=True)]
-    waters = [[_water_w_sr(*one, band) for band in context.bands] for one in each]
-    continua = [
-        _continuum(*one, fuel, context.bands) for one, fuel in zip(each, burnt, strict=True)
-    ]
+        return np.array(columns, dtype=np.float64).reshape(len(context.bands), -1)[:, kind]
+
     return PlumeSignatures(
-        peak_w_sr=_by_band(peaks, context.bands)[:, alike],
-        water_w_sr=_by_band(waters, context.bands)[:, alike],
-        particle_w_sr=_by_band(continua, context.bands)[:, alike],
-        body_w_sr=_bodies(configs, plumes, context),
+        peak_w_sr=by_band(_Exhaust.gas_w_sr),
+        water_w_sr=by_band(_Exhaust.water_w_sr),
+        particle_w_sr=by_band(_Exhaust.particle_w_sr),
+        body_w_sr=_bodies_w_sr(configs, plumes, context.bands),
         body_reflecting_m2=_column(configs, "body_albedo") * _column(configs, "body_area_m2"),
         burn_time_s=burn_time_s,
-        stages=stages,
-        stage_end_s=ends_s,
-        stage_ignition_s=ignitions_s,
+        stages=stages.number,
+        stage_end_s=stages.end_s,
+        stage_ignition_s=stages.ignition_s,
         stage_scale=np.array([_padded(config.stage_scale) for config in configs]),
         rise_time_s=_column(configs, "rise_time_s"),
         nose_on=_column(configs, "nose_on"),
         tail_on=_column(configs, "tail_on"),
-        shape=np.array([shapes.index(one) for one in shape_of], dtype=np.int64)[alike],
-        shapes=tuple(_factors(*one) for one in shapes),
+        shape=np.array(numbers, dtype=np.int64)[kind],
+        shapes=tuple(_factors(*shape) for shape in shapes),
     )
 
 
-def _alike(configs: Sequence[PlumeConfig], plumes: Sequence[Plume]) -> tuple[list[int], IntArray]:
+def _distinct(
+    configs: Sequence[PlumeConfig], plumes: Sequence[Plume]
+) -> tuple[list[int], IntArray]:
     """Return the first rows of targets with the same settings and plume, and of each target the
     number of its own.
 
     By identity: a raid, or a grid of launches, has few settings and plumes for all its targets.
     """
-    first: dict[tuple[int, int], int] = {}
     keys = [(id(config), id(plume)) for config, plume in zip(configs, plumes, strict=True)]
+    rows: dict[tuple[int, int], int] = {}
     for row, key in enumerate(keys):
-        first.setdefault(key, row)
-    number = {key: place for place, key in enumerate(first)}
-    return list(first.values()), np.array([number[key] for key in keys], dtype=np.int64)
+        rows.setdefault(key, row)
+    numbers = {key: number for number, key in enumerate(rows)}
+    return list(rows.values()), np.array([numbers[key] for key in keys], dtype=np.int64)
 
 
-def _by_band(rows: Sequence[Sequence[float]], bands: Sequence[Band]) -> FloatArray:
-    """Return columns (bands, n) from rows of n targets."""
-    return np.array(rows, dtype=np.float64).reshape(-1, len(bands)).T.copy()
+@frozen(eq=False)
+class _Exhaust:
+    """The gases and particles of targets with the same settings and plume: `peak_w_sr` by the
+    table's bands.
+    """
+
+    config: PlumeConfig
+    peak_w_sr: Mapping[str, float]
+    fuel: Propellant
+    path: str
+
+    @classmethod
+    def of(cls, config: PlumeConfig, plume: Plume, path: str) -> "_Exhaust":
+        """Return the exhaust of a target; without a propellant of its own it burns that of its
+        class, a clean one for classes that the core has not.
+        """
+        of_class = [
+            profile_propellant(name) for name, other in core_plumes().items() if other == plume
+        ]
+        name = config.propellant or (of_class[0] if of_class else None) or "storable"
+        return cls(config, {**plume.peak_w_sr, **config.peak_w_sr}, propellants()[name], path)
+
+    @property
+    def shape(self) -> tuple[tuple[float, ...], tuple[float, ...], float, Propellant]:
+        """The arguments of `_factors`."""
+        config = self.config
+        return config.altitude_km, config.altitude_scale, config.gas_temperature_k, self.fuel
+
+    def gas_w_sr(self, band: Band) -> float:
+        """Return the peak of the gases in a band; `ModelError` for impossible peaks."""
+        temperatures = (self.config.continuum_temperature_k, self.config.gas_temperature_k)
+        try:
+            return self.config.scale * plume_intensity_w_sr(self.peak_w_sr, band, *temperatures)
+        except ValueError as error:
+            raise ModelError(f"{self.path}: {error}") from error
+
+    def water_w_sr(self, band: Band) -> float:
+        """Return the intensity of hot water in a band, at the altitude where the gases peak."""
+        gas_k = self.config.gas_temperature_k
+        return self.config.scale * water_intensity_w_sr(self.peak_w_sr["SWIR"], band, gas_k)
+
+    def particle_w_sr(self, band: Band) -> float:
+        """Return the broadside intensity of particles in a band, where it is highest."""
+        power_w = self.config.scale * jet_power_w(self.peak_w_sr)
+        return continuum_w_sr(self.fuel, power_w, band.lower_um, band.upper_um)
 
 
 def _factors(
@@ -244,29 +253,45 @@ def _factors(
     """Return altitudes, m, and there the factors of gases, water and particles; all are linear
     between.
     """
-    points_km = np.unique(np.concatenate([altitude_km, fuel.altitude_km, _COOLING_KM]))
+    gases = law("plume_gases")
+    points_km = np.unique(np.concatenate([altitude_km, fuel.altitude_km, gases["cooling_km"]]))
     gas = np.interp(points_km, altitude_km, altitude_scale)
-    cooled = gas_k * np.interp(points_km, _COOLING_KM, _COOLING)
-    water = gas * np.array([_water_ratio(each) for each in cooled]) / _water_ratio(gas_k)
+    cooled_k = gas_k * np.interp(points_km, gases["cooling_km"], gases["cooling"])
+    water = gas * np.array([_water_ratio(point_k) for point_k in cooled_k]) / _water_ratio(gas_k)
     return points_km * 1e3, gas, water, np.interp(points_km, fuel.altitude_km, fuel.altitude_scale)
 
 
-def _stage_times(
-    of_flight: BoolArray, stages: IntArray, burn_time_s: FloatArray, burns_s: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the ends of stages and the ignitions from which they rise, (n, 8) s: of the flight, or
-    equal shares.
+class _Stages(NamedTuple):
+    """Stages of targets: their number (n,), and of each (n, 8) its end and the ignition from which
+    the intensity rises, s since the first ignition.
     """
-    number = np.arange(1, _MOST_STAGES + 1)
-    ends_s = burn_time_s[:, None] * np.minimum(number / stages[:, None], 1.0)
-    ignitions_s = np.zeros(ends_s.shape)
-    own = burns_s[of_flight, :_MOST_STAGES]
-    missing = ((0, 0), (0, _MOST_STAGES - own.shape[1]))
-    ends_s[of_flight] = np.pad(
-        np.fmin(own[..., 1], burn_time_s[of_flight, None]), missing, mode="edge"
-    )
-    ignitions_s[of_flight] = np.pad(np.nan_to_num(own[..., 0]), missing)
-    return ends_s, ignitions_s
+
+    number: IntArray
+    end_s: FloatArray
+    ignition_s: FloatArray
+
+
+def _stages_of(
+    configs: Sequence[PlumeConfig],
+    plumes: Sequence[Plume],
+    burn_time_s: FloatArray,
+    burns_s: FloatArray,
+) -> _Stages:
+    """Return the stages of flights with several burns, else equal shares of the burn."""
+    burns = np.minimum(np.count_nonzero(np.isfinite(burns_s[..., 0]), axis=1), _MAX_STAGES)
+    is_set = np.array([config.stages is not None for config in configs], dtype=np.bool_)
+    of_flight = ~is_set & (burns > 1)
+    shares = [config.stages or plume.stages for config, plume in zip(configs, plumes, strict=True)]
+    count = np.where(of_flight, burns, shares)
+    number = np.arange(1, _MAX_STAGES + 1)
+    end_s = burn_time_s[:, None] * np.minimum(number / count[:, None], 1.0)
+    ignition_s = np.zeros(end_s.shape)
+    flight_s = burns_s[of_flight, :_MAX_STAGES]
+    missing = ((0, 0), (0, _MAX_STAGES - flight_s.shape[1]))
+    burnout_s = np.fmin(flight_s[..., 1], burn_time_s[of_flight, None])
+    end_s[of_flight] = np.pad(burnout_s, missing, mode="edge")
+    ignition_s[of_flight] = np.pad(np.nan_to_num(flight_s[..., 0]), missing)
+    return _Stages(count, end_s, ignition_s)
 
 
 def plume_intensity_w_sr(
@@ -280,33 +305,32 @@ def plume_intensity_w_sr(
     `ValueError` where the continuum implied by LWIR exceeds the given SWIR or MWIR.
     """
     edges = plume_table()["bands_um"]
-    area = peaks["LWIR"] / _radiance(continuum_k, edges["LWIR"])
-    total = area * _radiance(continuum_k, (band.lower_um, band.upper_um))
-    for name, gas in GAS_BANDS_UM.items():
-        rest = peaks[name] - area * _radiance(continuum_k, edges[name])
-        if rest < 0.0:
+    area = peaks["LWIR"] / _radiance(continuum_k, *edges["LWIR"])
+    total = area * _radiance(continuum_k, band.lower_um, band.upper_um)
+    for name, gas in law("plume_gases")["bands_um"].items():
+        continuum_w_sr = area * _radiance(continuum_k, *edges[name])
+        gas_w_sr = peaks[name] - continuum_w_sr
+        if gas_w_sr < 0.0:
             raise ValueError(
                 f"the continuum that LWIR {peaks['LWIR']:g} W/sr implies at {continuum_k:g} K,"
-                f" {peaks[name] - rest:g} W/sr in {name}, is more than the {peaks[name]:g} W/sr of"
+                f" {continuum_w_sr:g} W/sr in {name}, is more than the {peaks[name]:g} W/sr of"
                 f" {name}"
             )
-        total += (
-            rest
-            * _radiance(gas_k, _overlap(gas, band))
-            / _radiance(gas_k, _overlap(gas, Band(name, *edges[name])))
-        )
+        whole = _radiance(gas_k, *_overlap(gas, Band(name, *edges[name])))
+        total += gas_w_sr * _radiance(gas_k, *_overlap(gas, band)) / whole
     # Bands with swapped edges are empty.
     return max(total, 0.0)
 
 
 def water_intensity_w_sr(swir_w_sr: float, band: Band, gas_k: float) -> float:
-    """Return the intensity, W/sr, of hot water near 6.3 µm in a band, by what the gases have in
+    """Return the intensity, W/sr, of hot water near 6.3 µm in a band, by that of the gases in
     SWIR.
     """
-    gas = GAS_BANDS_UM["SWIR"]
+    gas = law("plume_gases")["bands_um"]["SWIR"]
+    water = law("plume_gases")["water_um"]
     swir = Band("SWIR", *plume_table()["bands_um"]["SWIR"])
-    near_2_7 = swir_w_sr * _radiance(gas_k, gas) / _radiance(gas_k, _overlap(gas, swir))
-    share = _radiance(gas_k, _overlap(WATER_UM, band)) / _radiance(gas_k, WATER_UM)
+    near_2_7 = swir_w_sr * _radiance(gas_k, *gas) / _radiance(gas_k, *_overlap(gas, swir))
+    share = _radiance(gas_k, *_overlap(water, band)) / _radiance(gas_k, *water)
     return max(near_2_7 * _water_ratio(gas_k) * share, 0.0)
 
 
@@ -314,98 +338,57 @@ def _water_ratio(gas_k: float) -> float:
     """Return the emission of thin hot water near 6.3 µm over that of water and carbon dioxide near
     2.7 µm.
     """
-    six, three = (
+    gases = law("plume_gases")
+    water, near_2_7 = (
         strength * centre**3 / np.expm1(SECOND_RADIATION_UM_K * 1e-4 * centre / gas_k)
-        for centre, strength in (_WATER, _NEAR_2_7)
+        for centre, strength in (
+            gases["water_centre_and_strength"],
+            gases["near_2_7_centre_and_strength"],
+        )
     )
-    return float(six / three)
+    return float(water / near_2_7)
 
 
-def _peaks(config: PlumeConfig, plume: Plume, context: SignatureContext, row: int) -> list[float]:
-    """Return the peak of one target in each band."""
-    peaks = {**plume.peak_w_sr, **config.peak_w_sr}
-    temperatures = (config.continuum_temperature_k, config.gas_temperature_k)
-    try:
-        return [
-            config.scale * plume_intensity_w_sr(peaks, band, *temperatures)
-            for band in context.bands
-        ]
-    except ValueError as error:
-        raise ModelError(f"{context.paths[row]}: {error}") from error
-
-
-def _water_w_sr(config: PlumeConfig, plume: Plume, band: Band) -> float:
-    """Return the intensity of hot water of one target in a band, at its altitude of highest
-    intensity.
-    """
-    swir_w_sr = {**plume.peak_w_sr, **config.peak_w_sr}["SWIR"]
-    return config.scale * water_intensity_w_sr(swir_w_sr, band, config.gas_temperature_k)
-
-
-def _continuum(
-    config: PlumeConfig, plume: Plume, fuel: Propellant, bands: Sequence[Band]
-) -> list[float]:
-    """Return the particles' broadside intensity in each band, at the altitude where it is
-    highest.
-    """
-    power_w = config.scale * jet_power_w({**plume.peak_w_sr, **config.peak_w_sr})
-    return [continuum_w_sr(fuel, power_w, band.lower_um, band.upper_um) for band in bands]
-
-
-def _propellant(config: PlumeConfig, plume: Plume) -> Propellant:
-    """Return a target's propellant: its own, or that of its class; a clean one for classes that the
-    core has not.
-    """
-    of_class = [profile_propellant(name) for name, known in core_plumes().items() if known == plume]
-    return propellants()[config.propellant or (of_class[0] if of_class else None) or "storable"]
-
-
-def _bodies(
-    configs: Sequence[PlumeConfig], plumes: Sequence[Plume], context: SignatureContext
+def _bodies_w_sr(
+    configs: Sequence[PlumeConfig], plumes: Sequence[Plume], bands: Sequence[Band]
 ) -> FloatArray:
     """Return the intensities (bands, n) of grey bodies: emissivity · projected area · in-band
     radiance.
     """
-    shown_m2 = _column(configs, "body_emissivity") * _column(configs, "body_area_m2")
-    own_k = [config.body_temperature_k for config in configs]
-    usual_k = [plume.body_temperature_k for plume in plumes]
+    area_m2 = _column(configs, "body_emissivity") * _column(configs, "body_area_m2")
     temperature_k = np.array(
-        [usual if own is None else own for own, usual in zip(own_k, usual_k, strict=True)]
+        [
+            plume.body_temperature_k
+            if config.body_temperature_k is None
+            else config.body_temperature_k
+            for config, plume in zip(configs, plumes, strict=True)
+        ]
     )
-    radiance = [
-        band_radiance(temperature_k, band.lower_um, band.upper_um) for band in context.bands
-    ]
-    whole = np.maximum(np.array(radiance, dtype=np.float64), 0.0).reshape(len(context.bands), -1)
-    return shown_m2 * whole
+    radiance = [band_radiance(temperature_k, band.lower_um, band.upper_um) for band in bands]
+    return area_m2 * np.maximum(np.array(radiance, dtype=np.float64), 0.0).reshape(len(bands), -1)
 
 
 def _default_plume(config: PlumeConfig, context: SignatureContext, row: int) -> Plume:
     """Return the plume that a target has where its configuration gives no value."""
-    known = core_plumes()
+    classes = core_plumes()
     if config.profile is not None:
-        if config.profile in known:
-            return known[config.profile]
+        if config.profile in classes:
+            return classes[config.profile]
         raise ModelError(
-            f"{context.paths[row]}.profile: {config.profile!r} is not one of {', '.join(known)}"
+            f"{context.paths[row]}.profile: {config.profile!r} is not one of {', '.join(classes)}"
         )
-    return (
-        context.plumes[row]
-        if context.plumes
-        else core_target_class(context.types[row]).plume(context.profiles[row])
-    )
-
-
-def _radiance(temperature_k: float, edges_um: Sequence[float]) -> float:
-    return _known_radiance(temperature_k, *edges_um)
+    if context.plumes:
+        return context.plumes[row]
+    return core_target_class(context.types[row]).plume(context.profiles[row])
 
 
 @lru_cache(maxsize=4096)
-def _known_radiance(temperature_k: float, lower_um: float, upper_um: float) -> float:
+def _radiance(temperature_k: float, lower_um: float, upper_um: float) -> float:
     """Return an in-band radiance, cached: many plumes share few temperatures and bands."""
     return float(band_radiance(temperature_k, lower_um, upper_um))
 
 
-def _overlap(gas: tuple[float, float], band: Band) -> tuple[float, float]:
+def _overlap(gas: Sequence[float], band: Band) -> tuple[float, float]:
     """Return the overlap of the band of a gas with another band, of zero width where they are
     disjoint.
     """
@@ -414,7 +397,7 @@ def _overlap(gas: tuple[float, float], band: Band) -> tuple[float, float]:
 
 
 def _padded(scales: Sequence[float]) -> list[float]:
-    return [*scales[:_MOST_STAGES], *[scales[-1]] * (_MOST_STAGES - len(scales))]
+    return [*scales[:_MAX_STAGES], *[scales[-1]] * (_MAX_STAGES - len(scales))]
 
 
 def _column(configs: Sequence[PlumeConfig], name: str) -> FloatArray:

@@ -13,20 +13,10 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray
+from opir_photons.radiometry.quadrature import legendre
 
-#: Nodes of a panel of Gauss-Legendre quadrature.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
-#: Least wavenumber of a quadrature, per pixel: a field is uniform below it.
-_LEAST = 1e-9
-#: Wavenumber, per pixel, up to which panels are even in logarithm.
+#: Wavenumber, per pixel, up to which panels of a quadrature are even in logarithm.
 EVEN = 0.25
-#: A Gaussian transfer beyond this many widths is no part of a result; the least blur that is
-#: resolved, pixels.
-_FAR = 6.0
-_LEAST_BLUR = 0.05
-#: The most panels of the even part: displacements of hundreds of pixels decorrelate frames without
-#: being resolved.
-_MOST_PANELS = 1500
 
 
 @frozen
@@ -50,9 +40,10 @@ class PointSpread:
         )
 
     @property
-    def most(self) -> float:
-        """The wavenumber, radians per pixel, beyond which nothing is passed."""
-        return min(self.cutoff, _FAR / max(self.blur, _LEAST_BLUR))
+    def limit(self) -> float:
+        """The wavenumber, radians per pixel, above which the spot's transfer is 0."""
+        # A Gaussian is 0 beyond six of its widths; a blur below 0.05 pixels is not resolved.
+        return min(self.cutoff, 6.0 / max(self.blur, 0.05))
 
     def transfer(self, wavenumber: FloatArray) -> FloatArray:
         """Return the transfer at wavenumbers, radians per pixel: 1 at 0."""
@@ -62,15 +53,15 @@ class PointSpread:
 
 
 def filter_transfer(
-    weights: FloatArray, wavenumber: FloatArray, most: float
+    weights: FloatArray, wavenumber: FloatArray, limit: float
 ) -> tuple[NDArray[np.complex128], FloatArray, FloatArray]:
     """Return the transfer (q, a) of a filter of pixels (m, m), and the wavenumbers (q, a) along
     both axes.
 
-    Over half a turn of directions, enough of them for wavenumbers (q,) of at most `most`; the other
+    Over half a turn of directions, enough of them for wavenumbers (q,) up to `limit`; the other
     half mirrors it.
     """
-    count = math.ceil(0.75 * most * (len(weights) + 1)) + 16
+    count = math.ceil(0.75 * limit * (len(weights) + 1)) + 16
     angle = np.pi * np.arange(count) / count
     x = wavenumber[:, None] * np.cos(angle)
     y = wavenumber[:, None] * np.sin(angle)
@@ -79,14 +70,18 @@ def filter_transfer(
     return np.asarray(((along @ weights) * across).sum(axis=-1)), x, y
 
 
-def radial_nodes(most: float, farthest: float) -> tuple[FloatArray, FloatArray]:
+def radial_nodes(limit: float, farthest: float) -> tuple[FloatArray, FloatArray]:
     """Return the nodes (q,) and weights of panels up to a wavenumber that resolve waves over a
     distance, pixels.
     """
-    folds = math.ceil(math.log(EVEN / _LEAST))
-    low = np.geomspace(_LEAST, EVEN, 2 * folds + 1)
-    panels = min(math.ceil((most - EVEN) * max(farthest, 4.0) / math.pi), _MOST_PANELS)
-    edges = np.concatenate([low, np.linspace(EVEN, most, panels + 1)[1:]])
+    # A field is uniform below the least wavenumber, per pixel.
+    least = 1e-9
+    folds = math.ceil(math.log(EVEN / least))
+    low = np.geomspace(least, EVEN, 2 * folds + 1)
+    # Displacements of hundreds of pixels decorrelate frames without being resolved.
+    panels = min(math.ceil((limit - EVEN) * max(farthest, 4.0) / math.pi), 1500)
+    edges = np.concatenate([low, np.linspace(EVEN, limit, panels + 1)[1:]])
+    nodes, weights = legendre(6)
     half = 0.5 * np.diff(edges)[:, None]
     middle = 0.5 * (edges[1:] + edges[:-1])[:, None]
-    return (middle + half * _NODES).ravel(), (half * _WEIGHTS).ravel()
+    return (middle + half * nodes).ravel(), (half * weights).ravel()

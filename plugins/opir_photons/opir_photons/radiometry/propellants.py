@@ -1,4 +1,4 @@
-"""What particles add to a plume's spectrum: soot of kerosene while afterburning feeds it, alumina
+"""The continuum of particles in a plume's spectrum: soot of kerosene while afterburning feeds it, alumina
 of solid motors.
 
 Source: `opir_photons/data/propellants.json`, which gives the source and the spread of each level.
@@ -7,11 +7,9 @@ emissivity of the particles. It is brightest broadside, where a long body shows 
 all directions.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from functools import cache, lru_cache
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -20,22 +18,11 @@ from attrs import frozen
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray
+from opir_photons.laws import law
 from opir_photons.radiometry.planck import planck_radiance
+from opir_photons.radiometry.quadrature import legendre
 
-_TABLE = Path(__file__).parents[1] / "data" / "propellants.json"
-
-#: Wavelengths over which the continuum is integrated, µm, and their number: logarithmic, 1e-6 of
-#: the total lies beyond.
-_SHORTEST_UM = 0.3
-_LONGEST_UM = 100.0
-_NODES = 4001
-
-#: Nodes of a quadrature over one band, in which the continuum is smooth.
-_BAND_NODES, _BAND_WEIGHTS = np.polynomial.legendre.leggauss(48)
-
-#: Broadside intensity of a long body over its mean over all directions: 1 / (mean of the sine of
-#: the aspect angle).
-BROADSIDE = 4.0 / math.pi
+_TABLE = "propellants"
 
 
 @frozen
@@ -59,18 +46,16 @@ class Propellant:
         """Return the emissivity of the particles up to a factor: 1 - exp(-depth) of soot, 1 of grey
         particles.
         """
-        return (
-            np.ones_like(wavelength_um)
-            if self.depth_um is None
-            else -np.expm1(-self.depth_um / wavelength_um)
-        )
+        if self.depth_um is None:
+            return np.ones_like(wavelength_um)
+        return -np.expm1(-self.depth_um / wavelength_um)
 
 
 @cache
 def propellants() -> Mapping[str, Propellant]:
     """Return the propellants by name; those without particles have radiated share 0."""
     return MappingProxyType(
-        {name: _propellant(name, row) for name, row in _read()["propellants"].items()}
+        {name: _propellant(name, row) for name, row in law(_TABLE)["propellants"].items()}
     )
 
 
@@ -78,31 +63,31 @@ def profile_propellant(profile: str) -> str | None:
     """Return the name of the propellant of a class profile of the core, None for another
     profile.
     """
-    return _read()["profiles"].get(profile)
+    return law(_TABLE)["profiles"].get(profile)
 
 
 def jet_power_w(peaks: Mapping[str, float]) -> float:
     """Return the jet power, W, that goes with a plume's peaks by band: gases radiate a fixed share
     of it in SWIR.
     """
-    return 4.0 * math.pi * peaks["SWIR"] / float(_read()["gas_share_of_jet_power"])
+    return 4.0 * math.pi * peaks["SWIR"] / float(law(_TABLE)["gas_share_of_jet_power"])
 
 
 def log_sigma(spread: float) -> float:
     """Return the standard deviation of ln of a level that holds within a factor, either way, as the
     table states.
     """
-    return math.log(spread) / float(ndtri(0.5 + 0.5 * _read()["spread_probability"]))
+    return math.log(spread) / float(ndtri(0.5 + 0.5 * law(_TABLE)["spread_probability"]))
 
 
 def gas_log_sigma() -> float:
     """Return the standard deviation of ln of the gases' level, in all bands at once."""
-    return log_sigma(_read()["gas_spread"])
+    return log_sigma(law(_TABLE)["gas_spread"])
 
 
 def band_log_sigma() -> float:
     """Return the standard deviation of ln of the level of each of the gases' bands by itself."""
-    return log_sigma(_read()["band_spread"])
+    return log_sigma(law(_TABLE)["band_spread"])
 
 
 def continuum_w_sr(
@@ -111,26 +96,27 @@ def continuum_w_sr(
     """Return the particles' radiant intensity in a band, W/sr, broadside, for a jet power, where it
     is brightest.
     """
-    total = power_w * propellant.radiated_share / (4.0 * math.pi) * BROADSIDE
-    return (
-        total * _band_share(propellant, lower_um, upper_um)
-        if total > 0.0 and upper_um > lower_um
-        else 0.0
-    )
+    # Broadside a long body has 4/π of its mean over all directions: the mean sine of the aspect
+    # angle is π/4.
+    total = power_w * propellant.radiated_share / (4.0 * math.pi) * (4.0 / math.pi)
+    if total <= 0.0 or upper_um <= lower_um:
+        return 0.0
+    return total * _band_share(propellant, lower_um, upper_um)
 
 
 @lru_cache(maxsize=1024)
 def _band_share(propellant: Propellant, lower_um: float, upper_um: float) -> float:
+    """Return the share of the continuum's power in a band, in which it is smooth."""
+    nodes, weights = legendre(48)
     half = 0.5 * (upper_um - lower_um)
-    wavelength_um = lower_um + half * (1.0 + _BAND_NODES)
-    return float(half * np.sum(_BAND_WEIGHTS * _spectrum(propellant, wavelength_um))) / _whole(
-        propellant
-    )
+    spectrum = _spectrum(propellant, lower_um + half * (1.0 + nodes))
+    return float(half * np.sum(weights * spectrum)) / _total(propellant)
 
 
 @lru_cache(maxsize=64)
-def _whole(propellant: Propellant) -> float:
-    wavelength_um = np.geomspace(_SHORTEST_UM, _LONGEST_UM, _NODES)
+def _total(propellant: Propellant) -> float:
+    """Return the integral of the continuum's spectrum; 1e-6 of it lies beyond the limits."""
+    wavelength_um = np.geomspace(0.3, 100.0, 4001)
     return float(np.trapezoid(_spectrum(propellant, wavelength_um), wavelength_um))
 
 
@@ -151,8 +137,3 @@ def _propellant(name: str, row: Mapping[str, Any]) -> Propellant:
         altitude_scale=tuple(row.get("altitude_scale", (0.0,))),
         spread=row["spread"],
     )
-
-
-@cache
-def _read() -> Mapping[str, Any]:
-    return MappingProxyType(json.loads(_TABLE.read_text(encoding="utf-8")))

@@ -17,12 +17,6 @@ from opir_core.geometry import components, dot, length, local_axes, sun_ecef_m
 from opir_core.plugin import Band, Paths, Transmittance, Views
 from opir_photons.radiometry.sunlight import SUN_SOLID_ANGLE_SR, solar_irradiance
 
-#: A point this far along a line of sight is above all air, m.
-_ABOVE_THE_AIR_M = 1e8
-
-#: The refractive index of water, real, in visible light.
-WATER_INDEX = 1.33
-
 
 def slope_variance(wind_m_s: float) -> float:
     """Return the variance of the slopes of a sea under a wind, m/s (Cox and Munk)."""
@@ -78,23 +72,33 @@ class SeaGlint:
         rows = np.flatnonzero((view.sun_elevation_sine > 0.0) & (view.elevation_sine > 0.0))
         if not len(rows):
             return radiance
-        view = view.take(rows)
-        point = view.point_ecef_m
-        to_sensor = -view.line_of_sight_ecef
-        sun = sun_ecef_m(view.time_s, self.epoch_us)
-        to_sun = (sun - point) / length(*components(sun - point))[:, None]
-        bisector = to_sun + to_sensor
+        lit = view.take(rows)
+        sun_m = sun_ecef_m(lit.time_s, self.epoch_us)
+        air = self._transmittances(bands, lit, sun_m)
+        light_w_m2 = self.irradiance_w_m2[list(bands)][:, None]
+        radiance[:, rows] = light_w_m2 * air * self._mirrored_share(lit, sun_m)
+        return radiance
+
+    def _mirrored_share(self, view: Views, sun_m: FloatArray) -> FloatArray:
+        """Return the radiance (n,), 1/sr, of the sea over the irradiance of the Sun."""
+        point_m = view.point_ecef_m
+        to_sun = (sun_m - point_m) / length(*components(sun_m - point_m))[:, None]
+        bisector = to_sun - view.line_of_sight_ecef
         size = length(*components(bisector))
-        tilt = np.arccos(np.clip(dot(local_axes(point)[:, 2], bisector) / size, -1.0, 1.0))
-        mirrored = reflectance(np.minimum(dot(to_sun, bisector) / size, 1.0), WATER_INDEX)
+        tilt = np.arccos(np.clip(dot(local_axes(point_m)[:, 2], bisector) / size, -1.0, 1.0))
+        # The refractive index of water in visible light.
+        mirrored = reflectance(np.minimum(dot(to_sun, bisector) / size, 1.0), 1.33)
         share = 0.25 * slope_density(tilt, self.slope_variance) / view.elevation_sine
-        share = mirrored * np.minimum(share, 1.0 / SUN_SOLID_ANGLE_SR)
-        ground = np.zeros(len(rows))
-        above = point + _ABOVE_THE_AIR_M * to_sensor
-        down = Paths(ground, view.sun_elevation_sine, point, sun, view.time_s)
-        up = Paths(ground, view.elevation_sine, point, above, view.time_s)
-        air = self.atmosphere.transmittances(bands, down) * self.atmosphere.transmittances(
+        return mirrored * np.minimum(share, 1.0 / SUN_SOLID_ANGLE_SR)
+
+    def _transmittances(self, bands: Sequence[int], view: Views, sun_m: FloatArray) -> FloatArray:
+        """Return the transmittances (bands, n) down from the Sun and up to the sensor."""
+        ground = np.zeros(len(view))
+        point_m = view.point_ecef_m
+        # A point so far along a line of sight is above all air.
+        above_m = point_m - 1e8 * view.line_of_sight_ecef
+        down = Paths(ground, view.sun_elevation_sine, point_m, sun_m, view.time_s)
+        up = Paths(ground, view.elevation_sine, point_m, above_m, view.time_s)
+        return self.atmosphere.transmittances(bands, down) * self.atmosphere.transmittances(
             bands, up
         )
-        radiance[:, rows] = self.irradiance_w_m2[list(bands)][:, None] * air * share
-        return radiance

@@ -10,7 +10,7 @@ from opir_core.scene import info_of
 
 _CNEOS = "median of 1044 events of CNEOS fireballs, 1988 to 2026"
 
-#: What each emitter may have of its own, in `at` or in a CSV; what it does not have is the block's.
+#: Fields that each emitter may have of its own, in `at` or in a CSV; by default they are the block's.
 OWN_FIELDS = ("height_m", "start_s", "end_s", "temperature_k", "emissivity", "area_m2")
 
 
@@ -42,14 +42,15 @@ def emitter_complaint(emitter: Mapping[str, Any], block: "SourceConfig") -> str 
 
 def names_complaint(names: Sequence[str], kind: type) -> str | None:
     """Return the first error in the names of emitters' own fields."""
-    known = (*PLACE_FIELDS, *own_fields(kind))
+    fields = (*PLACE_FIELDS, *own_fields(kind))
     for name in names:
-        if name not in known:
+        if name not in fields:
             from difflib import get_close_matches
 
-            near = get_close_matches(name, known, 1)
-            hint = f"; did you mean {near[0]}?" if near else f" is not one of {', '.join(known)}"
-            return f"{name or repr(name)}{': unknown' if near else ''}{hint}"
+            similar = get_close_matches(name, fields, 1)
+            if similar:
+                return f"{name or repr(name)}: unknown; did you mean {similar[0]}?"
+            return f"{name or repr(name)} is not one of {', '.join(fields)}"
     missing = [name for name in PLACE_FIELDS if name not in names]
     return f"{missing[0]} is missing" if missing else None
 
@@ -129,8 +130,7 @@ class SourceConfig:
     csv: str | None = text(
         default=None,
         help="a file of emitters, relative to the working directory: a header with lat_deg, lon_deg"
-        " and own fields, an"
-        " emitter a line, empty cells for the block's values",
+        " and own fields, an emitter a line, empty cells for the block's values",
         source="no default: at, csv or field",
     )
     field: FieldConfig | None = nested(
@@ -161,9 +161,9 @@ class SourceConfig:
     )
 
     def __attrs_post_init__(self) -> None:
-        given = [name for name in ("at", "csv", "field") if getattr(self, name) is not None]
-        if len(given) != 1:
-            words = f"{' and '.join(given)} are given" if given else "none of them is given"
+        ways = [name for name in ("at", "csv", "field") if getattr(self, name) is not None]
+        if len(ways) != 1:
+            words = f"{' and '.join(ways)} are given" if ways else "none of them is given"
             raise ValueError(f"{words}; exactly one of at, csv and field is needed")
         complaint = _times_complaint(self.start_s, self.end_s) if self.field is not None else None
         if complaint:

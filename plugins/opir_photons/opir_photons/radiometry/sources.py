@@ -24,7 +24,6 @@ from opir_core.geometry import (
     length,
     local_axes,
     sun_ecef_m,
-    vector,
 )
 from opir_core.plugin import (
     EMITTER_TYPES,
@@ -76,18 +75,11 @@ class GlintSignatures(Signatures):
         facets that glint.
         """
         time_s = self.ignition_s[target] + time_since_ignition_s
-        sine = self._sun_sine(target, time_s)
-        mirrored = reflectance(np.maximum(sine, 0.0), self.refractive_index)
-        light = self.sunlight_w_m2[band][target] * self._sun_transmittance(
-            band, target, time_s, sine
-        )
-        intensity = (
-            self.area_m2[target]
-            * light
-            * mirrored
-            * 0.25
-            * slope_density(aspect_rad, self.slope_variance)
-        )
+        sine = dot(self._to_sun(target, time_s), self.up_ecef[target])
+        air = self._sun_transmittance(band, target, time_s, sine)
+        light = self.area_m2[target] * (self.sunlight_w_m2[band][target] * air)
+        mirrored = light * reflectance(np.maximum(sine, 0.0), self.refractive_index)
+        intensity = mirrored * 0.25 * slope_density(aspect_rad, self.slope_variance)
         return np.where(sine > 0.0, intensity, 0.0)
 
     def aspect_rad(
@@ -102,9 +94,6 @@ class GlintSignatures(Signatures):
     def _to_sun(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         offset = sun_ecef_m(time_s, self.epoch_us) - self.position_ecef_m[target]
         return offset / length(*components(offset))[:, None]
-
-    def _sun_sine(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        return dot(self._to_sun(target, time_s), self.up_ecef[target])
 
     def _sun_transmittance(
         self, band: int, target: IndexArray, time_s: FloatArray, sine: FloatArray
@@ -122,14 +111,12 @@ def glint_signatures(
 ) -> GlintSignatures:
     """Return the signatures of patches of water at positions (n, 3)."""
     sun_k = emitters["temperature_k"]
-    share = emitters["emissivity"]
     light = [
-        solar_irradiance(band.lower_um, band.upper_um, sun_k) * share for band in context.bands
+        solar_irradiance(band.lower_um, band.upper_um, sun_k) * emitters["emissivity"]
+        for band in context.bands
     ]
     return GlintSignatures(
-        sunlight_w_m2=np.maximum(
-            np.array(light, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0
-        ),
+        sunlight_w_m2=_by_band(light, len(emitters)),
         area_m2=emitters["area_m2"],
         ignition_s=emitters["start_s"],
         height_m=emitters["height_m"],
@@ -138,7 +125,7 @@ def glint_signatures(
         slope_variance=slope_variance(config.wind_m_s),
         refractive_index=config.refractive_index,
         epoch_us=context.epoch_us,
-        sky=context.make_atmosphere() if context.make_atmosphere is not None else None,
+        sky=context.make_atmosphere() if context.make_atmosphere else None,
     )
 
 
@@ -208,8 +195,7 @@ class GreySignatures(Signatures):
         """
         if self.up_ecef is None:
             return np.zeros(len(target))
-        (ax, ay, az), (bx, by, bz) = components(self.up_ecef[target]), components(to_sensor_ecef)
-        return np.arccos(np.clip(ax * bx + ay * by + az * bz, -1.0, 1.0))
+        return np.arccos(np.clip(dot(self.up_ecef[target], to_sensor_ecef), -1.0, 1.0))
 
 
 @frozen(eq=False)
@@ -226,88 +212,90 @@ def fire_sources(config: FireConfig, context: SourceContext) -> Sources:
     emitters = emitters_of(config, context)
     trajectories = _standing("fire", emitters, context)
     up = local_axes(trajectories.start_ecef_m)[:, 2]
-    return _sources(
-        context, trajectories, GreySignatures(_grey_w_sr(emitters, context), up_ecef=up)
-    )
+    signatures = GreySignatures(_grey_w_sr(emitters, context), up_ecef=up)
+    return _sources(trajectories, signatures)
 
 
 def flare_sources(config: FlareConfig, context: SourceContext) -> Sources:
     """Return gas flares: grey bodies that shine alike to all sides."""
     emitters = emitters_of(config, context)
-    return _sources(
-        context,
-        _standing("flare", emitters, context),
-        GreySignatures(_grey_w_sr(emitters, context)),
-    )
+    signatures = GreySignatures(_grey_w_sr(emitters, context))
+    return _sources(_standing("flare", emitters, context), signatures)
 
 
 def glint_sources(config: GlintConfig, context: SourceContext) -> Sources:
     """Return glints: water that mirrors the Sun."""
     emitters = emitters_of(config, context)
     trajectories = _standing("glint", emitters, context)
-    signatures: GlintSignatures = glint_signatures(
-        config, emitters, trajectories.start_ecef_m, context
-    )
-    return _sources(context, trajectories, signatures)
+    signatures = glint_signatures(config, emitters, trajectories.start_ecef_m, context)
+    return _sources(trajectories, signatures)
 
 
 def bolide_sources(config: BolideConfig, context: SourceContext) -> Sources:
     """Return bolides: flashes that move straight down through the air."""
     emitters = emitters_of(config, context, is_brief=True)
-    start, axes = _starts(emitters)
+    start_m = _starts_m(emitters)
+    velocity_m_s = _directions(emitters, start_m) * emitters["speed_m_s"][:, None]
+    trajectories = _trajectories("bolide", emitters, context, start_m, velocity_m_s)
+    signatures = GreySignatures(_grey_w_sr(emitters, context), flash_s=emitters["flash_s"])
+    return _sources(trajectories, signatures)
+
+
+def _directions(emitters: Emitters, start_m: FloatArray) -> FloatArray:
+    """Return the directions (n, 3) of bolides, by heading and descent."""
+    axes = local_axes(start_m)
     descent = np.radians(emitters["descent_deg"])
     heading = np.radians(emitters["heading_deg"])
     level = np.cos(descent)
-    local = vector(level * np.sin(heading), level * np.cos(heading), -np.sin(descent))
-    (east, north, down) = components(local)
-    way = east[:, None] * axes[:, 0] + north[:, None] * axes[:, 1] + down[:, None] * axes[:, 2]
-    trajectories = _trajectories(
-        "bolide", emitters, context, start, way * emitters["speed_m_s"][:, None]
-    )
-    signatures = GreySignatures(_grey_w_sr(emitters, context), flash_s=emitters["flash_s"])
-    return _sources(context, trajectories, signatures)
+    east = (level * np.sin(heading))[:, None]
+    north = (level * np.cos(heading))[:, None]
+    up = -np.sin(descent)[:, None]
+    return east * axes[:, 0] + north * axes[:, 1] + up * axes[:, 2]
 
 
-def _sources(
-    context: SourceContext, trajectories: StraightTrajectories, signatures: Signatures
-) -> Sources:
-    ids = tuple(
-        f"{context.id}-{number}" for number in range(1, len(trajectories.emitters_truth) + 1)
-    )
+def _sources(trajectories: StraightTrajectories, signatures: Signatures) -> Sources:
+    ids = tuple(str(truth["id"]) for truth in trajectories.emitters_truth)
     return EmitterSources(ids, trajectories, signatures)
 
 
-def _starts(emitters: Emitters) -> tuple[FloatArray, FloatArray]:
-    start = geodetic_to_ecef(
+def _starts_m(emitters: Emitters) -> FloatArray:
+    return geodetic_to_ecef(
         np.radians(emitters["lat_deg"]), np.radians(emitters["lon_deg"]), emitters["height_m"]
     )
-    return start, local_axes(start)
 
 
 def _standing(kind: str, emitters: Emitters, context: SourceContext) -> StraightTrajectories:
-    start, _ = _starts(emitters)
-    return _trajectories(kind, emitters, context, start, np.zeros_like(start))
+    start_m = _starts_m(emitters)
+    return _trajectories(kind, emitters, context, start_m, np.zeros_like(start_m))
 
 
 def _trajectories(
-    kind: str, emitters: Emitters, context: SourceContext, start: FloatArray, velocity: FloatArray
+    kind: str,
+    emitters: Emitters,
+    context: SourceContext,
+    start_m: FloatArray,
+    velocity_m_s: FloatArray,
 ) -> StraightTrajectories:
     end_s = emitters["end_s"]
     if "flash_s" in emitters.columns:
         end_s = np.minimum(end_s, emitters["start_s"] + emitters["flash_s"])
-    names = tuple(emitters.columns)
-    rows = zip(*(emitters[name].tolist() for name in names), strict=True)
-    emitters_truth = [
-        {"id": f"{context.id}-{number}", "type": kind, **dict(zip(names, row, strict=True))}
-        for number, row in enumerate(rows, start=1)
-    ]
     return StraightTrajectories(
         type_code=np.full(len(emitters), EMITTER_TYPES.index(kind), dtype=np.uint8),
         ignition_s=emitters["start_s"],
         burnout_s=np.maximum(end_s, emitters["start_s"]),
-        start_ecef_m=start,
-        velocity_ecef_m_s=velocity,
-        emitters_truth=tuple(emitters_truth),
+        start_ecef_m=start_m,
+        velocity_ecef_m_s=velocity_m_s,
+        emitters_truth=_truth(kind, emitters, context.id),
+    )
+
+
+def _truth(kind: str, emitters: Emitters, block: str) -> tuple[Mapping[str, Any], ...]:
+    """Return the truth of each emitter of a block, as plain values."""
+    names = tuple(emitters.columns)
+    rows = zip(*(emitters[name].tolist() for name in names), strict=True)
+    return tuple(
+        {"id": f"{block}-{number}", "type": kind, **dict(zip(names, row, strict=True))}
+        for number, row in enumerate(rows, start=1)
     )
 
 
@@ -317,7 +305,9 @@ def _grey_w_sr(emitters: Emitters, context: SourceContext) -> FloatArray:
     intensities = [
         grey_body_intensity(*bodies, band.lower_um, band.upper_um) for band in context.bands
     ]
-    # Bands with swapped edges are empty.
-    return np.maximum(
-        np.array(intensities, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0
-    )
+    return _by_band(intensities, len(emitters))
+
+
+def _by_band(rows: Sequence[FloatArray], count: int) -> FloatArray:
+    """Return columns (bands, count), at least 0: bands with swapped edges are empty."""
+    return np.maximum(np.array(rows, dtype=np.float64).reshape(len(rows), count), 0.0)

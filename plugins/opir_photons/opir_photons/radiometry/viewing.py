@@ -32,18 +32,23 @@ def views(
     ground = intersection_with_ellipsoid(sensor_ecef_m, direction_ecef)
     hits = np.isfinite(ground[:, 0])
     along = _unit(direction_ecef)
-    ahead = -dot(sensor_ecef_m, along)
-    point = np.where(hits[:, None], ground, sensor_ecef_m + np.maximum(ahead, 0.0)[:, None] * along)
+    # Signed distance, m, to the point nearest to the Earth's centre.
+    distance_m = -dot(sensor_ecef_m, along)
+    point = np.where(hits[:, None], ground, _at_distance(sensor_ecef_m, along, distance_m))
     up = _up(point)
-    sun = sun_ecef_m(time_s, epoch_us)
+    to_sun = _unit(sun_ecef_m(time_s, epoch_us) - point)
     return Views(
-        height_m=_heights_m(point, hits, ahead > 0.0),
+        height_m=_heights_m(point, hits, distance_m > 0.0),
         elevation_sine=np.where(hits, np.clip(-dot(up, along), 0.0, 1.0), 0.0),
-        sun_elevation_sine=np.clip(dot(up, _unit(sun - point)), -1.0, 1.0),
+        sun_elevation_sine=np.clip(dot(up, to_sun), -1.0, 1.0),
         point_ecef_m=point,
         time_s=time_s,
         line_of_sight_ecef=along,
     )
+
+
+def _at_distance(sensor: FloatArray, along: FloatArray, distance_m: FloatArray) -> FloatArray:
+    return sensor + np.maximum(distance_m, 0.0)[:, None] * along
 
 
 def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> FloatArray:

@@ -62,7 +62,7 @@ def test_counts_have_the_mean_and_variance_of_bernoulli_looks(name: str, looks: 
         assert -slack <= variance[step] - sampled <= 0.25 + slack
 
 
-def test_looks_farther_apart_than_steps_are_counted_by_the_burns_length() -> None:
+def test_sparse_looks_are_counted_by_burn_length() -> None:
     # A certain detection every 4 steps: the count at a look is one more than the looks before it.
     mean, variance = type_densities._counts(np.ones(MOMENTS), np.full(MOMENTS, 1.0), 4.0)
     steps = np.arange(MOMENTS)
@@ -72,6 +72,6 @@ def test_looks_farther_apart_than_steps_are_counted_by_the_burns_length() -> Non
     assert np.allclose(variance, (1.0 + 1.0 / 16.0) / 12.0, rtol=1e-12)
 
 
-def test_sources_have_a_count_of_one() -> None:
+def test_counts_of_sources_are_1() -> None:
     mean, variance = type_densities._counts(np.array([0.0, 0.3, 1.0]), np.zeros(3), 2.5)
     assert mean.tolist() == variance.tolist() == [1.0, 1.0, 1.0]

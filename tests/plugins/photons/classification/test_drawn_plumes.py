@@ -148,12 +148,12 @@ def classified() -> dict[str, tuple[Array, Codes, Codes]]:
         [target for target, _ in launches], [], 41, launches_per_day=per_day, sources_in_view={}
     )
     run = opir.simulate(plain)
-    found = {}
+    result = {}
     for number, name in enumerate(SENSORS):
         rows = np.flatnonzero((run.detections.sensor == number) & (run.truth.target >= 0))
         launch = run.truth.target[rows].astype(np.int64)
-        found[name] = run.detections.type_probability[rows], code[launch], launch
-    return found
+        result[name] = run.detections.type_probability[rows], code[launch], launch
+    return result
 
 
 @pytest.mark.slow
@@ -185,9 +185,7 @@ def test_probabilities_of_types_are_right_within_seven_points(classified: Any, s
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_the_log_score_of_types_is_that_of_one_who_knows_the_spread(
-    classified: Any, sensor: str
-) -> None:
+def test_log_scores_match_an_informed_classifier(classified: Any, sensor: str) -> None:
     probability, true, launch = classified[sensor]
     score = -np.log(probability[np.arange(len(true)), true])
     assert np.mean(np.bincount(launch, score) / np.maximum(np.bincount(launch), 1)) < MOST_SCORE

@@ -7,7 +7,7 @@ from opir_photons.classification.type_densities import elevation_bin, log_noise_
 
 
 @pytest.mark.parametrize("radius_m", [7.0e6, 4.2164e7])
-def test_false_alarms_lie_at_elevations_as_directions_drawn_over_the_disc(radius_m):
+def test_false_alarm_elevations_match_drawn_directions(radius_m):
     rng = np.random.default_rng(3)
     # Directions over the sphere that meet the Earth, from their closest approach and the distance
     # along them.

@@ -22,21 +22,19 @@ from opir_photons.classification.spectral import SpectralClassifier
 from opir_photons.classification.synthetic_looks import low_discrepancy_points
 from opir_photons.classification.type_densities import EventRates, TypeDensities, elevation_bin
 from opir_photons.classification.unknown_objects import LEAST_W_SR, MOST_W_SR, log_uniform_in_noise
+from opir_testing import stub_window
 from opir_testing.bench import bench_scene, encoder_of
-from opir_testing.doubles import stub_window
 from scipy.special import logsumexp
 from scipy.stats import binom, multivariate_normal, norm
 
 import opir_core as opir
+from opir_core import Tracks, compile_plan
 from opir_core.builtin.classification import ConstantConfidence
 from opir_core.errors import ModelError
-from opir_core.interfaces.records import ClassifierInputs, Tracks
-from opir_core.output.events import detection_schema
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import ModelContext
+from opir_core.output import detection_schema
+from opir_core.plugin import REPORTED_TYPES, ClassifierInputs, ModelContext
 from opir_core.reading import scene_mapping
-from opir_core.scene import core_hypotheses, core_target_class, hypotheses_of
-from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
+from opir_core.scene import UNKNOWN_TYPE, core_hypotheses, core_target_class, hypotheses_of
 from opir_core.simulation.measurement import with_tracks
 
 #: Apparent intensities are irradiances times the square of this, m.
@@ -113,16 +111,16 @@ def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
     signal = np.atleast_2d(np.asarray(intensity, dtype=np.float64).T).T
     rows = len(signal)
     zeros = np.zeros(len(signal))
-    whole = np.zeros(rows, dtype=np.int32)
+    total = np.zeros(rows, dtype=np.int32)
     return ClassifierInputs(
         time_s=zeros,
-        sensor=whole,
-        target=whole - 1,
+        sensor=total,
+        target=total - 1,
         range_m=zeros + RANGE_M,
         elevation_sine=zeros + 0.5,
-        bands=whole.astype(np.uint8),
-        band_count=whole.astype(np.int64),
-        band_total=whole.astype(np.int64) + 1,
+        bands=total.astype(np.uint8),
+        band_count=total.astype(np.int64),
+        band_total=total.astype(np.int64) + 1,
         detection_count=np.broadcast_to(np.asarray(count, dtype=np.int32), (rows,)),
         snr=zeros,
         band_irradiance_w_m2=signal / RANGE_M**2,
@@ -133,7 +131,7 @@ def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
     )
 
 
-def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None:
+def test_posteriors_follow_bayes_rule() -> None:
     measured = np.array([96.0, 57.0, 31.0, 80.0])
     noise = 4.0
     count = 70
@@ -158,7 +156,7 @@ def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None
     assert np.allclose(known_classifier().log_odds(types), np.log(odds), rtol=1e-10)
 
 
-def test_noise_consists_of_as_many_detections_as_the_sensor_needs() -> None:
+def test_noise_has_the_detections_that_confirm() -> None:
     # Events of which noise alone is as bright, 1e4 times as often as launches.
     bank = known_bank(rates=rates(noise=float(np.log(1e4))))
     log = known_classifier(banks=(bank,)).log_posterior(sightings([12.0] * 3, 4.0, [2, 3, 5]))
@@ -176,7 +174,7 @@ def test_a_count_tells_types_apart_that_bands_do_not() -> None:
     assert [NAMES[row] for row in np.argmax(log, axis=1)] == ["SRBM", "IRBM", "ICBM", "SLV"]
 
 
-def test_an_intensity_unlike_everything_known_raises_none_of_these() -> None:
+def test_unknown_intensities_raise_none_of_these() -> None:
     bank = known_bank(rates=rates(unknown=float(np.log(1e-3))))
     seen = sightings([30.0, 60.0, 100.0, 140.0, 500.0, 5e4], 4.0)
     chance = np.exp(known_classifier(banks=(bank,)).log_posterior(seen))[:, NONE]
@@ -192,13 +190,11 @@ def test_the_density_of_none_is_a_log_uniform_intensity_in_noise(sigma: float) -
     # there.
     for y in measured[((measured > 10.0) | (sigma > 100.0)) & (measured < 1e8)]:
         exact = np.trapezoid(norm.pdf(y, np.exp(log_s), sigma), log_s) / (log_s[-1] - log_s[0])
-        found = np.exp(log_uniform_in_noise(np.array([y]), np.array([sigma**2])))[0]
-        assert found == pytest.approx(exact, rel=0.03)
+        result = np.exp(log_uniform_in_noise(np.array([y]), np.array([sigma**2])))[0]
+        assert result == pytest.approx(exact, rel=0.03)
 
 
-def test_missiles_are_summed_by_the_type_that_they_report_as_and_space_launches_are_no_missile() -> (
-    None
-):
+def test_missiles_are_summed_by_reported_type() -> None:
     hypotheses = core_hypotheses()
     chance = np.arange(1.0, 1.0 + len(hypotheses))
     log = np.log(chance / chance.sum())[None]
@@ -249,16 +245,16 @@ def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
     ]
     for row in range(rows):
         for column, (weight, mean, covariance) in enumerate(every):
-            whole = covariance + np.diag([*variance[row], 0.0])
-            alone = multivariate_normal(mean[:-1], whole[:-1, :-1]).logpdf(signal[row])
-            both = multivariate_normal(mean, whole).logpdf([*signal[row], count[row]])
+            total = covariance + np.diag([*variance[row], 0.0])
+            alone = multivariate_normal(mean[:-1], total[:-1, :-1]).logpdf(signal[row])
+            both = multivariate_normal(mean, total).logpdf([*signal[row], count[row]])
             assert seen[row, column] == pytest.approx(weight + alone, rel=1e-8, abs=1e-8)
             assert counted[row, column] == pytest.approx(both - alone, rel=1e-7, abs=1e-7)
     sums = [logsumexp(seen[:, 4 * code : 4 * code + 4], axis=1) for code in range(3)]
     assert np.allclose(mixture.by_class(seen), np.stack(sums, axis=1), rtol=1e-12)
 
 
-def test_a_place_with_fewer_components_gives_the_same_as_by_itself() -> None:
+def test_padding_of_mixtures_changes_nothing() -> None:
     few = [one(0.0, [1.0, 2.0], [1.0, 1.0])]
     more = Components(np.zeros(3), np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1)))
     both = Mixture.of([few, [more]])
@@ -284,8 +280,8 @@ def test_ratios_are_exact_where_probabilities_are_no_doubles() -> None:
             + 50.0 / MEAN_COUNT
         )
         assert expected < -1e5
-        found = logsumexp(log[row, SRBM : SLV + 1]) - log[row, GROUND]
-        assert found == pytest.approx(expected, rel=1e-9)
+        result = logsumexp(log[row, SRBM : SLV + 1]) - log[row, GROUND]
+        assert result == pytest.approx(expected, rel=1e-9)
 
 
 @given(
@@ -337,8 +333,8 @@ def test_the_motion_of_a_track_takes_the_place_of_the_prior() -> None:
         np.exp(revised[0, missiles]), like / like.sum() * np.exp(log[0, missiles]).sum()
     )
     # Whether it is a missile is for its light to say, and a track that knows nothing says nothing.
-    rest = [NOISE, GROUND, BOLIDE, SLV, NONE]
-    assert np.array_equal(revised[0, rest], log[0, rest])
+    remainder = [NOISE, GROUND, BOLIDE, SLV, NONE]
+    assert np.array_equal(revised[0, remainder], log[0, remainder])
     assert np.array_equal(revised[1:], log[1:])
 
 
@@ -393,24 +389,24 @@ def judged(**changes: Any) -> Any:
 def test_confidence_follows_when_motion_revises_types() -> None:
     model = PosteriorConfidence(known_classifier())
     plain = judged(confidence=np.array([0.8, 0.8]))
-    found = with_tracks(known_classifier(), model, plain, tracks(knows_burnout=True))
-    rows = np.arange(2), found.reported_type
-    assert found.confidence == pytest.approx(np.exp(found.type_log_probability)[rows])
-    assert found.confidence[1] == 0.8 != found.confidence[0]
+    result = with_tracks(known_classifier(), model, plain, tracks(knows_burnout=True))
+    rows = np.arange(2), result.reported_type
+    assert result.confidence == pytest.approx(np.exp(result.type_log_probability)[rows])
+    assert result.confidence[1] == 0.8 != result.confidence[0]
 
 
 @pytest.mark.parametrize("knows_burnout", [True, False])
-def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burnout: bool) -> None:
+def test_types_from_motion_need_a_burnout(knows_burnout: bool) -> None:
     classifier = known_classifier()
     model = ConstantConfidence(0.5)
-    found = with_tracks(classifier, model, judged(), tracks(knows_burnout=knows_burnout))
-    assert found.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
-    assert np.array_equal(found.hypothesis_log_probability[1], ALIKE[1])
+    result = with_tracks(classifier, model, judged(), tracks(knows_burnout=knows_burnout))
+    assert result.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
+    assert np.array_equal(result.hypothesis_log_probability[1], ALIKE[1])
     assert np.array_equal(
-        classifier.over_types(found.hypothesis_log_probability, REPORTED_TYPES),
-        found.type_log_probability,
+        classifier.over_types(result.hypothesis_log_probability, REPORTED_TYPES),
+        result.type_log_probability,
     )
-    assert np.allclose(found.type_probability.sum(axis=1), 1.0)
+    assert np.allclose(result.type_probability.sum(axis=1), 1.0)
 
 
 def test_points_fill_the_cube_evenly() -> None:
@@ -431,7 +427,7 @@ def test_a_prior_is_checked_when_it_is_read() -> None:
         SpectralConfig(prior={"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.3})
 
 
-def test_a_prior_for_a_class_that_does_not_exist_names_those_that_do() -> None:
+def test_priors_of_unknown_classes_are_refused() -> None:
     scene = bench_scene(
         detection="snr", classification={"model": "spectral", "prior": {"ICBM": 0.5, "MRBN": 0.5}}
     )
@@ -478,9 +474,7 @@ def test_a_class_without_a_share_is_not_expected() -> None:
 @pytest.mark.parametrize(
     ("detection", "name"), [("constant", "paper"), ("snr", "spectral"), ("always", "paper")]
 )
-def test_a_detection_model_that_measures_irradiance_brings_its_classifier(
-    detection: str, name: str
-) -> None:
+def test_irradiance_models_bring_their_classifier(detection: str, name: str) -> None:
     mapping = bench_scene(detection=detection)
     del mapping["classification"]
     scene = opir.scene_from_mapping(mapping)
@@ -512,7 +506,7 @@ def test_a_detection_model_without_light_is_refused_in_words() -> None:
         compile_plan(scene)
 
 
-def test_events_carry_the_probabilities_and_others_are_as_they_were() -> None:
+def test_events_carry_type_probabilities() -> None:
     log = np.log([[0.8, 0.1, 0.05, 0.05]])
     plan = compile_plan(opir.scene_from_mapping(bench_scene(targets=[])))
     plain = stub_window(1, sensor=np.zeros(1, np.int32), bands=np.ones(1, np.uint8))
@@ -553,7 +547,7 @@ def test_no_noise_and_enormous_noise_are_judged(nei_w_m2: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, 0.01])
-def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: float) -> None:
+def test_false_source_probability_holds(share: float) -> None:
     """Sources of the classifier's own prior, through the engine: at most the share, within 99.9 %,
     by kind.
     """

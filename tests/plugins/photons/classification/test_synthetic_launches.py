@@ -16,12 +16,11 @@ from opir_photons.classification.synthetic_looks import low_discrepancy_points
 from scipy.spatial.transform import Rotation
 from scipy.stats import kstwo, uniform
 
-from opir_core.flight.boost import boost_profile
+from opir_core.flight import boost_profile
 from opir_core.flight.glide import GlideShape, glide_flight
 from opir_core.geometry import Geodetic
-from opir_core.plugin import EquilibriumGlide
+from opir_core.plugin import TARGET_TYPES, EquilibriumGlide
 from opir_core.scene import core_target_class
-from opir_core.scene.scene import TARGET_TYPES
 
 PROFILES = [profile.name for kind in TARGET_TYPES for profile in core_target_class(kind).profiles]
 
@@ -111,7 +110,7 @@ def test_ground_points_are_satellites_turned_by_rotations(
     assert np.all(site.height_m == 0.0)
 
 
-def test_sines_of_elevation_longitudes_and_bearings_are_evener_than_by_chance(
+def test_sites_have_low_discrepancy(
     placed: tuple[float, Array, Array, Geodetic],
 ) -> None:
     _, _, sensor_m, site = placed
@@ -138,7 +137,7 @@ def aims_of(drawn: Array) -> tuple[Geodetic, Geodetic, list[str]]:
     return site, synthetic_looks._aims(site, [boost_profile(name) for name in names], drawn), names
 
 
-def test_aim_points_are_geodesics_of_the_drawn_direction_and_range_on_a_sphere() -> None:
+def test_aim_points_are_geodesics_on_a_sphere() -> None:
     drawn = low_discrepancy_points(10 * len(PROFILES), 2)
     site, aim, names = aims_of(drawn)
     sphere = Geodesic(RADIUS_M, 0.0)
@@ -161,7 +160,7 @@ def test_aim_points_are_geodesics_of_the_drawn_direction_and_range_on_a_sphere()
     assert np.all(aim.height_m == 0.0)
 
 
-def test_aim_points_lie_in_all_directions_and_ranges_more_evenly_than_by_chance() -> None:
+def test_aim_points_have_low_discrepancy() -> None:
     site, aim, names = aims_of(low_discrepancy_points(POINTS, 2))
     profiles = [boost_profile(name) for name in names]
     turned = Rotation.from_euler("zy", np.stack([-site.longitude_rad, site.latitude_rad], axis=1))
@@ -190,7 +189,7 @@ def boosts_of(name: str, count: int) -> tuple[Geodetic, Array, Any]:
     return site, drawn, synthetic_looks._boosts(site, list(flights) * count, drawn[:, 3:5])
 
 
-def test_launches_into_orbit_burn_out_near_the_orbit_of_their_class() -> None:
+def test_orbital_launches_burn_out_near_their_orbit() -> None:
     _, _, path = boosts_of("SLV", 50)
     position, velocity = path.state(np.arange(50), path.burnout_s)
     radius_m = np.linalg.norm(position, axis=1)

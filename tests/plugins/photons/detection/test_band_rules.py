@@ -6,7 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_photons.detection.band_rules import AnyBand, RatioGates
+from opir_photons.detection import RatioGates
+from opir_photons.detection.band_rules import AnyBand
 from opir_photons.detection.rejection_sampling import (
     LEAST_PASSING,
     accepted_draws,
@@ -139,27 +140,30 @@ def test_free_draws_pass_as_often_as_the_probability_says(rule: AnyBand | RatioG
 @pytest.mark.parametrize(
     "rule", [AnyBand(5.0), TRIPLE, TOLERANT], ids=["any", "triple", "tolerant"]
 )
-def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_pass(
+def test_conditional_measurements_match_passing_draws(
     rule: AnyBand | RatioGates,
 ) -> None:
     rng = np.random.default_rng(5)
     snr = np.array([6.0, 8.0, 2.5])
     ones = np.ones((60_000, 3))
     free = snr + rng.normal(size=ones.shape)
-    kept = free[rule.passes(free, rule.slopes(ones))]
+    selected = free[rule.passes(free, rule.slopes(ones))]
     drawn = rule.conditional(
-        np.tile(snr, (len(kept), 1)), rule.slopes(ones[: len(kept)]), rng.random((len(kept), 4))
+        np.tile(snr, (len(selected), 1)),
+        rule.slopes(ones[: len(selected)]),
+        rng.random((len(selected), 4)),
     )
     assert rule.passes(drawn, rule.slopes(ones[: len(drawn)])).all()
     for band in range(3):
-        ordered = np.sort(kept[:, band])
+        ordered = np.sort(selected[:, band])
         distance = np.max(
             np.abs(
-                np.searchsorted(ordered, np.sort(drawn[:, band])) / len(kept) - _shares(len(drawn))
+                np.searchsorted(ordered, np.sort(drawn[:, band])) / len(selected)
+                - _shares(len(drawn))
             )
         )
         # Two samples of n: Kolmogorov's 1.95 at 99.9 % times sqrt(2 / n).
-        assert distance < 1.95 * np.sqrt(2.0 / len(kept))
+        assert distance < 1.95 * np.sqrt(2.0 / len(selected))
 
 
 @pytest.mark.slow
@@ -172,9 +176,7 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
     ],
     ids=["many pass", "hardly any passes", "inverted"],
 )
-def test_proposals_until_one_passes_follow_the_law_of_the_inverse(
-    snr: list[float], least: float, most: float
-) -> None:
+def test_accepted_proposals_match_the_inverse(snr: list[float], least: float, most: float) -> None:
     rng = np.random.default_rng(6)
     ones = np.ones((6_000, 3))
     rows = np.tile(snr, (len(ones), 1))
@@ -216,7 +218,7 @@ def test_proposals_pass_as_often_as_is_said_of_them(rule: AnyBand | RatioGates) 
         assert abs(passed - rows * share) <= 3.29 * np.sqrt(rows * share * (1.0 - share)) + 1.0
 
 
-def test_few_proposals_are_made_for_a_row_where_thresholds_are_the_hurdle() -> None:
+def test_few_proposals_where_thresholds_decide() -> None:
     proposed = []
 
     class Counted(RatioGates):
@@ -243,13 +245,13 @@ def test_a_row_is_drawn_alike_whoever_is_drawn_with_it() -> None:
     snr = rng.uniform(3.0, 9.0, (500, 3))
     seeds = rng.integers(0, 2**64, 500, dtype=np.uint64)
     chance = np.exp(TRIPLE.log_chances(snr, TRIPLE.slopes(np.ones((500, 3))))[0])
-    whole = accepted_draws(TRIPLE, snr, TRIPLE.slopes(np.ones((500, 3))), chance, seeds)
+    total = accepted_draws(TRIPLE, snr, TRIPLE.slopes(np.ones((500, 3))), chance, seeds)
     part = slice(100, 137)
     assert np.array_equal(
         accepted_draws(
             TRIPLE, snr[part], TRIPLE.slopes(np.ones((37, 3))), chance[part], seeds[part]
         ),
-        whole[part],
+        total[part],
     )
 
 
@@ -287,9 +289,9 @@ def test_truncated_numbers_follow_their_law_in_every_tail(low: float, high: floa
     assert np.all((drawn >= low) & (drawn <= high))
     if high <= 0.0:
         low, high, drawn = -high, -low, -drawn
-    whole = np.expm1(norm.logsf(high) - norm.logsf(low))
+    total = np.expm1(norm.logsf(high) - norm.logsf(low))
     assert (
-        kstest(np.expm1(norm.logsf(drawn) - norm.logsf(low)) / whole, "uniform").statistic
+        kstest(np.expm1(norm.logsf(drawn) - norm.logsf(low)) / total, "uniform").statistic
         < 1.0 / count
     )
 

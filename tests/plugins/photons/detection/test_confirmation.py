@@ -36,9 +36,7 @@ def drawn_share(chance: float, needed: int, radius: np.ndarray, seed: int) -> tu
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("needed", "scans"), [(1, 1), (2, 2), (2, 3), (3, 4), (4, 6)])
-def test_false_alarms_are_confirmed_as_often_as_the_closed_form_says(
-    needed: int, scans: int
-) -> None:
+def test_false_confirmations_match_the_closed_form(needed: int, scans: int) -> None:
     radius = gate_radius_cells(np.arange(1, scans), 0.2, 5.6e-5, 3.6e7, 8000.0)
     chance = 2e-3
     confirmed, total = drawn_share(chance, needed, radius, seed=needed + 10 * scans)
@@ -80,7 +78,7 @@ def test_a_crossing_repeats_as_the_integral_over_the_first_says(
     )
 
 
-def test_noise_without_correlation_forgets_and_noise_that_stays_crosses_again() -> None:
+def test_repeated_crossings_by_correlation() -> None:
     assert repeated_crossing_probability(1e-6, [0.0, 1.0]).tolist() == pytest.approx(
         [1e-6, 1.0], rel=1e-12
     )
@@ -93,7 +91,7 @@ def test_noise_without_correlation_forgets_and_noise_that_stays_crosses_again() 
     assert false_confirmation_probability(1e-5, 2, radius, 0.2) > 3.0 * alone
 
 
-def test_confirmations_of_correlated_noise_are_those_of_series_of_cells() -> None:
+def test_correlated_noise_confirms_as_series_of_cells() -> None:
     """A chain of looks at one cell, whose neighbours cross independently; 4 standard deviations."""
     rng = np.random.default_rng(8)
     chance = 0.02

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_photons.environment import REFERENCE_ALTITUDE_M, REFERENCE_BURN_S, REFERENCE_TIME_S
+from opir_photons.environment import REFERENCE_TARGET
 from repository import ROOT
 
 import opir_core as opir
-from opir_core.host.host import Host
-from opir_core.interfaces.radiometric_models import SignatureContext
+from opir_core import Host
+from opir_core.plugin import SignatureContext
 
 PAGE = (ROOT / "docs" / "explanation" / "detection.md").read_text(encoding="utf-8")
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
@@ -62,7 +62,7 @@ def test_noise_is_as_often_as_the_page_says(row: str) -> None:
 def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
     plan = assembled({"model": "snr", "calibrate": "paper"})
     plume = Host.discover().component("opir_signature_models", "plume")
-    found = []
+    result = []
     for sensor, receiver in zip(plan.sensors, plan.detection.receivers, strict=True):
         context = SignatureContext(
             bands=sensor.bands,
@@ -70,11 +70,11 @@ def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
             paths=("",),
             types=("ICBM",),
             profiles=(PROFILES[kind],),
-            burn_time_s=np.array([REFERENCE_BURN_S]),
+            burn_time_s=np.array([REFERENCE_TARGET.burn_s]),
         )
         place = (
-            np.array([REFERENCE_TIME_S]),
-            np.array([REFERENCE_ALTITUDE_M]),
+            np.array([REFERENCE_TARGET.time_s]),
+            np.array([REFERENCE_TARGET.altitude_m]),
             np.array([0.5 * np.pi]),
         )
         signatures = plume.build([plume.config()], context)
@@ -85,5 +85,5 @@ def test_calibrated_sensors_see_classes_as_the_page_says(kind: str) -> None:
         noise = receiver.nei_w_m2
         snr = (intensity / 3.6e7**2 / noise)[None, :]
         log_hit, _ = receiver.rule.log_chances(snr, receiver.slopes(snr, noise[None, :], None))
-        found.append(float(np.exp(log_hit[0])))
-    assert shown(kind) == pytest.approx(found, rel=0.05)
+        result.append(float(np.exp(log_hit[0])))
+    assert shown(kind) == pytest.approx(result, rel=0.05)

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from repository import ROOT
 from scipy.stats import norm
 
-from opir_core.flight.boost import boost_profile
-from opir_core.host.host import Host
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core import Host
+from opir_core.flight import boost_profile
+from opir_core.plugin import TARGET_TYPES
 from opir_core.sensors.radiometer import RadiometerConfig
 
 pytestmark = pytest.mark.slow
@@ -123,7 +123,7 @@ def streamed(
 
 
 @pytest.mark.parametrize("of_looks", [False, True])
-def test_sensors_tell_plumes_from_other_hot_things_in_the_order_of_their_bands(
+def test_discrimination_follows_the_order_of_bands(
     benchmark_: SimpleNamespace, burning: tuple[Any, dict[str, Any]], of_looks: bool
 ) -> None:
     people, looks = burning
@@ -175,18 +175,18 @@ def surprise(chance: FLOATS, happened: NDArray[np.bool_]) -> float:
     )
 
 
-def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(
+def test_areas_under_curves_of_normal_scores(
     benchmark_: SimpleNamespace,
 ) -> None:
     # Scores N(1, 1) against N(0, 1): the area is Phi(1/sqrt 2); deviations are held to those of
     # many repetitions.
     rng = np.random.default_rng(9)
-    found = []
+    result = []
     for _ in range(400):
         plume = rng.normal(1.0, 1.0, 80)
         other = rng.normal(0.0, 1.0, 60)
-        found.append(benchmark_.area(plume, other))
-    middle, low, high = np.array(found).T
+        result.append(benchmark_.area(plume, other))
+    middle, low, high = np.array(result).T
     true = norm.cdf(np.sqrt(0.5))
     assert abs(middle.mean() - true) < 3.3 * middle.std() / 20.0
     assert 0.90 < np.mean((low <= true) & (true <= high)) < 0.985

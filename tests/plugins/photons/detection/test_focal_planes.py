@@ -22,14 +22,13 @@ from scipy.special import ndtr
 from snr_scene import DSP, NEXTGEN, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import Looks
-from opir_core.plugin import FocalPlaneConfig
-from opir_core.reading.canonical import scene_mapping
+from opir_core import Engine
+from opir_core.planning import Looks
+from opir_core.plugin import Exposures, FocalPlaneConfig
+from opir_core.reading import scene_mapping
 from opir_core.scene.field_rows import named_values
-from opir_core.simulation.engine import Engine
+from opir_core.simulation import ProbabilityInterpolant
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.interpolation import ProbabilityInterpolant
 
 CLOUD = {"atmosphere": {"model": "lowtran", "cloud": {"top_km": 8.0}}, "background": "earth"}
 BY_DAY = {"epoch": "2026-04-01T22:00:00Z"}
@@ -80,9 +79,7 @@ def spread_of(plane: Any, middle_um: float, pixel_rad: float) -> PointSpread:
         pytest.param({"spatial_filter": "sum", "core_pixels": 2}, marks=pytest.mark.slow),
     ],
 )
-def test_noise_is_that_of_electrons_photons_and_leaking_structure(
-    sky: str, changes: dict[str, Any]
-) -> None:
+def test_noise_of_electrons_photons_and_structure(sky: str, changes: dict[str, Any]) -> None:
     """σ² = (electrons without light + photons of the background) / gain² + structure left by the
     filters.
     """
@@ -111,7 +108,7 @@ def test_noise_is_that_of_electrons_photons_and_leaking_structure(
     ]
     plan = opir.compile_plan(scene(sensors, "IS", **SKIES[sky]))
     exposed = looks_of(plan, 97)
-    found = plan.detection.response(exposed)
+    result = plan.detection.response(exposed)
     chain = plan.detection.environment
     for number, sensor in enumerate(plan.sensors):
         rows = np.flatnonzero(exposed.sensor == number)
@@ -146,14 +143,16 @@ def test_noise_is_that_of_electrons_photons_and_leaking_structure(
                     else None
                 )
                 scale = structure.scale_m / range_m[row] / pixel
-                left = SpatialTransfer.of(weights, spread).variance(scale, structure.exponent, lag)
-                clutter[row] = rms[place, row] * pixel**2 * math.sqrt(float(left)) / gain
+                remaining = SpatialTransfer.of(weights, spread).variance(
+                    scale, structure.exponent, lag
+                )
+                clutter[row] = rms[place, row] * pixel**2 * math.sqrt(float(remaining)) / gain
             noise = np.sqrt(noise_gain(weights) * frames * electrons) / per_unit / gain
             expected = np.hypot(noise, clutter)
-            np.testing.assert_allclose(found.noise_w_m2[rows, place], expected, rtol=3e-4)
+            np.testing.assert_allclose(result.noise_w_m2[rows, place], expected, rtol=3e-4)
 
 
-def test_notional_focal_planes_have_clutter_above_the_noise_of_their_detectors() -> None:
+def test_notional_clutter_exceeds_detector_noise() -> None:
     """Sunlit cloud leaves several times the noise of the detectors in every band."""
     sensors = [with_plane(one) for one in (DSP, SBIRS, NEXTGEN)]
     plan = opir.compile_plan(scene(sensors, "IRS", duration_s=100, **SKIES["cloud by day"]))
@@ -168,7 +167,7 @@ def test_notional_focal_planes_have_clutter_above_the_noise_of_their_detectors()
 
 
 @pytest.mark.slow
-def test_structure_costs_detections_before_sunlit_cloud_and_none_in_the_night() -> None:
+def test_structure_costs_detections_by_day_only() -> None:
     seen = {}
     for sky, changes in SKIES.items():
         for name, plane in (
@@ -199,15 +198,15 @@ def test_a_well_limits_the_signal_and_a_full_one_leaves_none() -> None:
         response = plan.detection.response(looks_of(plan))
         return response.snr * response.noise_w_m2
 
-    whole = signals(1e9)
+    total = signals(1e9)
     limited = signals(2e3)
     # 16 subframes; the brightest pixel has the mean shares 0.4985 and 0.4730 of Airy patterns
     # blurred by 0.33 pixels: tests/against/test_against_displaced_spots.py holds such shares
     # against images.
     per_unit = math.pi / 4 * 0.36 * 0.49 * 0.01 * np.array([2.75e-6, 4.5e-6]) / (h * c)
     most = 16 * 2e3 / per_unit / [0.4985, 0.4730]
-    np.testing.assert_allclose(limited, np.minimum(whole, most), rtol=5e-3)
-    assert np.all(whole.max(axis=0) > most)
+    np.testing.assert_allclose(limited, np.minimum(total, most), rtol=5e-3)
+    assert np.all(total.max(axis=0) > most)
     assert np.all(signals(1e3, **SKIES["cloud by day"]) == 0.0)
 
 
@@ -217,25 +216,25 @@ def test_lines_of_sight_have_the_bound_of_their_centroids(temporal: str) -> None
     plane = {"temporal_filter": temporal, "dark_current_e_s": 5e9}
     sensor = with_plane(SBIRS, plane, line_of_sight_sigma_urad=0.0, spectral_discrimination="none")
     plan = opir.compile_plan(scene([{**sensor, "bands": {"SWIR": [2.5, 3.0]}}], "I"))
-    found, truth = joined(windows_of(plan, [60.0]))
+    result, truth = joined(windows_of(plan, [60.0]))
     rows = truth.target >= 0
     config = plan.sensors[0].radiometer.focal_planes[0]
     pixel = plan.sensors[0].radiometer.ifov_rad
     sigma = spot_rad(config, 2.75)
     weights = filter_weights("matched", 1, sigma, pixel)
     gain = float(FilteredSpot.of(weights, spread_of(config, 2.75, pixel)).response())
-    pixel_snr = found.snr[rows] * math.sqrt(noise_gain(weights)) / gain
+    pixel_snr = result.snr[rows] * math.sqrt(noise_gain(weights)) / gain
     per_unit = math.pi / 4 * 0.36 * 0.49 * 0.9 * 0.01 * 2.75e-6 / (h * c)
-    signal_e = found.band_irradiance_w_m2[rows, 0] * per_unit
-    chosen = slice(None, None, max(1, int(rows.sum()) // 40))
-    expected = centroid_sigma_rad(pixel_snr[chosen], sigma, pixel, signal_e[chosen])
-    np.testing.assert_allclose(found.line_of_sight_sigma_rad[rows][chosen], expected, rtol=0.05)
+    signal_e = result.band_irradiance_w_m2[rows, 0] * per_unit
+    selected = slice(None, None, max(1, int(rows.sum()) // 40))
+    expected = centroid_sigma_rad(pixel_snr[selected], sigma, pixel, signal_e[selected])
+    np.testing.assert_allclose(result.line_of_sight_sigma_rad[rows][selected], expected, rtol=0.05)
     assert expected.min() < 0.2 * pixel
     floored = opir.compile_plan(scene([{**sensor, "line_of_sight_sigma_urad": 30.0}], "I"))
     assert joined(windows_of(floored, [60.0]))[0].line_of_sight_sigma_rad.min() >= 30e-6
 
 
-def test_reference_cells_divide_the_signal_over_noise_by_the_loss() -> None:
+def test_reference_cells_divide_snr_by_the_loss() -> None:
     known, estimated = (
         opir.compile_plan(scene([with_plane(DSP, {"reference_cells": cells})], "I"))
         for cells in (None, 24)
@@ -299,8 +298,8 @@ def test_windows_do_not_change_results() -> None:
     plan = opir.compile_plan(
         scene([with_plane(SBIRS), with_plane(NEXTGEN)], **SKIES["cloud by day"])
     )
-    whole, parts = (joined(windows_of(plan, edges)) for edges in ([60.0], [7.3, 7.4, 31.0, 60.0]))
-    for one, other in zip(whole, parts, strict=True):
+    total, parts = (joined(windows_of(plan, edges)) for edges in ([60.0], [7.3, 7.4, 31.0, 60.0]))
+    for one, other in zip(total, parts, strict=True):
         for name in (
             "time_ns",
             "detection_id",
@@ -310,7 +309,7 @@ def test_windows_do_not_change_results() -> None:
         ):
             if hasattr(one, name):
                 assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
-    assert len(whole[0]) > 100
+    assert len(total[0]) > 100
 
 
 def test_a_scene_that_names_none_has_the_same_noise_as_ever() -> None:
@@ -326,11 +325,11 @@ def test_a_scene_that_names_none_has_the_same_noise_as_ever() -> None:
 
 
 def test_notional_stands_for_the_values_of_the_sensor_model() -> None:
-    found = scene([with_plane(DSP), with_plane(SBIRS), with_plane(NEXTGEN)])
-    planes = [sensor.model.config.focal_plane for sensor in found.sensors]
+    result = scene([with_plane(DSP), with_plane(SBIRS), with_plane(NEXTGEN)])
+    planes = [sensor.model.config.focal_plane for sensor in result.sensors]
     assert [plane.aperture_m for plane in planes] == [0.9, 0.6, 1.0]
-    again = opir.scene_from_mapping(scene_mapping(found))
-    assert again.sensors == found.sensors
+    repeated = opir.scene_from_mapping(scene_mapping(result))
+    assert repeated.sensors == result.sensors
     from opir_dsp.plugin import DspConfig
 
     assert DspConfig(orbital_slot_deg=0.0, focal_plane="notional").focal_plane == planes[0]
@@ -456,10 +455,12 @@ def test_extreme_focal_planes_stay_in_bounds(plane: dict[str, Any], sees: bool) 
     plan = opir.compile_plan(
         scene([with_plane(SBIRS, plane)], "I", atmosphere="lowtran", background="earth")
     )
-    found, truth = joined(windows_of(plan, [60.0]))
+    result, truth = joined(windows_of(plan, [60.0]))
     assert np.any(truth.target >= 0) == sees
-    assert np.all(np.isfinite(found.snr))
-    assert np.all((found.line_of_sight_sigma_rad >= 20e-6) & (found.line_of_sight_sigma_rad < 1e-3))
+    assert np.all(np.isfinite(result.snr))
+    assert np.all(
+        (result.line_of_sight_sigma_rad >= 20e-6) & (result.line_of_sight_sigma_rad < 1e-3)
+    )
     assert np.all(truth.probability[truth.target >= 0] > 0.0)
 
 

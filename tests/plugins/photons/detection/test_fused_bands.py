@@ -63,7 +63,7 @@ def test_free_draws_pass_as_often_as_the_probability_says(snr: list[float]) -> N
 
 
 @pytest.mark.parametrize("snr", [[4.0, 3.0, 0.0], [1.0, 0.2, 0.5]])
-def test_draws_of_detections_have_the_distribution_of_free_draws_that_pass(
+def test_detections_are_distributed_as_passing_draws(
     snr: list[float],
 ) -> None:
     rule = rule_of(3, 3.0)
@@ -72,14 +72,16 @@ def test_draws_of_detections_have_the_distribution_of_free_draws_that_pass(
     signal = np.tile(snr, (rows, 1))
     slopes = rule.directions(signal, np.ones(signal.shape))
     free = signal + rng.normal(size=signal.shape)
-    kept = free[rule.passes(free, slopes)]
-    count = min(len(kept), 20_000)
+    selected = free[rule.passes(free, slopes)]
+    count = min(len(selected), 20_000)
     seeds = rng.integers(0, 2**64, count, dtype=np.uint64)
     drawn = accepted_draws(rule, signal[:count], slopes[:count], np.ones(count), seeds)
     assert rule.passes(drawn, slopes[:count]).all()
     for band in range(3):
-        assert kstest(drawn[:, band], kept[:count, band]).pvalue > 1e-3
-    assert kstest(drawn[:, 0] * drawn[:, 1], kept[:count, 0] * kept[:count, 1]).pvalue > 1e-3
+        assert kstest(drawn[:, band], selected[:count, band]).pvalue > 1e-3
+    assert (
+        kstest(drawn[:, 0] * drawn[:, 1], selected[:count, 0] * selected[:count, 1]).pvalue > 1e-3
+    )
 
 
 def test_a_draw_detects_however_bright_or_faint_the_source() -> None:
@@ -110,17 +112,21 @@ def without(sensor: dict, band: str) -> dict:
 def test_a_sensor_without_one_of_its_bands_never_detects_more(
     sensor: dict, band: str, plane: str | None
 ) -> None:
-    chosen = {"spectral_discrimination": "likelihood", "focal_plane": plane, "threshold_sigma": 7.0}
-    sensor = {**sensor, **chosen, "orbital_slot_deg": -120.0}
+    selected = {
+        "spectral_discrimination": "likelihood",
+        "focal_plane": plane,
+        "threshold_sigma": 7.0,
+    }
+    sensor = {**sensor, **selected, "orbital_slot_deg": -120.0}
     if plane:
         del sensor["nei_w_m2"]
-    found = []
+    result = []
     for block in (sensor, without(sensor, band)):
         plan = opir.compile_plan(scene((block,), background="earth", duration_s=120))
-        found.append(joined(windows_of(plan, [120.0]))[1].target)
+        result.append(joined(windows_of(plan, [120.0]))[1].target)
     assert plan.detection.noise_chance[0] == pytest.approx(
         norm.sf(plan.sensors[0].radiometer.threshold)
     )
-    counts = [np.bincount(targets[targets >= 0], minlength=3) for targets in found]
+    counts = [np.bincount(targets[targets >= 0], minlength=3) for targets in result]
     assert (counts[0] >= counts[1]).all()
     assert counts[0].sum() > 0

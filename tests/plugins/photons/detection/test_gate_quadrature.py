@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_photons.detection import gate_integrals
-from opir_photons.detection.band_rules import RatioGates
+from opir_photons.detection import RatioGates, gate_integrals
 from opir_photons.detection.gate_integrals import (
     NODES,
     WIDTHS,

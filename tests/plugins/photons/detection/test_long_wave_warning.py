@@ -8,8 +8,8 @@ import pytest
 from snr_scene import joined, scene, windows_of
 
 import opir_core as opir
+from opir_core.simulation import plan_warnings
 from opir_core.simulation.explanation import explained
-from opir_core.simulation.plan_checks import plan_warnings
 
 DAY = "2026-04-01T22:00:00Z"
 NIGHT = "2026-04-01T10:00:00Z"
@@ -33,7 +33,7 @@ def warned(plan: opir.Plan) -> list[str]:
     ids=["paper", "default", "heritage", "own band"],
 )
 @pytest.mark.parametrize("epoch", [DAY, NIGHT], ids=["day", "night"])
-def test_the_sensor_that_is_warned_of_sees_no_launch_of_three_and_the_others_do(
+def test_the_warned_sensor_detects_no_launch(
     epoch: str, changes: Any, is_warned: bool, sees: bool
 ) -> None:
     plan = opir.compile_plan(scene([{**DSP, **changes}], duration_s=100, **{**SKY, "epoch": epoch}))
@@ -42,7 +42,7 @@ def test_the_sensor_that_is_warned_of_sees_no_launch_of_three_and_the_others_do(
     assert (truth.target >= 0).any() == sees
 
 
-def test_one_line_names_the_sensors_and_the_remedy_and_explain_has_it() -> None:
+def test_blind_sensors_are_warned_of() -> None:
     plan = opir.compile_plan(scene([{"constellation": "DSP", "preset": "paper"}], "I", **SKY))
     (line,) = warned(plan)
     assert line.startswith("detection: DSP-1 and 3 more: this DSP is the paper's (LWIR, 0.2 s)")

@@ -9,8 +9,8 @@ from opir_photons.radiometry import FilteredSpot, FrameDifference, PointSpread, 
 from snr_scene import SBIRS, scene
 
 import opir_core as opir
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.looks import Looks
+from opir_core.planning import Looks
+from opir_core.plugin import Exposures
 
 LAG_S = 10.0
 FIRE = {"model": "fires", "id": "F", "at": [{"lat_deg": 3.0, "lon_deg": -150.0}]}
@@ -39,14 +39,14 @@ def signals(temporal: str, **changes: Any) -> tuple[Any, Exposures, np.ndarray]:
     return plan, looks, response.snr * response.noise_w_m2
 
 
-def test_what_is_left_is_the_light_now_less_that_of_a_displaced_spot_a_lag_earlier() -> None:
-    plan, looks, left = signals("difference")
-    whole = signals("none")[2]
+def test_frame_difference_subtracts_a_displaced_spot() -> None:
+    plan, looks, remaining = signals("difference")
+    total = signals("none")[2]
     since_s = looks.emission_time_s - plan.targets.ignition_s[looks.target]
     early = since_s < LAG_S
-    np.testing.assert_allclose(left[early], whole[early], rtol=1e-12)
+    np.testing.assert_allclose(remaining[early], total[early], rtol=1e-12)
     # The ring of a matched filter is negative: a spot that has left its core adds.
-    assert (left <= whole * 1.2).all()
+    assert (remaining <= total * 1.2).all()
     # Light of the same targets, seen alone a lag earlier.
     config = plan.sensors[0].radiometer.focal_planes[0]
     pixel_rad = plan.sensors[0].radiometer.ifov_rad
@@ -72,15 +72,15 @@ def test_what_is_left_is_the_light_now_less_that_of_a_displaced_spot_a_lag_earli
                 weights, PointSpread.of(middle_um, config.aperture_m, float(blur), pixel_rad)
             )
             share = float(spot.response(moved, FrameDifference(LAG_S, 0.0, 0.0)) / spot.response())
-            expected = max(whole[row, place] - share * whole[near, place], 0.0)
+            expected = max(total[row, place] - share * total[near, place], 0.0)
             # Looks a lag apart are up to 0.25 s from a lag.
-            assert abs(left[row, place] - expected) < 0.05 * whole[row, place]
+            assert abs(remaining[row, place] - expected) < 0.05 * total[row, place]
 
 
 def test_steady_sources_are_removed() -> None:
-    plan, looks, left = signals("difference", sources=[FIRE])
-    whole = signals("none", sources=[FIRE])[2]
+    plan, looks, remaining = signals("difference", sources=[FIRE])
+    total = signals("none", sources=[FIRE])[2]
     fire = looks.target == len(plan.scene.targets)
     assert fire.sum() > 20
-    assert whole[fire].max() > 0.0
-    assert left[fire].max() < 1e-9 * whole[fire].max()
+    assert total[fire].max() > 0.0
+    assert remaining[fire].max() < 1e-9 * total[fire].max()

@@ -46,7 +46,7 @@ def test_cumulative_probability_is_the_binomial_tail(looks: int) -> None:
     assert chance == pytest.approx(m_of_n_probability(PROBABILITIES, 1, looks), rel=1e-12, abs=0.0)
 
 
-def test_cumulative_probability_of_the_paper_and_of_small_chances() -> None:
+def test_cumulative_probability_of_small_chances() -> None:
     assert cumulative_probability(0.8, 10) == pytest.approx(0.9999998976, abs=5e-11)
     assert cumulative_probability(0.6, 5) == pytest.approx(0.98976, abs=1e-12)
     assert cumulative_probability(1e-20, 3) == pytest.approx(3e-20, rel=1e-15)

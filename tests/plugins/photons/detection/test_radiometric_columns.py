@@ -5,7 +5,7 @@ import pytest
 from opir_photons.detection.radiometric_columns import checked_intensities
 
 from opir_core.errors import ModelError
-from opir_core.interfaces.radiometric_models import Signatures
+from opir_core.plugin import Signatures
 
 
 @pytest.mark.parametrize("wrong", [-1.0, np.nan, np.inf])

@@ -12,7 +12,8 @@ import mpmath
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_photons.detection.band_rules import AnyBand, RatioGates
+from opir_photons.detection import RatioGates
+from opir_photons.detection.band_rules import AnyBand
 from opir_photons.detection.rejection_sampling import accepted_draws
 from scipy.special import log_ndtr, ndtr
 
@@ -181,9 +182,9 @@ def test_tails_where_gates_open_far_out_are_mpmaths(
     exact = mpmath.log(
         mpmath.quad(density, [opens + fall * step for step in (0, 1, 3, 8, 20, 50, 120)])
     )
-    found = rule.log_chances(np.array([snr]), rule.slopes(np.array([noise])))[0][0]
-    assert found < -1000.0
-    assert found == pytest.approx(float(exact), rel=1e-12, abs=1e-7)
+    result = rule.log_chances(np.array([snr]), rule.slopes(np.array([noise])))[0][0]
+    assert result < -1000.0
+    assert result == pytest.approx(float(exact), rel=1e-12, abs=1e-7)
 
 
 @pytest.mark.slow
@@ -216,18 +217,18 @@ def test_what_is_drawn_again_has_the_law_of_free_draws_that_pass(
     tries = 600_000
     ones = np.ones((tries, len(snr)))
     free = snr + rng.normal(size=ones.shape)
-    kept = free[rule.passes(free, rule.slopes(ones))]
-    rows = len(kept)
+    selected = free[rule.passes(free, rule.slopes(ones))]
+    rows = len(selected)
     chance = np.full(rows, np.exp(rule.log_chances(np.array([snr]), rule.slopes(ones[:1]))[0][0]))
     seeds = rng.integers(0, 1 << 64, size=rows, dtype=np.uint64)
     drawn = accepted_draws(rule, np.tile(snr, (rows, 1)), rule.slopes(ones[:rows]), chance, seeds)
     assert rule.passes(drawn, rule.slopes(ones[:rows])).all()
     for band in range(len(snr)):
         edges = np.quantile(
-            np.concatenate([kept[:, band], drawn[:, band]]), np.linspace(0.0, 1.0, 41)[1:-1]
+            np.concatenate([selected[:, band], drawn[:, band]]), np.linspace(0.0, 1.0, 41)[1:-1]
         )
         one, other = (
             np.bincount(np.searchsorted(edges, sample[:, band]), minlength=40)
-            for sample in (kept, drawn)
+            for sample in (selected, drawn)
         )
         assert ((one - other) ** 2 / (one + other)).sum() < chi2.isf(0.001 / 14, 39)

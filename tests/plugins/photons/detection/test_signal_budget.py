@@ -7,8 +7,8 @@ import pytest
 from scipy.constants import c, h
 
 import opir_core as opir
-from opir_core.planning.looks import Looks
-from opir_core.reading.canonical import scene_mapping
+from opir_core.planning import Looks
+from opir_core.reading import scene_mapping
 
 #: Noise is given: that of focal planes has tests of its own.
 GIVEN = [
@@ -64,7 +64,7 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
     plan = opir.compile_plan(opir.scene_from_mapping(mapping))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair[::7], looks.scan[::7])
-    found = plan.detection.response(exposed)
+    result = plan.detection.response(exposed)
     chain = plan.detection.environment
     compared = 0
     noisy = 0
@@ -85,9 +85,9 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
             photon_j = h * c / (0.5e-6 * (band.lower_um + band.upper_um))
             counts = behind * photon_j / light.collection_m2_s
             sigma = np.sqrt(light.nei_w_m2[place] ** 2 + counts + clutter**2)
-            np.testing.assert_allclose(found.noise_w_m2[rows, place], sigma, rtol=1e-12)
+            np.testing.assert_allclose(result.noise_w_m2[rows, place], sigma, rtol=1e-12)
             np.testing.assert_allclose(
-                found.snr[rows, place], irradiance / sigma, rtol=1e-11, atol=1e-300
+                result.snr[rows, place], irradiance / sigma, rtol=1e-11, atol=1e-300
             )
             compared += int((irradiance > 0.0).sum())
             noisy += int((counts > 0.1 * sigma**2).any()) + int((clutter > 0.1 * sigma).any())

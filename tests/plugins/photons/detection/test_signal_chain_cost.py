@@ -6,8 +6,8 @@ import pytest
 from opir_photons.detection import snr
 
 import opir_core as opir
-from opir_core.interfaces.columns import Columns
-from opir_core.simulation.run import plan_windows
+from opir_core import plan_windows
+from opir_core.interfaces import Columns
 from opir_core.simulation.summary import Tally
 
 SCENE: dict[str, Any] = {
@@ -38,7 +38,7 @@ SCENE: dict[str, Any] = {
 }
 
 
-def test_what_noise_alone_does_is_worked_out_once_a_kind_of_sensor(
+def test_noise_is_worked_out_once_a_kind_of_sensor(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It is an integral of the sensor's rule, dearer than all else that a satellite's receiver is
@@ -53,7 +53,7 @@ def test_what_noise_alone_does_is_worked_out_once_a_kind_of_sensor(
     assert len(asked) == 2
 
 
-def test_a_window_with_noise_is_summed_up_without_a_copy_of_its_columns(
+def test_windows_are_summed_without_copies(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A window has two dozen columns, of which five are counted."""

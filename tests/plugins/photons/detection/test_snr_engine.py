@@ -10,16 +10,14 @@ import pytest
 from attrs import fields
 from opir_photons.detection import snr
 from opir_photons.detection.gate_density import GateDensity
-from opir_photons.environment import REFERENCE_ALTITUDE_M
 from scipy.stats import chi2, norm, poisson, spearmanr
 from snr_scene import DSP, NEAR_THRESHOLD, NEXTGEN, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
-from opir_core.interfaces.records import Detections, DetectionTruth
+from opir_core import Detections, DetectionTruth, Engine
 from opir_core.plugin import Response
 from opir_core.random_streams.philox import Reader
 from opir_core.simulation import false_alarms
-from opir_core.simulation.engine import Engine
 
 
 def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = ()) -> None:
@@ -52,21 +50,21 @@ def test_no_slicing_changes_a_byte(plan: Any, whole: tuple[Detections, Detection
 def test_neighbours_change_nobodys_draws() -> None:
     alone = opir.compile_plan(scene([SBIRS], "R"))
     crowd = opir.compile_plan(scene())
-    found, _ = joined(windows_of(alone, [60.0]))
+    result, _ = joined(windows_of(alone, [60.0]))
     everyone, truth = joined(windows_of(crowd, [60.0]))
     # In the whole scene B is sensor 1 and R target 1.
     width = alone.detection.width
-    theirs = everyone.take((everyone.sensor == 1) & ((truth.target == 1) | (truth.target < 0)))
-    assert len(theirs) > 20
-    assert_same(found, theirs, leave_out=("sensor", "band_irradiance_w_m2"))
-    assert np.array_equal(found.band_irradiance_w_m2, theirs.band_irradiance_w_m2[:, :width])
+    reference = everyone.take((everyone.sensor == 1) & ((truth.target == 1) | (truth.target < 0)))
+    assert len(reference) > 20
+    assert_same(result, reference, leave_out=("sensor", "band_irradiance_w_m2"))
+    assert np.array_equal(result.band_irradiance_w_m2, reference.band_irradiance_w_m2[:, :width])
 
 
 def test_noise_comes_at_the_rate_that_the_threshold_implies(
     plan: Any, whole: tuple[Detections, DetectionTruth]
 ) -> None:
-    found, truth = whole
-    noise = found.take(truth.target < 0)
+    result, truth = whole
+    noise = result.take(truth.target < 0)
     cells = 4.0 * np.pi * np.sin(np.radians(5.0)) ** 2 / 56e-6**2
     expected = norm.sf(5.0) * cells * 300
     counted = int((noise.sensor == 0).sum())
@@ -100,20 +98,20 @@ def test_noise_is_spread_uniformly_over_the_field_of_regard(
 
 
 @pytest.mark.slow
-def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_no_panels_to_measure(
+def test_windows_read_each_pair_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD, duration_s=220))
     reads = []
-    made = []
+    built = []
     philox = np.random.Philox
     words = Reader.words
-    monkeypatch.setattr(np.random, "Philox", lambda **place: made.append(place) or philox(**place))
+    monkeypatch.setattr(np.random, "Philox", lambda **place: built.append(place) or philox(**place))
     monkeypatch.setattr(Reader, "words", lambda *place: reads.append(place) or words(*place))
     engine = Engine(plan)
     # One for all pairs; of each sensor three for its noise: how often, which, and the phase of its
     # scan.
-    assert len(made) <= 1 + 3 * len(plan.sensors)
+    assert len(built) <= 1 + 3 * len(plan.sensors)
     monkeypatch.setattr(GateDensity, "panels", None)
     reads.clear()
     window = engine.advance(plan.end_ns)
@@ -129,7 +127,7 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
 
 
 @pytest.mark.slow
-def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(
+def test_noise_is_measured_by_sensor_in_time_order(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD))
@@ -152,13 +150,13 @@ def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(
     assert_same(alone.advance(round(3e9)).detections, noise.take(noise.time_ns < 3e9))
 
 
-def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geometry_of_noise(
+def test_windows_are_measured_once_a_kind_of_receiver(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = opir.compile_plan(scene(NEAR_THRESHOLD, duration_s=220))
-    whole = Engine(plan).advance(plan.end_ns)
+    total = Engine(plan).advance(plan.end_ns)
     measured = []
-    again = []
+    repeated = []
     placed = []
     inner = type(plan.detection).measure_response
     to_pass = snr.accepted_draws
@@ -167,7 +165,7 @@ def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geomet
         type(plan.detection), "measure_response", lambda *g: measured.append(len(g[2])) or inner(*g)
     )
     monkeypatch.setattr(
-        snr, "accepted_draws", lambda *given: again.append(len(given[1])) or to_pass(*given)
+        snr, "accepted_draws", lambda *given: repeated.append(len(given[1])) or to_pass(*given)
     )
     monkeypatch.setattr(
         false_alarms,
@@ -176,17 +174,17 @@ def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geomet
     )
     monkeypatch.setattr("opir_core.planning.looks.BLOCK_ROWS", 100)
     parted = Engine(plan).advance(plan.end_ns)
-    seen = int((whole.truth.target >= 0).sum())
-    kinds = len(set(plan.detection.alike.tolist()))
+    seen = int((total.truth.target >= 0).sum())
+    kinds = len(set(plan.detection.twin.tolist()))
     assert measured == [seen]
     assert seen > 50 * kinds
     # Of each kind what targets' draws left, and the exceedances of noise.
-    assert kinds < len(again) <= 2 * kinds
+    assert kinds < len(repeated) <= 2 * kinds
     assert len(placed) == 1
-    assert placed[0] >= (whole.truth.target < 0).sum() > 0
+    assert placed[0] >= (total.truth.target < 0).sum() > 0
     # How many rows are worked on at a time changes nothing.
-    assert_same(parted.detections, whole.detections)
-    assert parted.truth.range_m.tobytes() == whole.truth.range_m.tobytes()
+    assert_same(parted.detections, total.detections)
+    assert parted.truth.range_m.tobytes() == total.truth.range_m.tobytes()
 
 
 class _Given:
@@ -208,7 +206,7 @@ class _Given:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("signal", [pytest.param(4.0, marks=pytest.mark.slow), 6.0, 9.0])
-def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_that_did_not(
+def test_measurements_forget_rejected_draws(
     signal: float,
 ) -> None:
     """Two samples, 40 cells a band, chi-squared; and no rank correlation with what failed: 99.9 %,
@@ -229,20 +227,20 @@ def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_t
     measured = model.measure_response(response, np.full(rows, 2, dtype=np.int32), _Given(normal))
     drawn = measured.band_irradiance_w_m2 / noise
     free = snr[:1] + rng.normal(size=(int(rows / np.exp(log_chance[0])), 3))
-    kept = free[
+    selected = free[
         receiver.rule.passes(free, receiver.rule.slopes(noise[:1].repeat(len(free), axis=0)))
     ]
     failed = ~receiver.rule.passes(snr + normal, receiver.rule.slopes(noise))
     assert receiver.rule.passes(drawn, receiver.rule.slopes(noise)).all()
     for band in range(3):
-        edges = np.quantile(kept[:, band], np.linspace(0.0, 1.0, 41)[1:-1])
+        edges = np.quantile(selected[:, band], np.linspace(0.0, 1.0, 41)[1:-1])
         one, other = (
             np.bincount(np.searchsorted(edges, each[:, band]), minlength=40)
-            for each in (kept, drawn)
+            for each in (selected, drawn)
         )
-        spread = (one * np.sqrt(rows / len(kept)) - other * np.sqrt(len(kept) / rows)) ** 2 / (
-            one + other
-        )
+        spread = (
+            one * np.sqrt(rows / len(selected)) - other * np.sqrt(len(selected) / rows)
+        ) ** 2 / (one + other)
         assert spread.sum() < chi2.isf(0.001 / 24, 39)
         for other_band in range(3):
             ranks = spearmanr(normal[failed, other_band], drawn[failed, band]).statistic
@@ -250,9 +248,8 @@ def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_t
 
 
 def test_calibrated_sensors_see_the_reference_as_the_paper_says() -> None:
-    assert REFERENCE_ALTITUDE_M > 0.0
     model = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"})).detection
-    for number, wanted in enumerate((0.6, 0.8, 0.95)):
+    for number, expected in enumerate((0.6, 0.8, 0.95)):
         receiver = model.receivers[number]
         signal = model.environment.reference_intensity_w_sr[receiver.bands] / 3.6e7**2
         noise = receiver.nei_w_m2
@@ -261,24 +258,24 @@ def test_calibrated_sensors_see_the_reference_as_the_paper_says() -> None:
                 (signal / noise)[None, :], receiver.rule.slopes(noise[None, :])
             )[0][0]
         )
-        assert chance == pytest.approx(wanted, abs=1e-12)
+        assert chance == pytest.approx(expected, abs=1e-12)
 
 
 def test_residuals_are_as_wide_as_they_say(plan: Any) -> None:
     wide = opir.compile_plan(scene([DSP], "I", duration_s=200))
-    found, truth = joined(windows_of(wide, [200.0]))
-    found = found.take(truth.target >= 0)
+    result, truth = joined(windows_of(wide, [200.0]))
+    result = result.take(truth.target >= 0)
     truth = truth.take(truth.target >= 0)
-    true = wide.targets.position_ecef_m(truth.target, truth.emission_time_s) - found.sensor_ecef_m
+    true = wide.targets.position_ecef_m(truth.target, truth.emission_time_s) - result.sensor_ecef_m
     true /= np.linalg.norm(true, axis=1)[:, None]
     squared = np.sum(
-        ((found.line_of_sight_ecef - true) / found.line_of_sight_sigma_rad[:, None]) ** 2, axis=1
+        ((result.line_of_sight_ecef - true) / result.line_of_sight_sigma_rad[:, None]) ** 2, axis=1
     )
     ordered = np.sort(1.0 - np.exp(-squared / 2.0))
     count = len(ordered)
     assert count > 200
-    assert np.ptp(found.line_of_sight_sigma_rad) > 1e-7
+    assert np.ptp(result.line_of_sight_sigma_rad) > 1e-7
     assert np.max(np.abs(ordered - (np.arange(count) + 0.5) / count)) < 1.95 / np.sqrt(count)
     assert np.allclose(
-        found.line_of_sight_sigma_rad, np.hypot(50e-6, 56e-6 / found.snr), rtol=1e-12, atol=0.0
+        result.line_of_sight_sigma_rad, np.hypot(50e-6, 56e-6 / result.snr), rtol=1e-12, atol=0.0
     )

@@ -14,10 +14,10 @@ from opir_photons.radiometry.lowtran import LowtranAtmosphere
 from scipy.special import log_ndtr, ndtr
 
 import opir_core as opir
+from opir_core import Engine
 from opir_core.errors import SceneError
 from opir_core.geometry import ecef_to_geodetic, elevation_rad, geodetic_to_ecef
-from opir_core.interfaces.records import Exposures
-from opir_core.simulation.engine import Engine
+from opir_core.plugin import Exposures
 
 SENSORS = {
     "DSP": {
@@ -129,7 +129,7 @@ def test_higher_is_surer_through_the_air(longitude_deg: float) -> None:
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_inside_cloud_there_is_noise_alone(name: str) -> None:
+def test_targets_inside_cloud_give_no_signal(name: str) -> None:
     plan = assembled([SENSORS[name]], **SKIES["cloud"])
     looks = looks_at(HEIGHTS_M, 40.0)
     hidden = HEIGHTS_M < 10e3
@@ -152,10 +152,10 @@ def test_from_1e_minus_12_to_1e12_the_tails_are_mpmaths(
     flare_w_m2: float, decade: int, threshold: float
 ) -> None:
     mpmath.mp.dps = 40
-    chosen = (
+    selected = (
         {"threshold_sigma": threshold} if threshold >= 0.0 else {"false_alarm_probability": 1e-300}
     )
-    plan = assembled([{**SENSORS["DSP"], "nei_w_m2": flare_w_m2 / 10.0**decade, **chosen}])
+    plan = assembled([{**SENSORS["DSP"], "nei_w_m2": flare_w_m2 / 10.0**decade, **selected}])
     response = plan.detection.response(looks_at(np.array([0.0]), 10.0))
     snr = float(response.snr[0, 0])
     assert snr == pytest.approx(10.0**decade, rel=1e-12)
@@ -202,7 +202,7 @@ def test_less_noise_is_surer_where_ratios_are_plausible(name: str) -> None:
     # the less the noise.
     bands = list(assembled([SENSORS[name]]).sensors[0].bands)
     wide = {band.name: [0.0, 1e6] for band in bands[1:]}
-    found = []
+    result = []
     for decade in range(-12, 13, 3):
         sensor = {
             **SENSORS[name],
@@ -210,20 +210,20 @@ def test_less_noise_is_surer_where_ratios_are_plausible(name: str) -> None:
             "nei_w_m2": 1e-12 * 10.0**-decade,
             "band_nei_w_m2": {},
         }
-        found.append(chances(assembled([sensor]), looks_at(np.array([30e3]), 10.0))[0])
-    assert (np.diff(found) >= 0.0).all()
-    assert found[0] < 1e-6
-    assert found[-1] == 1.0
+        result.append(chances(assembled([sensor]), looks_at(np.array([30e3]), 10.0))[0])
+    assert (np.diff(result) >= 0.0).all()
+    assert result[0] < 1e-6
+    assert result[-1] == 1.0
 
 
-def test_a_band_of_no_width_is_refused_and_one_of_a_hair_shows_noise_alone() -> None:
+def test_bands_without_width_are_refused() -> None:
     with pytest.raises(SceneError, match="bands"):
         assembled([{**SENSORS["DSP"], "bands": {"Z": [4.0, 4.0]}}])
     plan = assembled([{**SENSORS["DSP"], "bands": {"Z": [4.0, 4.0 + 1e-12]}}])
     assert chances(plan, looks_at(HEIGHTS_M, 40.0)) == pytest.approx(float(ndtr(-5.0)), rel=1e-6)
 
 
-def test_in_a_whole_run_nothing_above_the_horizon_is_looked_up_above_100_km(
+def test_runs_look_up_no_air_above_100_km(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: list[float] = []
@@ -247,6 +247,6 @@ def test_in_a_whole_run_nothing_above_the_horizon_is_looked_up_above_100_km(
     plan = assembled(list(SENSORS.values()), **scene)
     window = Engine(plan).advance(plan.end_ns)
     truth = window.truth.take(window.truth.target >= 0)
-    found = plan.targets.position_ecef_m(truth.target, truth.emission_time_s)
-    assert ecef_to_geodetic(found).height_m.max() > 110e3
+    result = plan.targets.position_ecef_m(truth.target, truth.emission_time_s)
+    assert ecef_to_geodetic(result).height_m.max() > 110e3
     assert 90e3 < max(asked) < 100e3

@@ -11,10 +11,10 @@ from scipy.special import ndtr
 from snr_scene import DSP, NEAR_THRESHOLD, NEXTGEN, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
+from opir_core import Engine
 from opir_core.errors import ModelError
-from opir_core.planning.looks import Looks
-from opir_core.simulation.engine import Engine
-from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.planning import Looks
+from opir_core.simulation import ProbabilityInterpolant
 from opir_core.simulation.probability import interpolant_of
 from opir_core.simulation.refinement import SIGNAL_SHARE, SIGNAL_SIGMA
 
@@ -42,8 +42,8 @@ SKIES = {
 def test_between_knots_no_look_is_off_by_more_than_the_tolerance(
     sky: str, sensors: Any, tolerance: float
 ) -> None:
-    chosen = {"model": "snr", "probability_tolerance": tolerance}
-    near = opir.compile_plan(scene(sensors, detection=chosen, duration_s=220, **SKIES[sky]))
+    selected = {"model": "snr", "probability_tolerance": tolerance}
+    near = opir.compile_plan(scene(sensors, detection=selected, duration_s=220, **SKIES[sky]))
     interpolant = interpolant_of(near, near.look_geometry())
     looks = Looks.between(near.pairs, 0, near.end_ns)
     assert interpolant is not None
@@ -70,10 +70,10 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("calibrate", ["paper", "none"])
-def test_without_word_of_its_kinks_a_model_is_held_to_the_tolerance_too(calibrate: str) -> None:
-    chosen = {"model": "snr", "calibrate": calibrate}
+def test_models_without_kinks_meet_the_tolerance(calibrate: str) -> None:
+    selected = {"model": "snr", "calibrate": calibrate}
     near = opir.compile_plan(
-        scene(detection=chosen, duration_s=220, atmosphere="lowtran", background="earth")
+        scene(detection=selected, duration_s=220, atmosphere="lowtran", background="earth")
     )
     mute = evolve(near, detection=_Mute(near.detection))
     looks = Looks.between(near.pairs, 0, near.end_ns)
@@ -118,8 +118,8 @@ def test_detections_follow_the_formula_in_bins_of_signal() -> None:
     for seed in range(12):
         engine = Engine(evolve(plan, scene=evolve(plan.scene, seed=seed)))
         truth = joined([engine.advance(plan.end_ns)])[1]
-        found = truth.probability[truth.target >= 0]
-        hits += np.bincount(np.digitize(found, np.linspace(0.0, 1.0, 21)[1:-1]), minlength=20)
+        result = truth.probability[truth.target >= 0]
+        hits += np.bincount(np.digitize(result, np.linspace(0.0, 1.0, 21)[1:-1]), minlength=20)
         expected += np.bincount(bins, chance, minlength=20)
         spread += np.bincount(bins, chance * (1.0 - chance), minlength=20)
     # 99.9 % over all bins together: 4.06 deviations each, and a count for the discreteness.
@@ -130,11 +130,11 @@ def test_detections_follow_the_formula_in_bins_of_signal() -> None:
 def test_no_noise_and_enormous_noise_stay_in_bounds(nei: float) -> None:
     sensor = {**NEXTGEN, "nei_w_m2": nei, "threshold_sigma": 9.0}
     plan = opir.compile_plan(scene([sensor], "I", atmosphere="lowtran"))
-    found, truth = joined(windows_of(plan, [60.0]))
+    result, truth = joined(windows_of(plan, [60.0]))
     chance = truth.probability[truth.target >= 0]
     assert np.all((chance >= 0.0) & (chance <= 1.0))
-    assert np.all(np.isfinite(found.snr))
-    assert (len(found) == 0) == (nei >= 1.0)
+    assert np.all(np.isfinite(result.snr))
+    assert (len(result) == 0) == (nei >= 1.0)
 
 
 def test_a_nei_in_w_cm2_is_converted_once() -> None:

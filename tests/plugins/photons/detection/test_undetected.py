@@ -40,15 +40,15 @@ def plan_of(scale: float = 1.0, slot_deg: float = -105.0, **changes: Any) -> Any
 
 
 def factor(scale: float) -> float:
-    found = re.search(
+    result = re.search(
         r"at best ([\d.]+) times below the threshold of 5.5 sigma, by S at",
         undetected_text(plan_of(scale), 0),
     )
-    assert found is not None
-    return float(found[1])
+    assert result is not None
+    return float(result[1])
 
 
-def test_a_plume_of_half_the_light_is_twice_as_far_below_the_threshold() -> None:
+def test_half_the_light_doubles_the_shortfall() -> None:
     assert factor(5e-4) == pytest.approx(2.0 * factor(1e-3), rel=0.02)
 
 
@@ -105,7 +105,7 @@ def test_a_veto_of_the_rule_over_bands_is_named() -> None:
     assert "rejected by the sensor's rule over bands" in undetected_text(plan_of(sensor=rule), 0)
 
 
-def test_a_flash_within_fewer_looks_than_confirm_is_not_missed_by_chance() -> None:
+def test_flashes_too_short_to_confirm_are_explained() -> None:
     flash = {
         "lat_deg": 35.0,
         "lon_deg": -110.0,

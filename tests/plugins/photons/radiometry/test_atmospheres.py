@@ -9,18 +9,15 @@ from opir_photons.radiometry.clouds import CloudField, FullDeck, is_hidden
 from opir_photons.radiometry.configs import CloudConfig, LowtranConfig
 from opir_photons.radiometry.lowtran import (
     LowtranAtmosphere,
+    composition_of,
     lowtran_atmosphere,
-    parts_of,
     shell_air_mass,
 )
 
+from opir_core import Host
 from opir_core.errors import ModelError
-from opir_core.geometry import elevation_rad, geodetic_to_ecef
-from opir_core.geometry.occlusion import grazing_height_m
-from opir_core.host.components import NoConfig
-from opir_core.host.host import Host
-from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
-from opir_core.plugin import Band
+from opir_core.geometry import elevation_rad, geodetic_to_ecef, grazing_height_m
+from opir_core.plugin import AtmosphereContext, Band, NoConfig, Paths
 
 SWIR = Band("SWIR", 2.5, 3.0)
 MWIR = Band("MWIR", 4.0, 5.0)
@@ -57,9 +54,7 @@ def real_paths(latitude_deg, longitude_deg, height_m):
     st.floats(0.0, 1e5),
     st.floats(0.0, 1.0),
 )
-def test_transmittance_is_a_share_that_rises_with_height_and_elevation(
-    band, height, sine, more, steeper
-):
+def test_transmittance_rises_with_height_and_elevation(band, height, sine, more, steeper):
     here, higher, up = MODEL.transmittance(
         band, paths([height, height + more, height], [sine, sine, min(sine + steeper, 1.0)])
     )
@@ -92,14 +87,14 @@ def test_nothing_is_evaluated_above_100_km(monkeypatch):
 
 @pytest.mark.parametrize("lowest_m", [500.0, 5e3, 12e3, 30e3, 60e3, 99e3])
 @pytest.mark.parametrize("band", [0, 1])
-def test_a_straight_line_has_one_transmittance_from_beyond_the_air(band, lowest_m):
+def test_lines_beyond_the_air_share_a_transmittance(band, lowest_m):
     radius_m = 6_371_000.0
     height_m = np.array([99_999.9, 100_000.1, 150e3, 400e3, 1000e3])
     sine = -np.sqrt(1.0 - np.square((radius_m + lowest_m) / (radius_m + height_m)))
-    found = MODEL.transmittance(band, paths(height_m, sine))
-    np.testing.assert_allclose(found, found[0], atol=1e-4)
-    assert lowest_m > 5e3 or (found < 0.01).all()
-    assert lowest_m < 60e3 or (found > 0.9).all()
+    result = MODEL.transmittance(band, paths(height_m, sine))
+    np.testing.assert_allclose(result, result[0], atol=1e-4)
+    assert lowest_m > 5e3 or (result < 0.01).all()
+    assert lowest_m < 60e3 or (result > 0.9).all()
 
 
 def test_the_horizon_is_crossed_without_a_step():
@@ -135,12 +130,17 @@ def test_air_mass_of_a_shell():
 
 
 def test_bands_are_found_by_their_edges_or_made_of_parts():
-    known = [Band("A", 1.0, 2.0), Band("A_N", 1.0, 1.5), Band("B", 2.0, 2.4), Band("C", 3.0, 4.0)]
-    assert parts_of(Band("mine", 1.0, 2.0), {}, known) == [known[0]]
-    assert parts_of(Band("mine", 1.0, 2.4), {}, known) == [known[0], known[2]]
-    assert parts_of(Band("mine", 1.0, 3.0), {}, known) == []
-    assert parts_of(Band("mine", 1.2, 2.0), {}, known) == []
-    assert parts_of(Band("mine", 7.0, 8.0), {"mine": "C"}, known) == [known[3]]
+    table = [Band("A", 1.0, 2.0), Band("A_N", 1.0, 1.5), Band("B", 2.0, 2.4), Band("C", 3.0, 4.0)]
+    for stand_ins, lower_um, upper_um, parts in (
+        ({}, 1.0, 2.0, "A"),
+        ({}, 1.0, 2.4, "AB"),
+        ({"W": "C"}, 7.0, 8.0, "C"),
+    ):
+        composition = composition_of(Band("W", lower_um, upper_um), stand_ins, table, "air", "T")
+        assert [band.name for band in composition] == list(parts)
+    for lower_um, upper_um in ((1.0, 3.0), (1.2, 2.0)):
+        with pytest.raises(ModelError, match="nor made of them side by side"):
+            composition_of(Band("W", lower_um, upper_um), {}, table, "air", "T")
 
 
 def test_a_band_of_parts_is_their_mean_by_width():
@@ -149,8 +149,8 @@ def test_a_band_of_parts_is_their_mean_by_width():
     context = AtmosphereContext(bands=(wide, *parts), path="atmosphere", seed=0)
     model = lowtran_atmosphere(LowtranConfig(), context)
     some = paths([0.0, 5e3, 20e3], [1.0, 0.3, 0.1])
-    whole, first, second = (model.transmittance(number, some) for number in range(3))
-    np.testing.assert_allclose(whole, (0.5 * first + second) / 1.5, rtol=1e-12)
+    total, first, second = (model.transmittance(number, some) for number in range(3))
+    np.testing.assert_allclose(total, (0.5 * first + second) / 1.5, rtol=1e-12)
 
 
 def test_other_bands_are_refused_in_words():
@@ -212,10 +212,10 @@ def test_light_leaves_through_the_cell_above_its_way():
     way = towards.target_ecef_m + steps * direction
     crossing = way[np.argmin(np.abs(np.linalg.norm(way, axis=1) - (6_378_137.0 + 10e3)))][None]
     # A field whose covers are the numbers of its cells tells a place's cell.
-    cells = CloudField(field.top_m, field.first, np.arange(len(field.cloudy)))
+    cells = CloudField(field.top_m, field.row_start, np.arange(len(field.cloudy)))
     for place, expected in ((crossing, True), (towards.target_ecef_m, False)):
         cloudy = np.arange(len(field.cloudy)) == cells.is_cloudy(place)[0]
-        assert is_hidden(CloudField(field.top_m, field.first, cloudy), towards).tolist() == [
+        assert is_hidden(CloudField(field.top_m, field.row_start, cloudy), towards).tolist() == [
             expected
         ]
 
@@ -236,9 +236,9 @@ def test_a_field_covers_its_share(cover):
     assert field.is_cloudy(points).mean() == pytest.approx(cover, abs=3.29 * spread)
 
 
-def test_a_field_hangs_on_its_seed_alone():
-    one, again, other = (CloudField.drawn(8e3, 0.5, 200e3, seed) for seed in (1, 1, 2))
-    assert (one.cloudy == again.cloudy).all()
+def test_a_field_depends_on_its_seed():
+    one, repeated, other = (CloudField.drawn(8e3, 0.5, 200e3, seed) for seed in (1, 1, 2))
+    assert (one.cloudy == repeated.cloudy).all()
     assert (one.cloudy != other.cloudy).any()
 
 

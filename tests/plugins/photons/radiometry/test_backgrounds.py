@@ -18,19 +18,17 @@ from opir_photons.radiometry.earth import LOOK_SINES, earth_background, sky_tabl
 from opir_photons.radiometry.lowtran import lowtran_atmosphere
 from opir_photons.radiometry.viewing import views
 
+from opir_core import Host
 from opir_core.errors import ModelError
-from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
-from opir_core.geometry.occlusion import grazing_height_m
-from opir_core.geometry.sun import sun_ecef_m
-from opir_core.host.components import NoConfig
-from opir_core.host.host import Host
-from opir_core.interfaces.radiometric_models import (
-    AtmosphereContext,
-    BackgroundContext,
-    Structure,
-    Views,
+from opir_core.geometry import (
+    geodetic_to_ecef,
+    grazing_height_m,
+    local_axes,
+    sun_ecef_m,
+    sun_position_ecef_m,
 )
-from opir_core.plugin import Band
+from opir_core.interfaces import Structure
+from opir_core.plugin import AtmosphereContext, BackgroundContext, Band, NoConfig, Views
 
 BANDS = tuple(table.band for table in sky_tables("us1976", "clear"))
 NAMES = [band.name for band in BANDS]
@@ -86,9 +84,9 @@ def test_every_point_of_the_table_is_met(climate, name):
     for row in rows:
         sun = np.cos(np.radians(float(row["sza_deg"]))) if row["sza_deg"] else -0.2
         view = looks(LOOK_SINES[float(row["look_deg"])], sun)
-        found = model.radiance_w_m2_sr(NAMES.index(row["band"]), view)
+        result = model.radiance_w_m2_sr(NAMES.index(row["band"]), view)
         least = dark[row["look_deg"], row["band"]]
-        assert found == pytest.approx(max(float(row["L_W_m2_sr"]), least), rel=1e-9, abs=1e-12)
+        assert result == pytest.approx(max(float(row["L_W_m2_sr"]), least), rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -101,8 +99,8 @@ def test_every_opaque_cloud_of_the_table_is_met(albedo, top_km):
     assert len(rows) == 4 * len(BANDS)
     for row in rows:
         sun = np.cos(np.radians(float(row["sza_deg"]))) if row["sza_deg"] else -0.2
-        found = model.radiance_w_m2_sr(NAMES.index(row["band"]), looks(0.9, sun))
-        assert found == pytest.approx(float(row["L_W_m2_sr"]), rel=1e-9)
+        result = model.radiance_w_m2_sr(NAMES.index(row["band"]), looks(0.9, sun))
+        assert result == pytest.approx(float(row["L_W_m2_sr"]), rel=1e-9)
 
 
 def test_sunlit_cloud_outshines_the_clear_night_in_swir():
@@ -116,7 +114,7 @@ def test_sunlit_cloud_outshines_the_clear_night_in_swir():
 @given(
     st.integers(0, len(BANDS) - 1), st.floats(0.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 1.0)
 )
-def test_radiance_is_finite_positive_and_in_swir_rises_with_the_sun(band, look, sun, more):
+def test_radiance_is_positive_and_rises_with_the_sun(band, look, sun, more):
     for model in (CLEAR, CLOUDY):
         low, high = model.radiance_w_m2_sr(band, looks([look, look], [sun, min(sun + more, 1.0)]))
         assert 0.0 < low < 100.0
@@ -141,8 +139,8 @@ def test_space_is_cold():
 
 def test_clutter_is_the_stated_share():
     view = looks([0.2, 0.9], [0.3, -0.3])
-    found = background(clutter_residual=0.02).clutter_w_m2_sr(0, view)
-    np.testing.assert_allclose(found, 0.02 * CLEAR.radiance_w_m2_sr(0, view), rtol=1e-12)
+    result = background(clutter_residual=0.02).clutter_w_m2_sr(0, view)
+    np.testing.assert_allclose(result, 0.02 * CLEAR.radiance_w_m2_sr(0, view), rtol=1e-12)
 
 
 def test_bands_side_by_side_add_up_and_stand_ins_count_by_width():
@@ -181,12 +179,12 @@ def test_a_view_ends_where_the_line_meets_the_earth():
     sensor, direction = sight(
         np.array([0.0, 40.0, -60.0]), np.array([0.0, 30.0, -20.0]), np.zeros(3)
     )
-    found = views(sensor, direction, np.zeros(3), EPOCH_US)
-    np.testing.assert_allclose(found.point_ecef_m, sensor + direction, atol=1e-6)
-    assert found.height_m.tolist() == [0.0] * 3
-    assert found.elevation_sine[0] == pytest.approx(1.0)
+    result = views(sensor, direction, np.zeros(3), EPOCH_US)
+    np.testing.assert_allclose(result.point_ecef_m, sensor + direction, atol=1e-6)
+    assert result.height_m.tolist() == [0.0] * 3
+    assert result.elevation_sine[0] == pytest.approx(1.0)
     # Noon UTC on the first of April: the Sun is 4.6 degrees north of the point below the sensor.
-    assert np.degrees(np.arccos(found.sun_elevation_sine[0])) == pytest.approx(4.7, abs=0.5)
+    assert np.degrees(np.arccos(result.sun_elevation_sine[0])) == pytest.approx(4.7, abs=0.5)
 
 
 def test_each_view_has_the_sun_of_its_own_place():
@@ -214,17 +212,17 @@ def test_a_view_beyond_the_limb_has_its_lowest_height():
     longitude = np.full(40, 89.0)
     sensor, direction = sight(np.linspace(-50.0, 50.0, 40), longitude, np.full(40, 300e3))
     lowest = grazing_height_m(sensor, sensor + 2.0 * direction)
-    found = views(sensor, direction, np.zeros(40), EPOCH_US)
-    beyond = found.height_m > 0.0
+    result = views(sensor, direction, np.zeros(40), EPOCH_US)
+    beyond = result.height_m > 0.0
     assert beyond.sum() > 10
-    np.testing.assert_allclose(found.height_m[beyond], lowest[beyond], atol=40.0)
-    assert (found.elevation_sine[beyond] == 0.0).all()
+    np.testing.assert_allclose(result.height_m[beyond], lowest[beyond], atol=40.0)
+    assert (result.elevation_sine[beyond] == 0.0).all()
 
 
 def test_a_line_away_from_the_earth_ends_in_space():
-    found = views(SENSOR_M[None], SENSOR_M[None], np.zeros(1), EPOCH_US)
-    assert found.height_m[0] == np.inf
-    assert CLEAR.radiance_w_m2_sr(0, found).tolist() == [0.0]
+    result = views(SENSOR_M[None], SENSOR_M[None], np.zeros(1), EPOCH_US)
+    assert result.height_m[0] == np.inf
+    assert CLEAR.radiance_w_m2_sr(0, result).tolist() == [0.0]
 
 
 def test_no_background_is_dark():
@@ -240,10 +238,12 @@ def test_no_background_is_dark():
 
 def test_the_sun_is_where_geometry_has_it():
     time_s = np.random.default_rng(2).uniform(-1e4, 2e6, 2000)
-    ours = sun_ecef_m(time_s, EPOCH_US)
-    theirs = sun_position_ecef_m(np.datetime64(EPOCH_US, "us"), time_s)
-    assert (np.linalg.norm(ours - theirs, axis=1) / np.linalg.norm(theirs, axis=1)).max() < 1e-7
-    assert sun_ecef_m(time_s[7:8], EPOCH_US).tolist() == ours[7:8].tolist()
+    computed = sun_ecef_m(time_s, EPOCH_US)
+    reference = sun_position_ecef_m(np.datetime64(EPOCH_US, "us"), time_s)
+    assert (
+        np.linalg.norm(computed - reference, axis=1) / np.linalg.norm(reference, axis=1)
+    ).max() < 1e-7
+    assert sun_ecef_m(time_s[7:8], EPOCH_US).tolist() == computed[7:8].tolist()
     assert sun_ecef_m(np.empty(0), EPOCH_US).shape == (0, 3)
 
 
@@ -288,7 +288,7 @@ def test_structure_is_shares_of_emission_and_of_sunlight():
     assert cloudy.structured_radiances_w_m2_sr([swir], night)[1].tolist() == [[0.0, 0.0]]
 
 
-def test_structure_beyond_the_limb_falls_with_height_over_dark_space():
+def test_limb_structure_falls_with_height():
     limb = LimbStructureConfig(thermal_rms=0.1, solar_rms=0.0, height_km=10.0)
     model = background(structure=StructuresConfig(limb=limb))
     view = looks(0.0, -0.5, [0.0, 1.0, 10e3, 20e3, np.inf])

@@ -42,7 +42,7 @@ def test_the_spectrum_is_the_transform_of_the_correlation(exponent: float) -> No
         )
 
 
-def test_the_field_has_unit_variance_and_the_correlation_of_broken_cloud() -> None:
+def test_the_field_correlates_as_broken_cloud() -> None:
     wave = np.geomspace(1e-9, 1e9, 20001)
     power = structure_spectrum(wave, 3.0, 3.0) * wave**2 / (2 * np.pi)
     assert float(power.sum() * math.log(wave[1] / wave[0])) == pytest.approx(1.0, rel=1e-4)
@@ -86,11 +86,11 @@ def test_the_variance_is_that_of_a_sum_over_pairs_of_pixels(
     )
     pairs = (weights.ravel()[:, None] * weights.ravel()).ravel()
     expected = float((pairs * smoothed_correlation(apart, sigma, scale)[which.ravel()]).sum())
-    found = float(SpatialTransfer.of(weights, PointSpread(math.inf, sigma)).variance(scale, 3.0))
-    assert found == pytest.approx(expected, rel=3e-3)
+    result = float(SpatialTransfer.of(weights, PointSpread(math.inf, sigma)).variance(scale, 3.0))
+    assert result == pytest.approx(expected, rel=3e-3)
 
 
-def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation() -> None:
+def test_displaced_frames_leave_one_minus_correlation() -> None:
     """Of the directions of a drift the mean is taken, here over 64 of them."""
     sigma = 0.5
     scale = 6.0
@@ -101,11 +101,11 @@ def test_a_frame_displaced_along_one_axis_leaves_twice_one_minus_the_correlation
         drift * np.stack([np.cos(turn), np.sin(turn)], axis=1), sigma, scale
     ).mean()
     here = smoothed_correlation(np.zeros((1, 2)), sigma, scale)[0]
-    left = float(transfer.variance(scale, 3.0, FrameDifference(1.0, 0.0, drift)))
-    assert left == pytest.approx(2.0 * (here - apart), rel=5e-3)
+    remaining = float(transfer.variance(scale, 3.0, FrameDifference(1.0, 0.0, drift)))
+    assert remaining == pytest.approx(2.0 * (here - apart), rel=5e-3)
 
 
-def test_small_displacements_leave_gradient_times_displacement_and_large_ones_both_frames() -> None:
+def test_residuals_of_small_and_large_displacements() -> None:
     weights = filter_weights("matched", 1, 0.4, 1.0)
     transfer = SpatialTransfer.of(weights, PointSpread(math.inf, 0.4), 100.0)
     alone = float(transfer.variance(8.0, 3.0))
@@ -117,10 +117,12 @@ def test_small_displacements_leave_gradient_times_displacement_and_large_ones_bo
         ).sum()
     )
     for registration, drift in ((1e-4, 0.0), (0.0, 1e-4), (2e-4, 3e-4)):
-        left = float(transfer.variance(8.0, 3.0, FrameDifference(1.0, registration, drift)))
+        remaining = float(transfer.variance(8.0, 3.0, FrameDifference(1.0, registration, drift)))
         # Half of a squared gradient lies along each axis; the registration error is of both frames
         # and both axes.
-        assert left == pytest.approx(gradient * (2.0 * registration**2 + 0.5 * drift**2), rel=1e-5)
+        assert remaining == pytest.approx(
+            gradient * (2.0 * registration**2 + 0.5 * drift**2), rel=1e-5
+        )
     assert float(transfer.variance(8.0, 3.0, FrameDifference(1.0, 0.0, 90.0))) == pytest.approx(
         2.0 * alone, rel=0.02
     )
@@ -129,7 +131,7 @@ def test_small_displacements_leave_gradient_times_displacement_and_large_ones_bo
     )
 
 
-def test_structure_far_larger_than_the_filter_leaves_less_by_the_power_law() -> None:
+def test_large_structure_leaks_by_the_power_law() -> None:
     """High-pass filters see k^-α alone: variance goes as ℓ^(2 - α)."""
     for exponent in (8 / 3, 3.0, 3.5):
         transfer = SpatialTransfer.of(
@@ -159,11 +161,11 @@ def test_correlation_of_looks() -> None:
     np.testing.assert_allclose(spatial, [1.0, 0.0], atol=0.02)
 
 
-def test_leaks_by_filter_are_less_than_of_a_single_pixel_per_signal() -> None:
-    left = {}
+def test_filters_leak_less_than_a_pixel_per_signal() -> None:
+    remaining = {}
     for kind in ("sum", "surround", "matched"):
         weights = filter_weights(kind, 1, 0.35, 1.0)
         variance = SpatialTransfer.of(weights, PointSpread(math.inf, 0.35)).variance(10.0, 3.0)
-        left[kind] = math.sqrt(float(variance)) / signal_gain(weights, 0.35, 1)
-    assert left["surround"] < 0.4 * left["sum"]
-    assert left["matched"] < 0.4 * left["sum"]
+        remaining[kind] = math.sqrt(float(variance)) / signal_gain(weights, 0.35, 1)
+    assert remaining["surround"] < 0.4 * remaining["sum"]
+    assert remaining["matched"] < 0.4 * remaining["sum"]

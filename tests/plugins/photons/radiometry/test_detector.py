@@ -14,7 +14,7 @@ from scipy.constants import c, h, k
 from scipy.integrate import quad
 
 
-def test_dark_current_is_a_straight_line_in_one_over_cutoff_and_temperature() -> None:
+def test_dark_current_is_log_linear_in_inverse_cutoff() -> None:
     """Rule 07 above 4.635 um: ln J against 1 / (λ T) has the slope -1.16239 · 1.24 eV um over
     Boltzmann's constant.
     """
@@ -41,7 +41,7 @@ def test_dark_current_is_that_of_good_arrays(
     )
 
 
-def test_dark_current_rises_with_temperature_and_cutoff_without_a_step_at_the_threshold() -> None:
+def test_dark_current_rises_without_steps() -> None:
     cutoff = np.array([1.5, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 14.0])
     logarithm = np.log(dark_current_density_a_cm2(cutoff, 100.0))
     assert (np.diff(logarithm) > 0.0).all()
@@ -51,9 +51,9 @@ def test_dark_current_rises_with_temperature_and_cutoff_without_a_step_at_the_th
 
 
 def test_pixels_have_the_dark_current_of_their_area() -> None:
-    found = float(dark_electrons_per_s(10.0, 77.0, 30e-6, 0.8))
+    result = float(dark_electrons_per_s(10.0, 77.0, 30e-6, 0.8))
     expected = float(dark_current_density_a_cm2(10.0, 77.0)) * (30e-4) ** 2 * 0.8 / 1.602176634e-19
-    assert found == pytest.approx(expected, rel=1e-12)
+    assert result == pytest.approx(expected, rel=1e-12)
 
 
 def test_warm_optics_fill_the_cone_of_the_f_number() -> None:
@@ -63,8 +63,8 @@ def test_warm_optics_fill_the_cone_of_the_f_number() -> None:
     radiance = quad(photons, 4e-6, 5e-6)[0]
     half_angle = np.arctan(1.0 / (2.0 * 2.5))
     cone = np.pi * np.sin(half_angle) ** 2
-    found = float(warm_optics_photons_per_s(260.0, 4.0, 5.0, 0.3, 2.5, 30e-6))
-    assert found == pytest.approx(0.3 * radiance * cone * (30e-6) ** 2, rel=1e-9)
+    result = float(warm_optics_photons_per_s(260.0, 4.0, 5.0, 0.3, 2.5, 30e-6))
+    assert result == pytest.approx(0.3 * radiance * cone * (30e-6) ** 2, rel=1e-9)
 
 
 def test_conversion_adds_the_noise_of_rounding() -> None:

@@ -45,7 +45,7 @@ class TestField:
         logs = np.log([row["area_m2"] / 30.0 for row in sources.trajectories.truth()])
         assert stats.kstest(logs, stats.norm(0.0, 0.7).cdf).pvalue > 1e-3
 
-    def test_brief_ones_begin_during_the_scene_at_the_rate_of_an_hour(self):
+    def test_brief_emitters_begin_at_an_hourly_rate(self):
         sources = bolide_sources(BolideConfig(field=field(400.0)), context(duration_s=360.0))
         starts = sources.trajectories.ignition_s
         assert len(starts) == pytest.approx(0.1 * 400.0 * 11.04, abs=3.29 * np.sqrt(442.0))
@@ -61,7 +61,7 @@ class TestField:
         assert (longitudes > 0.0).any()
         assert (longitudes < 0.0).any()
 
-    def test_a_field_hangs_on_seed_and_id_alone(self):
+    def test_a_field_depends_on_seed_and_id(self):
         places = [
             fire_sources(FireConfig(field=field(1.0)), context(seed)).trajectories.start_ecef_m
             for seed in (1, 1, 2)

@@ -4,14 +4,15 @@ km: all finite.
 
 import numpy as np
 import pytest
-from opir_photons.radiometry.aperture import irradiance_at_aperture, minimum_detectable_intensity
+from opir_photons.radiometry import irradiance_at_aperture, minimum_detectable_intensity
 from opir_photons.radiometry.viewing import views
 
+from opir_core import Host
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
-from opir_core.host.host import Host
-from opir_core.interfaces.radiometric_models import (
+from opir_core.plugin import (
     AtmosphereContext,
     BackgroundContext,
+    Band,
     Paths,
     SignatureContext,
     SourceContext,
@@ -51,13 +52,13 @@ def test_plumes(bands):
         for aspect in (0.0, 1e-300, np.pi / 2, np.pi):
             columns = (np.full(len(HEIGHTS_M), time_s), HEIGHTS_M, np.full(len(HEIGHTS_M), aspect))
             for band in range(len(bands)):
-                found = signatures.intensity_w_sr(
+                result = signatures.intensity_w_sr(
                     band, np.zeros(len(HEIGHTS_M), np.int32), *columns
                 )
-                assert np.isfinite(found).all()
-                assert (found >= 0.0).all()
+                assert np.isfinite(result).all()
+                assert (result >= 0.0).all()
                 if bands is ODD and band < 2:
-                    assert (found == 0.0).all()
+                    assert (result == 0.0).all()
 
 
 @pytest.mark.parametrize("name", ["fires", "flares", "glints", "bolides"])
@@ -72,19 +73,21 @@ def test_sources(name, temperature_k):
     context = SourceContext(
         bands=ODD, id="s", path="sources[0]", epoch_us=0, duration_s=60.0, seed=0
     )
-    made = component.build(
+    built = component.build(
         component.config(at=places, temperature_k=temperature_k, area_m2=1e12), context
     )
-    rows = np.arange(len(made.ids), dtype=np.int32)
+    rows = np.arange(len(built.ids), dtype=np.int32)
     for to_sensor in np.vstack([np.eye(3), -np.eye(3)]):
         time_s = np.zeros(len(rows))
-        aspect = made.signatures.aspect_rad(
+        aspect = built.signatures.aspect_rad(
             rows, time_s, np.broadcast_to(to_sensor, (len(rows), 3))
         )
         for band in range(len(ODD)):
-            found = made.signatures.intensity_w_sr(band, rows, time_s, np.zeros(len(rows)), aspect)
-            assert np.isfinite(found).all()
-            assert (found >= 0.0).all()
+            result = built.signatures.intensity_w_sr(
+                band, rows, time_s, np.zeros(len(rows)), aspect
+            )
+            assert np.isfinite(result).all()
+            assert (result >= 0.0).all()
 
 
 @pytest.mark.parametrize("longitude_deg", [0.0, 60.0, 80.0, 81.3, 82.0, 90.0, 120.0, 180.0])

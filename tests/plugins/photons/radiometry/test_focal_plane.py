@@ -14,15 +14,12 @@ from opir_photons.radiometry import (
     electrons_per_w_m2,
     ensquared_energy,
     filter_weights,
-    instantaneous_field_of_view_rad,
     joined_centroid_variance,
     mean_shares,
     noise_electrons,
     noise_equivalent_irradiance,
     noise_gain,
     photon_centroid_variance,
-    sampling_ratio,
-    saturation_irradiance,
     signal_gain,
 )
 from opir_photons.radiometry.pixel_filters import corner_shares
@@ -39,7 +36,7 @@ def airy(angle_rad: float, wavelength_m: float, aperture_m: float) -> float:
     return peak if x == 0.0 else peak * (2.0 * j1(x) / x) ** 2
 
 
-def test_the_gaussian_has_the_peak_the_curvature_and_the_power_of_the_airy_pattern() -> None:
+def test_the_gaussian_matches_the_airy_pattern() -> None:
     sigma = float(airy_sigma_rad(4.0, 0.5))
     assert 1.0 / (2.0 * math.pi * sigma**2) == pytest.approx(airy(0.0, 4e-6, 0.5), rel=1e-12)
     step = 0.01 * sigma
@@ -65,8 +62,8 @@ def test_ensquared_energy_is_the_integral_over_the_square(
         "worst": along(0.5),
         "mean": quad(along, -0.5, 0.5, epsabs=1e-13, limit=400)[0],
     }
-    found = ensquared_energy(width * pixel, pixel, pixels, phase)
-    assert float(found) == pytest.approx(expected[phase] ** 2, rel=1e-9)
+    result = ensquared_energy(width * pixel, pixel, pixels, phase)
+    assert float(result) == pytest.approx(expected[phase] ** 2, rel=1e-9)
 
 
 def test_a_point_on_a_corner_shares_its_light_among_four_pixels() -> None:
@@ -81,7 +78,7 @@ def test_a_point_on_a_corner_shares_its_light_among_four_pixels() -> None:
 
 
 @pytest.mark.parametrize("pixels", [1, 2, 3])
-def test_mean_shares_are_those_of_photons_thrown_one_by_one(pixels: int) -> None:
+def test_mean_shares_match_drawn_photons(pixels: int) -> None:
     """400 000 photons; 4.5 standard deviations for each of the pixels."""
     rng = np.random.default_rng(7)
     sigma = 0.4
@@ -89,12 +86,12 @@ def test_mean_shares_are_those_of_photons_thrown_one_by_one(pixels: int) -> None
     spot = rng.uniform(-0.5, 0.5, (thrown, 2)) + sigma * rng.normal(size=(thrown, 2))
     place = np.floor(spot + 0.5 * pixels).astype(int)
     inside = np.all((place >= 0) & (place < pixels), axis=1)
-    found = (
+    result = (
         np.bincount(place[inside] @ [pixels, 1], minlength=pixels**2).reshape(pixels, pixels)
         / thrown
     )
     expected = mean_shares(pixels, sigma, 1.0)
-    assert np.all(np.abs(found - expected) < 4.5 * np.sqrt(expected * (1.0 - expected) / thrown))
+    assert np.all(np.abs(result - expected) < 4.5 * np.sqrt(expected * (1.0 - expected) / thrown))
     assert expected.sum() == pytest.approx(float(ensquared_energy(sigma, 1.0, pixels)), rel=1e-12)
     assert corner_shares(pixels, sigma, 1.0).sum() == pytest.approx(
         float(ensquared_energy(sigma, 1.0, pixels, "worst")), rel=1e-12
@@ -118,7 +115,7 @@ def test_filters_pass_their_core_and_no_uniform_background() -> None:
         filter_weights("median", 1, 0.3, 1.0)
 
 
-def test_no_weights_of_sum_zero_have_more_signal_over_noise_than_the_matched_filter() -> None:
+def test_the_matched_filter_is_the_best() -> None:
     rng = np.random.default_rng(3)
     sigma = 0.45
     matched = filter_weights("matched", 1, sigma, 1.0)
@@ -141,15 +138,9 @@ def test_electrons_noise_and_nei_of_a_sensor_worked_out_by_hand() -> None:
     assert float(noise_equivalent_irradiance(noise, per_unit, share, 2.0)) == pytest.approx(
         nei * math.sqrt(2.0)
     )
-    full = float(saturation_irradiance(1e6, per_unit, 1e5, 0.7))
-    assert 1e5 + full * per_unit * 0.7 == pytest.approx(1e6)
-    assert float(saturation_irradiance(1e6, per_unit, 2e6)) == 0.0
 
 
 def test_sampling_and_blur() -> None:
-    assert float(instantaneous_field_of_view_rad(28e-6, 1.0)) == pytest.approx(28e-6)
-    # Q of 2: the cut-off of the aperture, D/λ, is half a cycle per pixel.
-    assert float(sampling_ratio(4.0, 0.5, 4e-6)) == pytest.approx(2.0)
     rng = np.random.default_rng(5)
     turn = rng.uniform(0, 2 * np.pi, 10**6)
     along = rng.uniform(-0.5, 0.5, 10**6)
@@ -184,8 +175,8 @@ def test_the_centroid_bound_is_that_of_a_sum_over_pixels(
     width: float, snr: float, signal: float
 ) -> None:
     expected = lattice_sigma(snr, width, signal, 16)
-    found = float(centroid_sigma_rad(snr, 28e-6 * width, 28e-6, signal))
-    assert found == pytest.approx(28e-6 * expected, rel=1e-3)
+    result = float(centroid_sigma_rad(snr, 28e-6 * width, 28e-6, signal))
+    assert result == pytest.approx(28e-6 * expected, rel=1e-3)
     white = float(centroid_factor_rad(width, 1.0)) / snr
     photons = float(photon_centroid_variance(width, 1.0)) / signal
     assert math.sqrt(float(joined_centroid_variance(white**2, photons))) == pytest.approx(

@@ -3,25 +3,18 @@
 import numpy as np
 import pytest
 from infrared_sources import HERE, MWIR, NOON_US, SWIR, context, intensity
+from opir_photons.radiometry import solar_irradiance
 from opir_photons.radiometry.configs import EarthConfig, LowtranConfig
 from opir_photons.radiometry.earth import earth_background
 from opir_photons.radiometry.lowtran import lowtran_atmosphere
 from opir_photons.radiometry.sea_surface import SeaGlint, reflectance, slope_density, slope_variance
 from opir_photons.radiometry.source_configs import GlintConfig
 from opir_photons.radiometry.sources import glint_sources
-from opir_photons.radiometry.sunlight import solar_irradiance
 from opir_photons.radiometry.viewing import views
 from scipy import integrate
 
 from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
-from opir_core.interfaces.radiometric_models import (
-    AtmosphereContext,
-    BackgroundContext,
-    Paths,
-    Transmittance,
-    Views,
-)
-from opir_core.plugin import Band
+from opir_core.plugin import AtmosphereContext, BackgroundContext, Band, Paths, Transmittance, Views
 
 
 class TestGlint:
@@ -96,8 +89,8 @@ class TestGlint:
             tilt = np.arctan(slope)
             return 2.0 * np.pi * slope * float(slope_density(tilt, variance)) * np.cos(tilt) ** 4
 
-        whole, _ = integrate.quad(ring, 0.0, 3.0)
-        assert whole == pytest.approx(1.0, rel=1e-8)
+        total, _ = integrate.quad(ring, 0.0, 3.0)
+        assert total == pytest.approx(1.0, rel=1e-8)
 
     def test_mirrors_reflect_as_fresnel_says(self):
         assert reflectance(np.array(1.0), 1.33) == pytest.approx(((1.33 - 1.0) / (1.33 + 1.0)) ** 2)
@@ -154,8 +147,10 @@ class TestSeaGlint:
         view, _, _ = seen(np.array([10.0]), np.array([20.0]), mirror)
         sources = glint_sources(GlintConfig(at=HERE, wind_m_s=5.0, area_m2=1e4), context())
         expected = intensity(sources, 0, 0.0, mirror[0])
-        found = glint_of(bands=(SWIR,)).radiances_w_m2_sr((0,), view)[0] * 1e4 * np.sum(up * mirror)
-        assert found == pytest.approx(expected, rel=1e-6)
+        result = (
+            glint_of(bands=(SWIR,)).radiances_w_m2_sr((0,), view)[0] * 1e4 * np.sum(up * mirror)
+        )
+        assert result == pytest.approx(expected, rel=1e-6)
 
     @pytest.mark.slow
     @pytest.mark.parametrize("away", [0.0, 0.15, 0.4])
@@ -186,19 +181,19 @@ class TestSeaGlint:
         sigma = np.sqrt(np.square(weight).sum()) / count / solid_angle / (up @ to_sensor)
         view, _, _ = seen(np.array([10.0]), np.array([20.0]), to_sensor[None])
         light = float(solar_irradiance(WINDOW.lower_um, WINDOW.upper_um))
-        found = float(glint_of().radiances_w_m2_sr((0,), view)[0, 0]) / light
+        result = float(glint_of().radiances_w_m2_sr((0,), view)[0, 0]) / light
         # The cone averages over its width: the density bends by less than 2 % over it.
-        assert found == pytest.approx(expected, abs=4.0 * sigma + 0.02 * expected)
+        assert result == pytest.approx(expected, abs=4.0 * sigma + 0.02 * expected)
 
     def test_no_glint_is_brighter_than_the_suns_mirror_image(self):
         rng = np.random.default_rng(5)
         to_sensor = rng.normal(size=(5000, 3))
         to_sensor /= np.linalg.norm(to_sensor, axis=1)[:, None]
         view, _, _ = seen(rng.uniform(-80, 80, 5000), rng.uniform(-180, 180, 5000), to_sensor)
-        found = glint_of(0.0).radiances_w_m2_sr((0,), view)[0]
+        result = glint_of(0.0).radiances_w_m2_sr((0,), view)[0]
         image = float(solar_irradiance(3.5, 4.0)) / (np.pi * (6.957e8 / 149597870700.0) ** 2)
-        assert np.all((found >= 0.0) & (found <= image))
-        assert np.count_nonzero(found) > 500
+        assert np.all((result >= 0.0) & (result <= image))
+        assert np.count_nonzero(result) > 500
 
     def test_there_is_none_by_night_nor_below_the_horizon(self):
         view, _, _ = seen(
@@ -250,7 +245,7 @@ def fresnel(cosine, index=1.33):
     return 0.5 * (across**2 + along**2)
 
 
-def test_a_sea_in_the_background_adds_its_glint_to_the_sky_and_to_nothing_else():
+def test_sea_glint_adds_to_clear_sky_only():
     context_ = BackgroundContext(
         bands=(WINDOW,), path="background", epoch_us=NOON_US, make_atmosphere=ClearSky
     )

@@ -11,8 +11,8 @@ from opir_photons.radiometry import (
     pixel_temperature_k,
 )
 
+from opir_core import Host
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.host.host import Host
 from opir_core.plugin import Band, SensorModel
 
 ABI_7 = Band("B07", 3.8, 4.0)
@@ -21,8 +21,10 @@ ABI_7 = Band("B07", 3.8, 4.0)
 @pytest.mark.parametrize("band", [Band(name, *edges) for name, edges in BANDS.items()], ids=str)
 def test_a_black_body_has_its_own_brightness_temperature(band):
     temperature = np.geomspace(60.0, 19_000.0, 400)
-    found = brightness_temperature_k(band_radiance(temperature, band.lower_um, band.upper_um), band)
-    np.testing.assert_allclose(found, temperature, rtol=1e-9)
+    result = brightness_temperature_k(
+        band_radiance(temperature, band.lower_um, band.upper_um), band
+    )
+    np.testing.assert_allclose(result, temperature, rtol=1e-9)
 
 
 def test_what_no_black_body_radiates_has_none():
@@ -35,9 +37,9 @@ def test_a_pixel_half_filled_by_fire_is_between_ground_and_fire():
     """
     ground, fire = (float(band_radiance(kelvin, 3.8, 4.0)) for kelvin in (290.0, 900.0))
     pixel = 56e-6
-    found = pixel_temperature_k(0.5 * (fire - ground) * pixel**2, ground, pixel, ABI_7)
-    assert float(band_radiance(found, 3.8, 4.0)) == pytest.approx(0.5 * (fire + ground), rel=1e-9)
-    assert 290.0 < float(found) < 900.0
+    result = pixel_temperature_k(0.5 * (fire - ground) * pixel**2, ground, pixel, ABI_7)
+    assert float(band_radiance(result, 3.8, 4.0)) == pytest.approx(0.5 * (fire + ground), rel=1e-9)
+    assert 290.0 < float(result) < 900.0
 
 
 def test_noise_is_the_published_nedt():
@@ -64,10 +66,10 @@ def test_a_plume_at_height_is_shifted_away_from_the_satellite():
     up = np.array([np.cos(latitude[0]), 0.0, np.sin(latitude[0])])
     away = sensor[1] - foot[1]
     zenith = np.arccos(np.dot(up, away) / np.linalg.norm(away))
-    found = parallax(sensor, target)
-    assert found.shift_m[0] == pytest.approx(0.0, abs=1e-3)
-    assert found.shift_m[1] == pytest.approx(50e3 * np.tan(zenith), rel=0.03)
-    assert found.latitude_rad[1] > latitude[1]
+    result = parallax(sensor, target)
+    assert result.shift_m[0] == pytest.approx(0.0, abs=1e-3)
+    assert result.shift_m[1] == pytest.approx(50e3 * np.tan(zenith), rel=0.03)
+    assert result.latitude_rad[1] > latitude[1]
     assert np.isnan(
         parallax(
             sensor[:1], geodetic_to_ecef(np.radians([89.0]), np.zeros(1), np.full(1, 5e6))

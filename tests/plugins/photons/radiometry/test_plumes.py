@@ -12,15 +12,14 @@ from attrs import fields
 from hypothesis import given, strategies as st
 from opir_photons.radiometry import planck, plume as plume_module, propellants as propellants_module
 from opir_photons.radiometry.configs import PlumeConfig
-from opir_photons.radiometry.plume import plume_intensity_w_sr, plume_signatures, plume_table
+from opir_photons.radiometry.plume import plume_intensity_w_sr, plume_signatures
 from opir_photons.radiometry.propellants import continuum_w_sr, propellants
 
 import opir_core
+from opir_core import Host
 from opir_core.errors import ModelError
-from opir_core.host.host import Host
-from opir_core.interfaces.radiometric_models import SignatureContext
-from opir_core.plugin import Band
-from opir_core.scene.fields import info_of
+from opir_core.plugin import Band, SignatureContext
+from opir_core.scene import info_of, plume_table
 from opir_core.scene.target_classes import core_profiles
 
 TABLE = json.loads(
@@ -55,18 +54,18 @@ def plume(**settings):
     return plume_signatures([PlumeConfig(**settings)], context())
 
 
-def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
-    made = []
+def test_plumes_of_a_class_share_their_integrals(monkeypatch):
+    built = []
     exact = planck.band_radiance
     monkeypatch.setattr(
-        plume_module, "band_radiance", lambda *place: made.append(place) or exact(*place)
+        plume_module, "band_radiance", lambda *place: built.append(place) or exact(*place)
     )
 
     def integrals(count):
-        plume_module._known_radiance.cache_clear()
-        made.clear()
+        plume_module._radiance.cache_clear()
+        built.clear()
         plume_signatures([PlumeConfig(continuum_temperature_k=1511.0)] * count, context(count))
-        return len(made)
+        return len(built)
 
     assert integrals(100) == integrals(1) > 0
 
@@ -93,8 +92,8 @@ def test_a_band_has_what_its_parts_have(name):
         plume_intensity_w_sr(peaks, Band("part", low, high), 1500.0, 2000.0)
         for low, high in pairwise(edges.tolist())
     ]
-    whole = plume_intensity_w_sr(peaks, Band("whole", edges[0], edges[-1]), 1500.0, 2000.0)
-    assert sum(parts) == pytest.approx(whole, rel=1e-12)
+    total = plume_intensity_w_sr(peaks, Band("whole", edges[0], edges[-1]), 1500.0, 2000.0)
+    assert sum(parts) == pytest.approx(total, rel=1e-12)
     assert min(parts) > 0.0
 
 
@@ -108,12 +107,12 @@ def test_intensity_follows_the_stages():
 
 
 def test_intensity_rises_at_ignition():
-    found = intensity(
+    result = intensity(
         plume(rise_time_s=2.0, stages=1, propellant="storable"), time_s=np.linspace(0.0, 30.0, 200)
     )
-    assert found[0] == 0.0
-    assert (np.diff(found) >= 0.0).all()
-    assert found[-1] == pytest.approx(TABLE["peak_w_sr"]["ICBM_solid"]["SWIR"], rel=1e-6)
+    assert result[0] == 0.0
+    assert (np.diff(result) >= 0.0).all()
+    assert result[-1] == pytest.approx(TABLE["peak_w_sr"]["ICBM_solid"]["SWIR"], rel=1e-6)
 
 
 def test_afterburning_trough_and_recovery():
@@ -130,11 +129,11 @@ PLUME = plume()
 @given(st.floats(0.0, np.pi))
 def test_broadside_is_brightest_and_end_on_dimmest(aspect):
     signatures = PLUME
-    side, nose, tail, found = intensity(signatures, aspect_rad=[np.pi / 2, 0.0, np.pi, aspect])
+    side, nose, tail, result = intensity(signatures, aspect_rad=[np.pi / 2, 0.0, np.pi, aspect])
     assert nose / side == pytest.approx(0.1)
     assert tail / side == pytest.approx(0.3)
-    assert nose <= found * (1.0 + 1e-12)
-    assert found <= side
+    assert nose <= result * (1.0 + 1e-12)
+    assert result <= side
 
 
 def test_rows_do_not_depend_on_their_company():
@@ -158,7 +157,7 @@ def test_rows_do_not_depend_on_their_company():
     assert intensity(both, 1, times, heights, target=1).tolist() == one_by_one
 
 
-def test_a_target_without_a_known_profile_has_the_plume_of_its_type():
+def test_unknown_profiles_have_the_plume_of_the_type():
     unknown = plume_signatures([PlumeConfig()], context(types=("IRBM",), profiles=("",)))
     named = plume_signatures(
         [PlumeConfig(profile="MRBM")], context(types=("ICBM",), profiles=("ICBM_solid",))
@@ -267,7 +266,7 @@ def test_alumina_outlives_afterburning():
     assert share[0] > 3.0 * share[1] > 3.0 * share[2] * 0.9
 
 
-def test_the_continuum_has_the_share_of_jet_power_that_its_table_states():
+def test_the_continuum_has_its_share_of_jet_power():
     """Broadside is 4/π of the mean, which all wavelengths together and 4π sr make the radiated
     power.
     """
@@ -278,7 +277,7 @@ def test_the_continuum_has_the_share_of_jet_power_that_its_table_states():
     )
     power_w = 3e9
     for name, row in table["propellants"].items():
-        found = (
+        result = (
             continuum_w_sr(propellants()[name], power_w, 0.4, 60.0)
             * np.pi
             / 4.0
@@ -286,7 +285,7 @@ def test_the_continuum_has_the_share_of_jet_power_that_its_table_states():
             * np.pi
             / power_w
         )
-        assert found == pytest.approx(row.get("radiated_share_of_jet_power", 0.0), rel=0.01)
+        assert result == pytest.approx(row.get("radiated_share_of_jet_power", 0.0), rel=0.01)
         assert row["source"]
         assert row["spread"] > 1.0
 
@@ -303,11 +302,11 @@ def test_the_continuums_colour_is_that_of_its_particles(name):
             black * (1.0 - np.exp(-4.0 / wavelength) if name == "kerosene" else 1.0), wavelength
         )
 
-    ours = continuum_w_sr(fuel, 1e9, 3.8, 4.0) / continuum_w_sr(fuel, 1e9, 8.0, 12.0)
-    assert ours == pytest.approx(summed(3.8, 4.0) / summed(8.0, 12.0), rel=1e-6)
+    computed = continuum_w_sr(fuel, 1e9, 3.8, 4.0) / continuum_w_sr(fuel, 1e9, 8.0, 12.0)
+    assert computed == pytest.approx(summed(3.8, 4.0) / summed(8.0, 12.0), rel=1e-6)
 
 
-def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():
+def test_classes_have_propellants_and_peaks_of_gases():
     of_class = plume_signatures([PlumeConfig(stages=1)], context(profiles=("SLV",), bands=WIDE))
     assert (
         spectrum_of(of_class).tolist()
@@ -324,7 +323,7 @@ def test_a_class_has_its_propellant_and_given_peaks_are_those_of_its_gases():
     np.testing.assert_allclose(twice, 2.0 * spectrum_of(of_class), rtol=1e-9)
 
 
-def test_hot_water_near_6_um_is_that_of_thin_gas_and_outlives_the_other_bands():
+def test_hot_water_is_thin_gas():
     """By hand, at 2000 K: 41.2 · 1600³ / (e^1.151 - 1) over 35.66 · 3760³ / (e^2.705 - 1) is 0.574
     of near 2.7 µm, at 1000 K 2.20."""
     bands = (Band("near 2.7", 2.45, 3.15), Band("near 6.3", 4.9, 7.8))

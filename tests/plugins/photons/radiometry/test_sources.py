@@ -7,14 +7,14 @@ import opir_dsp.plugin
 import opir_photons.radiometry.plugin as light
 import pytest
 from infrared_sources import HERE, context, field, intensity, region
-from opir_photons.radiometry.planck import band_radiance
+from opir_photons.radiometry import band_radiance
 from opir_photons.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig
 from opir_photons.radiometry.sources import bolide_sources, fire_sources, flare_sources
 
+from opir_core import Host
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
-from opir_core.host.host import Host
+from opir_core.plugin import EMITTER_TYPES
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import EMITTER_TYPES
 
 HOST = Host.of(opir_dsp.plugin, light)
 
@@ -42,10 +42,10 @@ def test_a_fire_is_a_flat_grey_body():
     )
     up = local_axes(sources.trajectories.start_ecef_m)[0, 2]
     (_, north, _) = local_axes(sources.trajectories.start_ecef_m)[0]
-    whole = 0.5 * 200.0 * band_radiance(900.0, 4.0, 5.0)
-    assert intensity(sources, 1) == pytest.approx(whole, rel=1e-12)
+    total = 0.5 * 200.0 * band_radiance(900.0, 4.0, 5.0)
+    assert intensity(sources, 1) == pytest.approx(total, rel=1e-12)
     assert intensity(sources, 1, to_sensor=(up + north) / np.sqrt(2.0)) == pytest.approx(
-        whole / np.sqrt(2.0), rel=1e-12
+        total / np.sqrt(2.0), rel=1e-12
     )
     assert intensity(sources, 1, to_sensor=-up).tolist() == [0.0]
 

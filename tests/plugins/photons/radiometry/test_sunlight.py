@@ -19,7 +19,7 @@ def test_the_solar_constant_is_that_of_the_iau():
 
 
 @pytest.mark.parametrize(("lower_um", "upper_um"), [(2.5, 3.0), (4.0, 5.0), (8.0, 12.0)])
-def test_sunlight_in_a_band_is_the_discs_radiance_times_its_solid_angle(lower_um, upper_um):
+def test_sunlight_is_radiance_times_solid_angle(lower_um, upper_um):
     radiance = integrate.quad(lambda at: float(planck_radiance(5772.0, at)), lower_um, upper_um)[0]
     solid_angle = 2.0 * np.pi * (1.0 - np.sqrt(1.0 - (6.957e8 / 149597870700.0) ** 2))
     assert float(solar_irradiance(lower_um, upper_um)) == pytest.approx(
@@ -33,7 +33,7 @@ def test_the_phase_law_at_full_half_and_new():
     )
 
 
-def test_all_that_a_sphere_reflects_is_albedo_times_what_it_meets():
+def test_spheres_reflect_albedo_times_their_light():
     intensity = integrate.quad(
         lambda phase: (
             2.0 * np.pi * np.sin(phase) * float(lambert_sphere_intensity(3.0, 0.4 * 5.0, phase))
@@ -63,5 +63,5 @@ def test_a_sphere_of_facets_reflects_as_much(phase):
     albedo = 0.3
     light = 22.0
     summed = albedo / np.pi * light * radius**2 * facets.mean() * 4.0 * np.pi
-    found = float(lambert_sphere_intensity(light, albedo * np.pi * radius**2, phase))
-    assert found == pytest.approx(summed, rel=2e-5, abs=1e-6 * light)
+    result = float(lambert_sphere_intensity(light, albedo * np.pi * radius**2, phase))
+    assert result == pytest.approx(summed, rel=2e-5, abs=1e-6 * light)

@@ -14,11 +14,11 @@ import numpy as np
 from attrs import frozen
 from scipy.special import ndtr, ndtri
 
+from opir_bench.results import BenchLine, BenchPlot, BenchResult
+from opir_bench.stand import Bench, Poses, noise_alarms_a_day
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, SceneError
 from opir_core.plugin import Sensor
-from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult
-from opir_coverage.bench.stand import Bench, Poses, noise_alarms_a_day
 
 #: Edges of the bands of LOWTRAN's table, µm: other edges have no air in `lowtran`.
 _SHORT_UM = (2.0, 2.4, 2.5, 2.69, 2.95, 3.0, 3.5, 3.8, 4.0, 4.2, 4.45, 5.0)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import evolve
 
+from opir_bench.results import BenchResult, bars
+from opir_bench.stand import DAY_S, Bench, Poses, noise_alarms_a_day
 from opir_core import Plan, run_of_plan
-from opir_coverage.bench.results import BenchResult, bars
-from opir_coverage.bench.stand import DAY_S, Bench, Poses, noise_alarms_a_day
 
 
 def false_alarms(plan: Plan) -> BenchResult:

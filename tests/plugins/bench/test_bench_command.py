@@ -52,8 +52,8 @@ def test_results_are_printed_as_data_and_drawn(words, tmp_path, capsys):
     picture = tmp_path / "plot.png"
     assert main(["physics", *words, "--json", "--plot", str(picture)]) == 0
     text = capsys.readouterr().out
-    found, _ = json.JSONDecoder().raw_decode(text)
-    assert found["rows"]
+    result, _ = json.JSONDecoder().raw_decode(text)
+    assert result["rows"]
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
@@ -89,13 +89,13 @@ def test_the_formula_of_the_paper_is_still_there(capsys):
 
 
 @pytest.mark.parametrize(("rule", "joined"), [("none", max), ("likelihood", math.hypot)])
-def test_bands_compares_with_what_the_rule_over_bands_makes_of_them(rule, joined, capsys):
+def test_bands_are_compared_by_the_rule_over_bands(rule, joined, capsys):
     own = ["--sensor", "SBIRS-GEO", "--set", f"sensors[0].spectral_discrimination={rule}"]
     limits = ["--edges", "2.5,3,4,5", "--class", "SRBM", "--height", "20"]
     assert main(["physics", "bands", *own, *limits, "--json"]) == 0
-    *alone, whole = json.loads(capsys.readouterr().out)["rows"]
+    *alone, total = json.loads(capsys.readouterr().out)["rows"]
     snr = {(row["from um"], row["to um"]): row["SNR"] for row in alone}
-    assert whole["SNR"] == pytest.approx(joined(snr[2.5, 3.0], snr[4.0, 5.0]), rel=1e-3)
+    assert total["SNR"] == pytest.approx(joined(snr[2.5, 3.0], snr[4.0, 5.0]), rel=1e-3)
 
 
 def test_a_satellite_of_a_constellation_is_put_on_the_bench(tmp_path, capsys):

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_bench.movies import Clip, training_clips
 from opir_core.output import OutputFiles
-from opir_coverage.bench.movies import Clip, training_clips
 
 #: Percentiles of a clip's electrons that are black and white in its pictures.
 _BLACK_WHITE = (0.05, 99.95)

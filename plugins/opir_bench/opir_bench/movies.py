@@ -13,11 +13,11 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
+from opir_bench.frames import FocalArray, is_lit
+from opir_bench.stand import Bench, PosedTargets, Poses
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic
-from opir_coverage.bench.frames import FocalArray, is_lit
-from opir_coverage.bench.stand import Bench, PosedTargets, Poses
 
 #: Places of targets in the middle of a clip: within this share of the frame around its centre.
 _AROUND = 0.5

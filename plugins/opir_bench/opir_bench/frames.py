@@ -20,12 +20,12 @@ from opir_photons.radiometry import (
     structure_spectrum,
 )
 
+from opir_bench.stand import Bench, Poses
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
 from opir_core.geometry import components, length
 from opir_core.output import OutputFiles
 from opir_core.plugin import FocalPlaneConfig
-from opir_coverage.bench.stand import Bench, Poses
 
 #: The fewest pixels along a side of a frame, and the share of a target's brightest pixel from which
 #: one is in its mask.
@@ -183,7 +183,7 @@ def _spot_shares(pixels: int, spread: PointSpread, shift: FloatArray) -> FloatAr
 
     The transform is over a finer grid, which resolves all that the aperture passes.
     """
-    fine = math.ceil(spread.most / math.pi)
+    fine = math.ceil(spread.limit / math.pi)
     band_limit = 2.0 * math.pi * fine
     wavenumber = np.fft.fftfreq(pixels * fine)
     rows, columns = (np.exp(-1j * band_limit * wavenumber * by) for by in shift.tolist())

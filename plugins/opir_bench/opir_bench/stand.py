@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
+from opir_coverage import detection_of, target_class_of
 from scipy.special import ndtr
 
 from opir_core import Plan, Scene, compile_plan, scene_from_mapping
@@ -25,7 +26,6 @@ from opir_core.plugin import (
     Trajectories,
 )
 from opir_core.reading import scene_mapping
-from opir_coverage.launches import detection_of, target_class_of
 
 DAY_S = 86_400.0
 #: Scene time at which posed targets are seen, s.

@@ -5,18 +5,14 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from opir_coverage import LaunchPlaces, band_thresholds, first_report_s, target_class_of
 
+from opir_bench.results import BenchLine, BenchPlot, BenchResult
+from opir_bench.stand import Bench, PosedTargets, Poses, Signals, noise_alarms_a_day
 from opir_core import Plan
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
-from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult
-from opir_coverage.bench.stand import Bench, PosedTargets, Poses, Signals, noise_alarms_a_day
-from opir_coverage.grid import SeenPoints
-from opir_coverage.launches import LaunchPlaces, target_class_of
-from opir_coverage.looks import Salvo, band_thresholds
-from opir_coverage.reports import Reports
-from opir_coverage.visibility import Fleet
-from opir_coverage.watch import Watch, latency_s_of
+from opir_core.geometry import local_axes
 
 #: Scene time of the launch whose first report is timed, s.
 _LAUNCH_S = 3600.0
@@ -107,7 +103,8 @@ def _at(
     x = np.array([value])
     label = _label(bench, name)
     if quantity == "first-report":
-        return [BenchLine(label, x, np.array([first_report_s(bench, name, pose)]))]
+        places = _launch_place(bench.plan, name, pose)
+        return [BenchLine(label, x, np.array([first_report_s(bench.plan, places, _LAUNCH_S, 0.9)]))]
     return _by_band(quantity, label, bench, x, bench.signals(Poses.of(name, **pose)))
 
 
@@ -169,46 +166,28 @@ def least_intensities_w_sr(bench: Bench, signals: Signals) -> FloatArray:
         )
 
 
-def first_report_s(
-    bench: Bench, name: str, pose: Mapping[str, float], chance: float = 0.9
-) -> float:
-    """Return the time from launch by which a report has come with probability `chance`, s."""
-    plan = bench.plan
-    salvo = Salvo(plan, _launch_place(plan, name, pose), _LAUNCH_S)
-    node_s = np.linspace(0.0, salvo.burn_s, 41)
-    fleet = Fleet.of(plan, _LAUNCH_S + node_s)
-    looks = salvo.looks(fleet, 0, [SeenPoints.of(salvo.state(at)[0]) for at in node_s.tolist()])
-    end_s = salvo.burn_s + latency_s_of(plan.sensors[0])
-    reports = Reports(np.linspace(0.0, end_s, 241), 1, 1)
-    watch = Watch(salvo, reports)
-    watch.add(0, looks)
-    watch.close()
-    return float(reports.times_s(1, chance)[0])
-
-
 def _launch_place(plan: Plan, name: str, pose: Mapping[str, float]) -> LaunchPlaces:
     """Return the place on the ground from which the first sensor has the elevation of the pose."""
     ground = PosedTargets.of(plan, Poses.of(name, **{**pose, "height_m": 0.0}))
-    up = SeenPoints.of(ground.place_m).up
+    up = local_axes(ground.place_m)[:, 2]
     kind = target_class_of(plan, name)
     latitude = np.arcsin(up[:, 2])
     longitude = np.arctan2(up[:, 1], up[:, 0])
     return LaunchPlaces(latitude, longitude, kind, kind.profiles[0], 0.0)
 
 
-_QUANTITIES: Mapping[str, tuple[str, bool]] = {
+QUANTITIES: Mapping[str, tuple[str, bool]] = {
     "pd": ("probability of detection of one look", False),
     "snr": ("signal-to-noise ratio", True),
     "least-intensity": ("least detectable intensity, W/sr", True),
     "first-report": ("time to the first report (90 %), s", False),
 }
-QUANTITIES = tuple(_QUANTITIES)
 
 
 def _result(
     quantity: str, label: str, lines: Sequence[BenchLine], names: Sequence[str] = ()
 ) -> BenchResult:
-    title, is_log = _QUANTITIES[quantity]
+    title, is_log = QUANTITIES[quantity]
     abscissae: Sequence[Any] = names or lines[0].x.tolist()
     rows = [[x, *(line.y[row] for line in lines)] for row, x in enumerate(abscissae)]
     plot = BenchPlot(label, title, lines, names, log_y=is_log, is_share=quantity == "pd")

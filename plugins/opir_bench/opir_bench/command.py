@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
+from opir_coverage import band_thresholds
 
+from opir_bench.bands import LOWTRAN_EDGES_UM, BandLimits, best_bands
+from opir_bench.budget import NoiseBudget, noise_budget, waterfall
+from opir_bench.causes import false_alarms, window
+from opir_bench.curves import curve, operating_characteristic
+from opir_bench.frames import frame, write_frame
+from opir_bench.movie_files import write_movies
+from opir_bench.movies import Clip, Filming, clip
+from opir_bench.results import BenchLine, BenchPlot, BenchResult, bars, write_plot
+from opir_bench.stand import Bench, Poses
 from opir_core import compile_plan, load_scene, scene_from_mapping
 from opir_core.errors import ModelError
 from opir_core.output import OutputFiles
-from opir_coverage.bench.bands import LOWTRAN_EDGES_UM, BandLimits, best_bands
-from opir_coverage.bench.budget import NoiseBudget, noise_budget, waterfall
-from opir_coverage.bench.causes import false_alarms, window
-from opir_coverage.bench.curves import curve, operating_characteristic
-from opir_coverage.bench.frames import frame, write_frame
-from opir_coverage.bench.movie_files import write_movies
-from opir_coverage.bench.movies import Clip, Filming, clip
-from opir_coverage.bench.results import BenchLine, BenchPlot, BenchResult, bars, write_plot
-from opir_coverage.bench.stand import Bench, Poses
-from opir_coverage.looks import band_thresholds
 
 
 def physics(arguments: argparse.Namespace) -> int:

@@ -57,22 +57,22 @@ def test_a_loader_finds_pictures_and_masks_by_the_lists(folder):
 
 
 def test_labels_are_the_extents_of_masks(folder):
-    whole = json.loads((folder / "annotations.json").read_text())
-    files = {each["id"]: each["file_name"] for each in whole["images"]}
+    total = json.loads((folder / "annotations.json").read_text())
+    files = {each["id"]: each["file_name"] for each in total["images"]}
     assert len(files) == 6
-    assert [each["name"] for each in whole["categories"]] == ["SRBM"]
-    for each in whole["annotations"]:
+    assert [each["name"] for each in total["categories"]] == ["SRBM"]
+    for each in total["annotations"]:
         name = files[each["image_id"]]
         rows, columns = np.nonzero(matplotlib.image.imread(folder / "masks" / name))
-        left = columns.min()
+        remaining = columns.min()
         top = rows.min()
-        wide = columns.max() - left + 1
+        wide = columns.max() - remaining + 1
         tall = rows.max() - top + 1
-        assert each["bbox"] == [left, top, wide, tall]
+        assert each["bbox"] == [remaining, top, wide, tall]
         assert each["area"] == len(rows)
-        assert left <= each["center"][0] <= left + wide
+        assert remaining <= each["center"][0] <= remaining + wide
         label = (folder / "labels" / name).with_suffix(".txt").read_text().split()
-        expected = [(left + wide / 2) / 48, (top + tall / 2) / 48, wide / 48, tall / 48]
+        expected = [(remaining + wide / 2) / 48, (top + tall / 2) / 48, wide / 48, tall / 48]
         assert [float(value) for value in label[1:]] == pytest.approx(expected, abs=1e-6)
         assert label[0] == "0"
         assert each["snr"] > 0.0
@@ -81,14 +81,14 @@ def test_labels_are_the_extents_of_masks(folder):
 def test_a_target_beside_the_frame_has_no_label(tmp_path):
     fast = ["--speed", "7000", "--every", "60"]
     assert main(["physics", "frame", *WORDS, *fast, "-o", str(tmp_path / "SET")]) == 0
-    whole = json.loads((tmp_path / "SET" / "annotations.json").read_text())
-    assert [each["image_id"] for each in whole["annotations"]] == [2]
+    total = json.loads((tmp_path / "SET" / "annotations.json").read_text())
+    assert [each["image_id"] for each in total["annotations"]] == [2]
     assert (tmp_path / "SET" / "labels" / "clip000_0000.txt").read_text() == ""
     assert matplotlib.image.imread(tmp_path / "SET" / "masks" / "clip000_0000.png").max() == 0.0
 
 
 def test_without_astropy_clips_are_arrays(tmp_path, monkeypatch):
-    monkeypatch.setattr("opir_coverage.bench.movie_files.find_spec", lambda _: None)
+    monkeypatch.setattr("opir_bench.movie_files.find_spec", lambda _: None)
     assert main(["physics", "frame", *WORDS, "-o", str(tmp_path / "SET")]) == 0
     with np.load(tmp_path / "SET" / "clips" / "clip000.npz") as arrays:
         assert arrays["electrons"].shape == arrays["mask"].shape == (3, 48, 48)

@@ -11,9 +11,9 @@ import numpy as np
 from attrs import frozen
 from opir_photons.radiometry import band_radiance_slope
 
+from opir_bench.stand import Bench, Poses, Signals
 from opir_core.arrays import FloatArray
 from opir_core.plugin import Sensor
-from opir_coverage.bench.stand import Bench, Poses, Signals
 
 #: Terms of a focal plane's NEI, and the settings that switch each off.
 _OF_FOCAL_PLANE: Mapping[str, Mapping[str, Any]] = {

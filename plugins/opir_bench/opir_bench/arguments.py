@@ -5,8 +5,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from opir_coverage import numbers_of
+
 from opir_core.cli import add_overrides
-from opir_coverage.number_lists import numbers_of
 
 _CURVES = ("pd", "snr", "least-intensity", "first-report")
 _AGAINST = ("height", "aspect", "elevation", "cloud", "climate")
@@ -203,19 +204,19 @@ def _add_pose(add: Callable[..., Any]) -> None:
 
 
 def _min_intensity(parser: argparse.ArgumentParser) -> None:
-    from opir_coverage.bench.least_intensity import least_intensity_arguments
+    from opir_bench.least_intensity import least_intensity_arguments
 
     least_intensity_arguments(parser)
 
 
 def _physics(arguments: argparse.Namespace) -> int:
-    from opir_coverage.bench.command import physics
+    from opir_bench.command import physics
 
     return physics(arguments)
 
 
 def _frame(arguments: argparse.Namespace) -> int:
-    from opir_coverage.bench.command import frame_command
+    from opir_bench.command import frame_command
 
     return frame_command(arguments)
 
