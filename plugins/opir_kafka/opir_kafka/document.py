@@ -35,9 +35,8 @@ def asyncapi_document() -> dict[str, Any]:
                 "address": bare.topic,
                 "servers": [{"$ref": "#/servers/kafka"}],
                 "description": f"One of these, by the output's encoder; default {bare.encoder}. The"
-                f" encoders"
-                " forge-bands and forge-tracks add band irradiances or track states to forge's"
-                " messages.",
+                " encoders forge-bands and forge-tracks add band irradiances or track states to"
+                " forge's messages.",
                 "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in messages},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }

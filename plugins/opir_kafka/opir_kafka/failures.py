@@ -83,8 +83,7 @@ _REMEDIES = {
 #: signed stays valid.
 _NEW_AUTHORITY = (
     "make the certificate of security.ca_file anew, with its key and name: openssl req -x509 -key"
-    " CA.key"
-    " -subj /CN=NAME -days 3650 -out CA.pem -addext basicConstraints=critical,CA:TRUE"
+    " CA.key -subj /CN=NAME -days 3650 -out CA.pem -addext basicConstraints=critical,CA:TRUE"
     " -addext keyUsage=critical,keyCertSign,cRLSign (Python 3.13 and later ask for these"
     " extensions)"
 )
@@ -204,8 +203,7 @@ def _tls_words(error: ssl.SSLError, servers: str) -> str:
     if _is_client_refused(error):
         return (
             f"{servers} refuses the client's certificate, or that there is none ({error.reason});"
-            f" see"
-            " security.certificate_file and security.key_file"
+            " see security.certificate_file and security.key_file"
         )
     if isinstance(error, ssl.SSLCertVerificationError):
         reason = error.verify_message.rstrip(".")

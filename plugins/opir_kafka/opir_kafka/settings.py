@@ -12,8 +12,7 @@ _TOPIC = re.compile(r"[A-Za-z0-9._-]{1,249}")
 _VARIABLE = re.compile(r"[A-Z_][A-Z0-9_]*")
 _NOT_A_VARIABLE = (
     "a variable is named in capitals, digits and _; put the secret into the environment and write"
-    " the name of its"
-    " variable here, never the secret"
+    " the name of its variable here, never the secret"
 )
 _HIGHEST_PORT = 65_535
 

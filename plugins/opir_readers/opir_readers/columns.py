@@ -327,8 +327,7 @@ def _proposal(names: Sequence[str]) -> str:
     if any(_INERTIAL.search(name.lower()) for name in names) and "lat" not in kinds:
         return (
             "; they seem to be along inertial axes: with dates, set columns: {x_eme2000_km: X, …}"
-            " for those of J2000"
-            " (ICRF, GCRF) or {x_teme_km: X, …}; or export Earth-fixed states"
+            " for those of J2000 (ICRF, GCRF) or {x_teme_km: X, …}; or export Earth-fixed states"
         )
     if {"lat", "lon"} <= kinds and "height" not in kinds:
         return "; it seems to have latitude and longitude, and no height: export that too"

@@ -236,9 +236,8 @@ def _names_in_comment(
                 return line - 1, names
     raise BadFileError(
         f"line {line}: has numbers and no line of names above it; name the columns in a first line,"
-        f" like time_s,"
-        " x_ecef_m, y_ecef_m, z_ecef_m, or by their numbers with columns: {time_s: '#1', x_ecef_m:"
-        " '#2', …}"
+        " like time_s, x_ecef_m, y_ecef_m, z_ecef_m, or by their numbers with columns: {time_s:"
+        " '#1', x_ecef_m: '#2', …}"
     )
 
 

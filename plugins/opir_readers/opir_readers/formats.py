@@ -21,12 +21,10 @@ _OTHER_HEADS = re.compile(r"\s*(CCSDS_|<|\{|\[|stk\.v\.|#[cd][PV ]|%PDF|PK\x03|[
 
 COLUMNS_HELP = (
     "columns of a text with other names, by quantity and unit: {time_s: T, lat: Latitude, lon:"
-    " Longitude,"
-    " height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s, km_s,"
-    " ft_s, km_h, kn;"
-    " velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial, vz_inertial, or v_east,"
-    " v_north, v_up. With a"
-    " site also east, north, up; downrange and height or altitude, the height above the site"
+    " Longitude, height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s,"
+    " km_s, ft_s, km_h, kn; velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial,"
+    " vz_inertial, or v_east, v_north, v_up. With a site also east, north, up; downrange and height"
+    " or altitude, the height above the site"
 )
 OBJECT_HELP = "OBJECT_NAME or OBJECT_ID, for an OEM with several objects"
 

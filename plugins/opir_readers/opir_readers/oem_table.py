@@ -63,8 +63,7 @@ class Segment:
         if len(words) != self.width:
             raise BadFileError(
                 f"line {number}: has {len(words)} values, the segment's first state {self.width};"
-                f" all states of a"
-                " segment have accelerations, or none has"
+                " all states of a segment have accelerations, or none has"
             )
         self.lines.append(number)
         self.states.append(state)
@@ -87,8 +86,7 @@ def table_of_segments(segments: list[Segment], epoch_us: int, wanted: str | None
         if not before[0][-1] == after[0][0]:
             raise BadFileError(
                 f"line {segment.line}: this segment does not start when the one before it ends;"
-                f" split the file or"
-                " make them meet"
+                " split the file or make them meet"
             )
     time, position, velocity = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     run = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])

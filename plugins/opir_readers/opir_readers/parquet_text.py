@@ -56,8 +56,7 @@ def _require_size(rows: int, columns: int) -> None:
     if rows * columns > _MOST_CELLS:
         raise BadFileError(
             f"has {rows} rows of {columns} columns; at most {_MOST_CELLS} values are read: keep the"
-            f" burn, or fewer"
-            " columns"
+            " burn, or fewer columns"
         )
 
 

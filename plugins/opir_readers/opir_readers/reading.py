@@ -152,7 +152,6 @@ def content_of(text: str, reader: FileReader, settings: Mapping[str, Any], epoch
         own = ", ".join(fields_dict(reader.config)) or "none"
         raise BadFileError(
             f"is read as {reader.name}, which has no {' and no '.join(unknown)}; omit"
-            f" {' and '.join(unknown)} (its"
-            f" settings: {own})"
+            f" {' and '.join(unknown)} (its settings: {own})"
         )
     return reader.build(reader.config(**given), ReaderContext(text=text, epoch_us=epoch_us))

@@ -63,8 +63,7 @@ def require_angles(latitude_rad: FloatArray, longitude_rad: FloatArray, line_of:
         places = np.degrees([latitude_rad[row], longitude_rad[row]]).tolist()
         raise BadFileError(
             f"line {line_of(row)}: latitude {places[0]:g} and longitude {places[1]:g} deg are no"
-            f" place; are the two"
-            " swapped, or the units others?"
+            " place; are the two swapped, or the units others?"
         )
 
 

@@ -111,8 +111,7 @@ def _coarse_steps(table: StateTable) -> list[str]:
     swept_deg = float(np.degrees(swept_rad[row]))
     words = (
         f"line {table.line_of(row + 1)}: {swept_deg:.3g}° around the Earth from the state before"
-        f" it, in a step of"
-        f" {step_s:g} s; that cannot be interpolated: take states at most"
+        f" it, in a step of {step_s:g} s; that cannot be interpolated: take states at most"
         f" {np.degrees(widest_rad):.0f}° apart"
     )
     return [words]
@@ -129,8 +128,7 @@ def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> 
         own = " to ".join(moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (first, last))
         yield (
             f"line {table.line_of(0)}: its states, {own}, and the scene, {begin} to {end}, have no"
-            f" time in common;"
-            f" set the scene's epoch, or take the ephemeris of that day"
+            " time in common; set the scene's epoch, or take the ephemeris of that day"
         )
     else:
         yield (
@@ -198,8 +196,7 @@ def _doubts_of_motion(table: StateTable) -> Iterator[str]:
     ):
         yield (
             f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the"
-            f" Earth; are times or"
-            " lengths in other units?"
+            " Earth; are times or lengths in other units?"
         )
     if speed < _SLOWEST_M_S and _length(table.position_m).min() < _STILL_ABOVE_M:
         yield f"line {table.line_of(row)}: nothing moves faster than {speed:.3g} m/s; are its times in other units?"
@@ -208,8 +205,7 @@ def _doubts_of_motion(table: StateTable) -> Iterator[str]:
         yield (
             f"line {table.line_of(row)}: the path turns with {acceleration:.4g} m/s² there,"
             f" {acceleration / 9.80665:.0f} g; a wrong state, or positions coarser than their"
-            f" steps: leave the state"
-            " out, smooth them, or take fewer"
+            " steps: leave the state out, smooth them, or take fewer"
         )
 
 
@@ -249,8 +245,7 @@ def _doubts_of_heights(table: StateTable) -> Iterator[str]:
     if height_m[row] < _LEAST_HEIGHT_M:
         yield (
             f"line {table.line_of(row)}: {-height_m[row]:.6g} m below the WGS 84 ellipsoid; are"
-            f" latitudes geocentric,"
-            " or heights above something else?"
+            " latitudes geocentric, or heights above something else?"
         )
 
 

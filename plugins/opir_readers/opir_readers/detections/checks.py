@@ -40,8 +40,7 @@ def within_scene(rows: Sequence[Row], when_ns: IntArray, scene: Scene) -> Sequen
         scale = scale_text(first, times) if "time_s" in rows[0] else "; set the scene's epoch"
         raise BadFileError(
             f"{place_of(rows[0])}its times, {own} to {late}, and the scene, {begin} to {end}, have"
-            f" nothing in common"
-            f"{scale}"
+            f" nothing in common{scale}"
         )
     return [row for row, is_due in zip(rows, is_in.tolist(), strict=True) if is_due]
 
@@ -68,9 +67,8 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
         row = own[int(astray_m[own].argmax())]
         yield (
             f"{place_of(columns.rows[row])}sensor {plan.sensors[number].id} is"
-            f" {astray_m[row] * 1e-3:.4g} km from its"
-            " orbit in the scene; the tracker takes the file's places, and the scene's orbit for"
-            " what it can see"
+            f" {astray_m[row] * 1e-3:.4g} km from its orbit in the scene; the tracker takes the"
+            " file's places, and the scene's orbit for what it can see"
         )
 
 

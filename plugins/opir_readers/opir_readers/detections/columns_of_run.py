@@ -121,8 +121,7 @@ def _sensors(
             count = unknown[str(row.get("sensor_id"))]
             raise BadFileError(
                 f"{place_of(row)}its sensor {shown(own)}, of {count} of {len(rows)} detections, is"
-                f" none of --sensors;"
-                f" {hint} Use --rename THEIRS=OURS if the names differ"
+                f" none of --sensors; {hint} Use --rename THEIRS=OURS if the names differ"
             )
         found.append(number[own])
     return np.array(found, dtype=np.int32)

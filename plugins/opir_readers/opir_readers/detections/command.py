@@ -151,8 +151,7 @@ def _darkness(plan: Plan, columns: RunColumns) -> Iterator[str]:
         end_s = -(-last_ns // _MS) * _MS / _NS
         yield (
             f"nothing is detected in the last {silent_ns / _NS:.1f} s of the scene, as after a"
-            f" burn;"
-            f" if the file is an excerpt, end the scene with it: --set duration_s={end_s:.3f}"
+            f" burn; if the file is an excerpt, end the scene with it: --set duration_s={end_s:.3f}"
         )
 
 

@@ -9,11 +9,9 @@ from opir_core.plugin import FileReader, ReaderContext, nested, number
 
 SIGHTS_HELP = (
     "columns of a text with other names, by quantity and unit: {time_s: T, azimuth_deg: AZ,"
-    " elevation_deg: EL}. Times"
-    " as time_s or as dates, timestamp; directions as azimuth and elevation, right_ascension and"
-    " declination, or"
-    " los_x_ecef, los_y_ecef, los_z_ecef; places as sensor_x_ecef or sensor_lat;"
-    " line_of_sight_sigma in urad, mrad, arcsec, deg"
+    " elevation_deg: EL}. Times as time_s or as dates, timestamp; directions as azimuth and"
+    " elevation, right_ascension and declination, or los_x_ecef, los_y_ecef, los_z_ecef; places as"
+    " sensor_x_ecef or sensor_lat; line_of_sight_sigma in urad, mrad, arcsec, deg"
 )
 
 

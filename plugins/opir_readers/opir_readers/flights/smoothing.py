@@ -113,8 +113,7 @@ def smoothed_table(table: StateTable, noise_m: float) -> StateTable:
         if len(rows) < _FEWEST:
             raise BadFileError(
                 f"line {table.line_of(int(rows[0]))}: begins {len(rows)} states without a break,"
-                f" too few to smooth;"
-                " omit noise_m"
+                " too few to smooth; omit noise_m"
             )
         for axis in range(3):
             fit = smoothing_spline(table.time_s[rows], table.position_m[rows, axis], noise_m)
