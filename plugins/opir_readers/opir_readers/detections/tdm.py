@@ -7,7 +7,6 @@ magnitudes) are left out.
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -33,7 +32,7 @@ _KEYS = {
 
 
 def is_tdm(text: str) -> bool:
-    """Return whether a text is a Tracking Data Message."""
+    """Whether a text is a Tracking Data Message."""
     return _HEAD.match(text) is not None or is_tdm_xml(text)
 
 
@@ -41,18 +40,18 @@ def tdm_rows(text: str) -> Sequence[Mapping[str, Any]]:
     """Return the detections of a message; raises `BadFileError` with the line that is none, or
     lacks an angle.
     """
-    segments, others = segments_of_xml(text) if is_tdm_xml(text) else _segments(text)
+    segments, keywords = segments_of_xml(text) if is_tdm_xml(text) else _segments(text)
     rows = [row for segment in segments for row in _rows(segment)]
     if not rows:
-        left = f"; it has {', '.join(others)}" if others else ""
-        raise BadFileError(f"has no angles (ANGLE_1 and ANGLE_2){left}")
+        has = f"; it has {', '.join(keywords)}" if keywords else ""
+        raise BadFileError(f"has no angles (ANGLE_1 and ANGLE_2){has}")
     return rows
 
 
-def _segments(text: str) -> tuple[list[TdmSegment], Counter[str]]:
+def _segments(text: str) -> tuple[list[TdmSegment], list[str]]:
     segments = list[TdmSegment]()
     block = ""
-    others = Counter[str]()
+    keywords = dict[str, None]()
     for number, line in enumerate(text.split("\n"), 1):
         words = line.split()
         if not words or words[0] == "COMMENT" or (not segments and words[0] != "META_START"):
@@ -63,19 +62,19 @@ def _segments(text: str) -> tuple[list[TdmSegment], Counter[str]]:
         elif words[0] in ("META_STOP", "DATA_STOP"):
             block = ""
         else:
-            key, equals, value = (part.strip() for part in line.partition("="))
+            key, equals, value = (word.strip() for word in line.partition("="))
             if not equals or not block:
                 raise BadFileError(
                     f"line {number}: {line.strip()[:60]!r} is not of the form KEYWORD = value in a"
-                    f" block"
+                    " block"
                 )
             if block == "META_START":
                 segments[-1].meta[key] = value
             elif key in ANGLES:
                 _take_angle(segments[-1], key, value, number)
             else:
-                others[key] += 1
-    return segments, others
+                keywords[key] = None
+    return segments, list(keywords)
 
 
 def _take_angle(segment: TdmSegment, key: str, value: str, number: int) -> None:
@@ -91,25 +90,26 @@ def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
     if not segment.angles:
         return
     kind = _kind(segment)
-    system = segment.meta.get("TIME_SYSTEM", "UTC").upper()
+    system = segment.keyword("TIME_SYSTEM", "UTC")
     if system not in SYSTEMS:
         raise BadFileError(
             f"line {segment.line}: TIME_SYSTEM is {system!r}; convert the times to one of"
             f" {', '.join(SYSTEMS)}"
         )
-    target = segment.target()
-    common = {"sensor_id": segment.sensor, **({} if target is None else {"target_id": target})}
+    common = {"sensor_id": segment.sensor, "target_id": segment.target()}
     if kind == "RADEC":
         common["reference_frame"] = segment.meta.get("REFERENCE_FRAME", "EME2000")
+    common = {name: value for name, value in common.items() if value is not None}
     for time, pair in segment.angles.items():
-        line = next(iter(pair.values()))[1]
+        key, (_, line) = next(iter(pair.items()))
         if len(pair) < 2:
             raise BadFileError(
-                f"line {line}: {next(iter(pair))} of {time} stands alone; a direction has two"
-                f" angles"
+                f"line {line}: {key} of {time} stands alone; a direction has two angles"
             )
         angles = [finite(pair[key][0], f"line {pair[key][1]}: {key}") for key in ANGLES]
-        angles = [angle + _correction(segment, number) for number, angle in enumerate(angles, 1)]
+        angles = [
+            angle + _correction(segment, key) for angle, key in zip(angles, ANGLES, strict=True)
+        ]
         angles = _of_gimbals(kind, *angles) if kind in ("XEYN", "XSYE") else angles
         directions = dict(zip(_KEYS[kind], angles, strict=True))
         yield {"line": line, "timestamp": _utc_text(time, line, system), **directions, **common}
@@ -122,10 +122,10 @@ def _of_gimbals(kind: str, x_deg: float, y_deg: float) -> list[float]:
     """
     x = math.radians(x_deg)
     y = math.radians(y_deg)
-    first = math.cos(y) * math.sin(x)
-    second = math.sin(y)
+    along_x = math.cos(y) * math.sin(x)
+    along_y = math.sin(y)
     up = math.cos(y) * math.cos(x)
-    east, north = (first, second) if kind == "XEYN" else (second, -first)
+    east, north = (along_x, along_y) if kind == "XEYN" else (along_y, -along_x)
     return [
         math.degrees(math.atan2(east, north)) % 360.0,
         math.degrees(math.asin(max(min(up, 1.0), -1.0))),
@@ -134,35 +134,30 @@ def _of_gimbals(kind: str, x_deg: float, y_deg: float) -> list[float]:
 
 def _utc_text(time: str, line: int, system: str) -> str:
     """Return a time of another system as a date in UTC."""
-    own_ns = unix_ns(time, f"line {line}: the time")
-    seconds = own_ns * 1e-9
-    return date_text(own_ns - round((seconds - utc_s(seconds, system)) * 1e3) * 1_000_000)
+    calendar_ns = unix_ns(time, f"line {line}: the time")
+    seconds = calendar_ns * 1e-9
+    return date_text(calendar_ns - round((seconds - utc_s(seconds, system)) * 1e3) * 1_000_000)
 
 
 def _kind(segment: TdmSegment) -> str:
     """Return the type of a segment's angles; raises `BadFileError` for one that is not read."""
-    kind = segment.meta.get("ANGLE_TYPE", "").upper()
-    if kind not in _KEYS:
-        raise BadFileError(
-            f"line {segment.line}: ANGLE_TYPE is {kind or 'missing'}; read are"
-            f" {' and '.join(_KEYS)}"
-        )
+    kind = segment.keyword("ANGLE_TYPE", "")
     frame = segment.meta.get("REFERENCE_FRAME", "EME2000")
-    if kind == "RADEC" and (frame_of(frame) in ("", "ITRF") or is_of_epoch(frame)):
-        raise BadFileError(
-            f"line {segment.line}: REFERENCE_FRAME is {frame}; read are {_CELESTIAL}"
-        )
-    if segment.meta.get("TIMETAG_REF", "RECEIVE").upper() != "RECEIVE":
-        raise BadFileError(
-            f"line {segment.line}: TIMETAG_REF is {segment.meta['TIMETAG_REF']}; only RECEIVE is"
-            f" read"
-        )
+    complaint = ""
+    if kind not in _KEYS:
+        complaint = f"ANGLE_TYPE is {kind or 'missing'}; read are {' and '.join(_KEYS)}"
+    elif kind == "RADEC" and (frame_of(frame) in ("", "ITRF") or is_of_epoch(frame)):
+        complaint = f"REFERENCE_FRAME is {frame}; read are {_CELESTIAL}"
+    elif segment.keyword("TIMETAG_REF", "RECEIVE") != "RECEIVE":
+        complaint = f"TIMETAG_REF is {segment.meta['TIMETAG_REF']}; only RECEIVE is read"
+    if complaint:
+        raise BadFileError(f"line {segment.line}: {complaint}")
     return kind
 
 
-def _correction(segment: TdmSegment, number: int) -> float:
+def _correction(segment: TdmSegment, angle: str) -> float:
     """Return the correction of an angle, deg, that its values do not have yet."""
-    key = f"CORRECTION_ANGLE_{number}"
-    if key not in segment.meta or segment.meta.get("CORRECTIONS_APPLIED", "NO").upper() == "YES":
+    key = f"CORRECTION_{angle}"
+    if key not in segment.meta or segment.keyword("CORRECTIONS_APPLIED", "NO") == "YES":
         return 0.0
     return finite(segment.meta[key], f"line {segment.line}: {key}")

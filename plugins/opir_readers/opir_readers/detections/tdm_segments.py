@@ -29,8 +29,12 @@ class TdmSegment:
 
     def target(self) -> str | None:
         """Return the first participant that is not the sensor."""
-        others = (value for key, value in self.meta.items() if key.startswith("PARTICIPANT_"))
-        return next((name for name in others if name != self.sensor), None)
+        names = (value for key, value in self.meta.items() if key.startswith("PARTICIPANT_"))
+        return next((name for name in names if name != self.sensor), None)
+
+    def keyword(self, key: str, default: str) -> str:
+        """Return the value of a keyword in capitals."""
+        return self.meta.get(key, default).upper()
 
     def take_angle(self, key: str, time: str, value: str, number: int) -> None:
         """Add an angle of a time, in line `number`; raises `BadFileError` for one that stands

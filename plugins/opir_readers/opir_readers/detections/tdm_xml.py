@@ -2,45 +2,32 @@
 (ndm).
 """
 
-from collections import Counter
-
-from opir_core.plugin import BadFileError
 from opir_readers.detections.tdm_segments import ANGLES, TdmSegment
-from opir_readers.xml_nodes import XmlNode, root_name, xml_root
+from opir_readers.xml_nodes import XmlNode, has_message, metadata_and_data, xml_root
 
 
 def is_tdm_xml(text: str) -> bool:
-    """Return whether a text is a TDM in XML, or a message of several that has one."""
-    name = root_name(text) if text.lstrip()[:1] == "<" else ""
-    return name == "tdm" or (name == "ndm" and "<tdm" in text)
+    """Whether a text is a TDM in XML, or a message of several that has one."""
+    return has_message(text, "tdm")
 
 
-def segments_of_xml(text: str) -> tuple[list[TdmSegment], Counter[str]]:
-    """Return the segments of a message, and how many values of other kinds than angles it has."""
+def segments_of_xml(text: str) -> tuple[list[TdmSegment], list[str]]:
+    """Return the segments of a message, and the keywords of its values other than angles."""
     root = xml_root(text)
     messages = [root] if root.name == "tdm" else list(root.all("tdm"))
-    segments = list[TdmSegment]()
-    others = Counter[str]()
-    for node in (segment for message in messages for segment in message.all("segment")):
-        segments.append(_segment(node, others))
-    return segments, others
+    keywords = dict[str, None]()
+    segments = [_segment(node, keywords) for message in messages for node in message.all("segment")]
+    return segments, list(keywords)
 
 
-def _segment(node: XmlNode, others: Counter[str]) -> TdmSegment:
-    meta = node.child("metadata")
-    data = node.child("data")
-    if meta is None or data is None:
-        raise BadFileError(
-            f"line {node.line}: this segment has no {'metadata' if meta is None else 'data'}"
-        )
-    segment = TdmSegment(
-        meta.line, {each.name: each.text for each in meta.children if each.name != "COMMENT"}
-    )
+def _segment(node: XmlNode, keywords: dict[str, None]) -> TdmSegment:
+    meta, data = metadata_and_data(node)
+    segment = TdmSegment(meta.line, meta.texts())
     for observation in data.all("observation"):
         time = observation.text_of("EPOCH")
-        for each in observation.children:
-            if each.name in ANGLES:
-                segment.take_angle(each.name, time, each.text, each.line)
-            elif each.name != "EPOCH":
-                others[each.name] += 1
+        for value in observation.children:
+            if value.name in ANGLES:
+                segment.take_angle(value.name, time, value.text, value.line)
+            elif value.name != "EPOCH":
+                keywords[value.name] = None
     return segment
