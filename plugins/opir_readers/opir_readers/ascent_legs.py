@@ -139,7 +139,9 @@ def falling(
         states.append(state)
         state = integrated(rate, step_s, state)[-1]
     fall = np.array(states)
-    return AscentLeg(start_s + _STEP_S * np.arange(len(fall)), fall[:, :3], fall[:, 3:], False)
+    return AscentLeg(
+        start_s + _STEP_S * np.arange(len(fall), dtype=np.float64), fall[:, :3], fall[:, 3:], False
+    )
 
 
 def stopping(leg: AscentLeg, burn_s: float) -> AscentLeg:
