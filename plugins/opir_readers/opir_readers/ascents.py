@@ -111,7 +111,7 @@ def ascent_targets(configs: Sequence[AscentConfig], context: TargetContext) -> T
         **flights.columns(configs, context),
         flight=flights.ephemeris(flights.ignition_s, flights.burnout_s),
         coast=orbit,
-        records=tuple(_record(*row) for row in zip(context.ids, configs, tables, strict=True)),
+        records=tuple(map(_record, context.ids, configs, tables)),
     )
 
 

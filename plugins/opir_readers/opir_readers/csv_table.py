@@ -292,6 +292,11 @@ def _row(table: _Table, cells: list[str], line: int) -> list[float]:
     ]
 
 
+def _clock_s(sign: str, hours: str, minutes: str, seconds: str) -> float:
+    size = 3600.0 * float(hours) + 60.0 * float(minutes) + float(seconds)
+    return -1.0 * size if sign == "-" else size
+
+
 def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
     bare = cell.strip()
     if column.quantity == DATE:
@@ -299,8 +304,7 @@ def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
         return unix_ns(moment, f"line {line}: {column.name}") * 1e-9
     clock = _CLOCK.fullmatch(bare) if column.quantity == TIME else None
     if clock:
-        hours, minutes, seconds = map(float, clock.groups()[1:])
-        return (-1.0 if clock[1] == "-" else 1.0) * (3600.0 * hours + 60.0 * minutes + seconds)
+        return _clock_s(*clock.groups())
     why = ""
     try:
         value = layout.number(bare)

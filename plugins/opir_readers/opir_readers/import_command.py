@@ -20,6 +20,7 @@ from opir_core.output import OutputFiles
 from opir_core.plugin import BadFileError, Host, StateTable
 from opir_readers.column_maps import columns_of_text, site_of_text
 from opir_readers.columns import map_complaint
+from opir_readers.detections.numbers import Row, Rows
 from opir_readers.flights.refining import refined
 from opir_readers.interpolation import largest_doubt_m, runs
 from opir_readers.orbits.element_files import number_of
@@ -36,8 +37,6 @@ from opir_readers.reading import content_of, file_text, reader_of, refused
 from opir_readers.small_map import map_lines
 from opir_readers.table_checks import findings_of, moment_text
 from opir_readers.table_targets import place_of
-
-Row = Mapping[str, Any]
 
 
 def import_file(arguments: argparse.Namespace) -> int:
@@ -170,14 +169,19 @@ def _state_lines(table: StateTable) -> Iterator[str]:
         names += ["vx_ecef_m_s", "vy_ecef_m_s", "vz_ecef_m_s"]
         columns.append(table.velocity_m_s)
     yield ",".join([*names, "is_burning"])
-    time_s = table.time_s[:, None]
-    is_burning = (time_s >= table.burns_s[:, 0]) & (time_s < table.burns_s[:, 1])
-    burning = is_burning.any(axis=1).astype(int).tolist()
-    for numbers, flag in zip(np.column_stack(columns).tolist(), burning, strict=True):
+    for numbers, flag in zip(np.column_stack(columns).tolist(), _burning(table), strict=True):
         yield ",".join(map(repr, [*numbers, flag]))
 
 
-def _detection_lines(rows: Sequence[Row]) -> Iterator[str]:
+def _burning(table: StateTable) -> list[int]:
+    """Return 1 for each state of a burn, 0 for others."""
+    time_s = table.time_s[:, None]
+    ignition_s, burnout_s = table.burns_s.T
+    is_burning = (time_s >= ignition_s) & (time_s < burnout_s)
+    return is_burning.any(axis=1).astype(int).tolist()
+
+
+def _detection_lines(rows: Rows) -> Iterator[str]:
     """Yield how many lines of sight each sensor has, and the first one."""
     count = Counter(str(row.get("sensor_id", "without id")) for row in rows)
     listed = ", ".join(f"{name} {number}" for name, number in count.most_common(12))
@@ -187,7 +191,7 @@ def _detection_lines(rows: Sequence[Row]) -> Iterator[str]:
     yield "track them with opir track FILE --sensors …"
 
 
-def _show_orbits(arguments: argparse.Namespace, rows: Sequence[Row]) -> None:
+def _show_orbits(arguments: argparse.Namespace, rows: Rows) -> None:
     """Print the satellites of a file that a filter leaves; write them as sensors, if that is asked
     for.
     """
@@ -211,7 +215,7 @@ def _show_orbits(arguments: argparse.Namespace, rows: Sequence[Row]) -> None:
         )
 
 
-def _orbit_lines(rows: Sequence[Row], selected: Sequence[Row], left_out: str) -> Iterator[str]:
+def _orbit_lines(rows: Rows, selected: Rows, left_out: str) -> Iterator[str]:
     yield f"{len(rows)} sets of elements{f', left out {left_out}' if left_out else ''}"
     for row in selected[:12]:
         yield orbit_line(row)

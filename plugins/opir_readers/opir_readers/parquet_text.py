@@ -80,21 +80,26 @@ def _columns(table: Any) -> Iterator[tuple[str, Any]]:
 def _plain(column: Any) -> Any:
     """Return a column of numbers, texts or times as text can hold it, None for others."""
     import pyarrow
-    from pyarrow import compute, types
+    from pyarrow import types
 
     kind = column.type
     if types.is_floating(kind):
-        wide = column.cast(pyarrow.float64())
-        return compute.if_else(compute.is_nan(wide), None, wide)
+        return _without_nan(column.cast(pyarrow.float64()))
     if types.is_boolean(kind):
         return column.cast(pyarrow.int8())
-    if types.is_integer(kind) or types.is_string(kind) or types.is_large_string(kind):
+    if any(is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)):
         return column
     if types.is_fixed_size_binary(kind) and kind.byte_width == 16:
         return pyarrow.array(list(map(_uuid_text, column.to_pylist())), pyarrow.string())
     if types.is_timestamp(kind) or types.is_date(kind):
         return column.cast(pyarrow.timestamp("ns", tz="UTC"))
     return None
+
+
+def _without_nan(column: Any) -> Any:
+    from pyarrow import compute
+
+    return compute.if_else(compute.is_nan(column), None, column)
 
 
 def _uuid_text(content: bytes | None) -> str | None:

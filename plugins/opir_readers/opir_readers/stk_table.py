@@ -140,7 +140,6 @@ def _positions(values: FloatArray, coordinates: str, unit_m: float) -> FloatArra
 
 def _ephemeris(text: str) -> _Ephemeris:
     ephemeris = _Ephemeris()
-    keywords = ephemeris.keywords
     for number, words in _lines_of_ephemeris(text):
         keyword = words[0].lower()
         if keyword in _KINDS:
@@ -149,18 +148,23 @@ def _ephemeris(text: str) -> _Ephemeris:
             ephemeris.lines.append(number)
             ephemeris.rows.append(_numbers(words, _KINDS[ephemeris.kind][1], number))
         else:
-            keywords[keyword] = " ".join(words[1:])
+            ephemeris.keywords[keyword] = " ".join(words[1:])
+    _require_states(ephemeris, text)
+    return ephemeris
+
+
+def _require_states(ephemeris: _Ephemeris, text: str) -> None:
     if not ephemeris.kind:
         word = next(iter(_KIND_WORD.findall(text)), "none")
         raise BadFileError(f"has states of the kind {word}; read are {_KIND_NAMES}")
-    if keywords.get("timeformat", "EpSec").lower() not in ("epsec", "epochseconds"):
+    time_format = ephemeris.keywords.get("timeformat", "EpSec")
+    if time_format.lower() not in ("epsec", "epochseconds"):
         raise BadFileError(
-            f"TimeFormat is {keywords['timeformat']}; export times in seconds from the epoch"
-            " (EpSec)"
+            f"TimeFormat is {time_format}; export times in seconds from the epoch (EpSec)"
         )
-    if len(ephemeris.rows) < 2:
-        raise BadFileError(f"has {len(ephemeris.rows)} states; at least 2 are needed")
-    return ephemeris
+    count = len(ephemeris.rows)
+    if count < 2:
+        raise BadFileError(f"has {count} states; at least 2 are needed")
 
 
 def _lines_of_ephemeris(text: str) -> Iterator[tuple[int, list[str]]]:

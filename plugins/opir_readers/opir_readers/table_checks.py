@@ -232,9 +232,8 @@ def _hardest(table: StateTable) -> tuple[int, float]:
     over a quarter of the interval, m/s²; bends of a few metres, of rounded positions, do not
     count.
     """
-    length_s = np.diff(table.time_s)
-    rows = np.flatnonzero(length_s > 0.0)
-    length_s = length_s[rows]
+    rows = np.flatnonzero(np.diff(table.time_s) > 0.0)
+    length_s = np.diff(table.time_s)[rows]
     # Times at whole states belong to the interval that follows them: these stay within their own.
     share = np.linspace(0.02, 0.98, 5)
     time_s = table.time_s[rows, None] + length_s[:, None] * share
@@ -242,7 +241,7 @@ def _hardest(table: StateTable) -> tuple[int, float]:
     turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / np.diff(time_s, axis=1)[..., None]
     hardest = _length(turn).max(axis=1)
     hardest[hardest * length_s**2 < _LIMITS.least_bend_m] = 0.0
-    row = int(hardest.argmax())
+    row = hardest.argmax()
     return int(rows[row]), float(hardest[row])
 
 

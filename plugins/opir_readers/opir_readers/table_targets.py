@@ -143,11 +143,10 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
     if problems:
         raise SceneError(problems)
     flights = flights_of(tables, context)
-    rows = zip(context.ids, configs, tables, hashes, strict=True)
     return TableTargets(
         **flights.columns(configs, context),
         flight=flights.ephemeris(flights.ignition_s, flights.end_s),
-        records=tuple(_record(*row) for row in rows),
+        records=tuple(map(_record, context.ids, configs, tables, hashes)),
         warnings=tuple(warnings),
     )
 
@@ -168,10 +167,10 @@ def _with_burn(table: StateTable, config: TableConfig) -> StateTable:
 
     Raises `BadFileError` where the states do not cover them.
     """
-    ignition = float(table.burns_s[0, 0]) if config.ignition_s is None else config.ignition_s
-    burnout = float(table.burns_s[-1, 1]) if config.burnout_s is None else config.burnout_s
-    begin = float(table.time_s[0])
-    end = float(table.time_s[-1])
+    ignition, *_, burnout = table.burns_s.ravel().tolist()
+    ignition = ignition if config.ignition_s is None else config.ignition_s
+    burnout = burnout if config.burnout_s is None else config.burnout_s
+    begin, end = table.time_s[[0, -1]].tolist()
     burn = f"a burn from {ignition:.12g} to {burnout:.12g} s"
     if not max(begin, 0.0) <= ignition < burnout <= end:
         raise BadFileError(

@@ -182,22 +182,19 @@ def _frames(
     """Yield the velocities of rows in ECEF from each usual frame: its words, "" for ECEF, and the
     quantities of its columns.
     """
-    place_m = table.position_m[rows]
-    time_s = table.time_s[rows]
-    axes = axes_at(place_m)
-    rotation = earth_rotation_m_s(place_m)
-    angle = EARTH_ROTATION_RAD_S * (time_s - time_s[0])
+    axes = axes_at(table.position_m[rows])
+    rotation = earth_rotation_m_s(table.position_m[rows])
+    angle = EARTH_ROTATION_RAD_S * (table.time_s[rows] - table.time_s[rows[0]])
     north_east_down = np.stack([velocity[:, 1], velocity[:, 0], -velocity[:, 2]], axis=1)
     yield "", xyz("v{}_ecef"), velocity
-    words = "inertial (with the Earth's rotation)"
-    yield words, INERTIAL_VELOCITY, velocity - rotation
-    words = "inertial, in axes that do not turn with the Earth"
-    yield words, (), turned(velocity, [("z", angle)]) - rotation
+    yield "inertial (with the Earth's rotation)", INERTIAL_VELOCITY, velocity - rotation
+    still = turned(velocity, [("z", angle)])
+    yield "inertial, in axes that do not turn with the Earth", (), still - rotation
     yield "without the Earth's rotation twice over", (), velocity + rotation
     yield "towards east, north and up", LOCAL_VELOCITY, along_axes(velocity, axes)
     yield "towards north, east and down", (), along_axes(north_east_down, axes)
-    words = "towards east, north and up of the first place"
-    yield words, (), along_axes(velocity, axes[:1])
+    mended = along_axes(velocity, axes[:1])
+    yield "towards east, north and up of the first place", (), mended
 
 
 def _other_axes(velocity: FloatArray) -> Iterator[_Mended]:

@@ -2,7 +2,7 @@
 of sight lead.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from opir_core.arrays import BoolArray, IntArray
 from opir_core.errors import number_of
 from opir_core.geometry import dot
 from opir_core.plugin import BadFileError
-from opir_readers.detections.columns_of_run import Row, RunColumns
-from opir_readers.detections.numbers import place_of
+from opir_readers.detections.columns_of_run import RunColumns
+from opir_readers.detections.numbers import Rows, place_of
 from opir_readers.detections.times import NS_PER_S
 from opir_readers.table_checks import SceneTimes, scale_text
 
@@ -24,7 +24,7 @@ _FARTHEST_M = 8.0e6
 _ASTRAY_M = 20_000.0
 
 
-def within_scene(rows: Sequence[Row], time_ns: IntArray, scene: Scene) -> Sequence[Row]:
+def within_scene(rows: Rows, time_ns: IntArray, scene: Scene) -> Rows:
     """Return the rows whose times are those of a scene; raises `BadFileError` without any."""
     is_within = (time_ns >= 0) & (time_ns <= round(scene.duration_s * NS_PER_S))
     if not is_within.any():

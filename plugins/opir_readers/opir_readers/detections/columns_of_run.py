@@ -15,12 +15,18 @@ from opir_core.errors import nearest_names
 from opir_core.geometry import dot, line_of_sight, unit_vectors
 from opir_core.plugin import BadFileError, Sensor
 from opir_core.random_streams import id_key, uuid8_words
-from opir_readers.detections.numbers import finite, number_of_row, place_of, shown, vector_of_row
+from opir_readers.detections.numbers import (
+    Row,
+    Rows,
+    finite,
+    number_of_row,
+    place_of,
+    shown,
+    vector_of_row,
+)
 from opir_readers.detections.times import NS_PER_S, unix_ns
 from opir_readers.detections.truth import truth_of
 from opir_readers.frames import frame_of, to_ecef
-
-Row = Mapping[str, Any]
 
 #: The confidence of a detection whose file says nothing of it.
 UNKNOWN_CONFIDENCE = 0.5
@@ -40,7 +46,7 @@ class RunColumns:
 
     detections: Detections
     truth: DetectionTruth
-    rows: Sequence[Row]
+    rows: Rows
 
 
 @frozen(eq=False)
@@ -49,7 +55,7 @@ class _Sights:
     its scene time, ns.
     """
 
-    rows: Sequence[Row]
+    rows: Rows
     sensor: IndexArray
     time_ns: IntArray
     plan: Plan
@@ -77,7 +83,7 @@ class _Sights:
         return values
 
 
-def times_ns(rows: Sequence[Row], epoch_us: int, key: str = "timestamp") -> IntArray:
+def times_ns(rows: Rows, epoch_us: int, key: str = "timestamp") -> IntArray:
     """Return the scene times (n,) of rows, ns: of dates, or of seconds of the scene (`time_s`)."""
     return np.array([_time_ns(row, epoch_us, key) for row in rows], dtype=np.int64)
 
@@ -90,7 +96,7 @@ def _time_ns(row: Row, epoch_us: int, key: str) -> int:
     return min(max(since_ns, -(2**62)), 2**62)
 
 
-def columns_of(rows: Sequence[Row], plan: Plan, names: Mapping[str, str]) -> RunColumns:
+def columns_of(rows: Rows, plan: Plan, names: Mapping[str, str]) -> RunColumns:
     """Return the columns of rows for the sensors of a plan; `names` are the plan's ids of ids in
     the file.
 
@@ -125,9 +131,7 @@ def columns_of(rows: Sequence[Row], plan: Plan, names: Mapping[str, str]) -> Run
     return RunColumns(detections.freeze(), truth_of(rows, detections, plan), rows)
 
 
-def _sensors(
-    rows: Sequence[Row], sensors: Sequence[Sensor], names: Mapping[str, str]
-) -> IndexArray:
+def _sensors(rows: Rows, sensors: Sequence[Sensor], names: Mapping[str, str]) -> IndexArray:
     """Return the numbers (n,) of the rows' sensors."""
     number = {sensor.id: place for place, sensor in enumerate(sensors)}
     only = sensors[0].id if len(sensors) == 1 else None
@@ -145,7 +149,7 @@ def _sensors(
     return np.array(numbers, dtype=np.int32)
 
 
-def _unknown_sensor(name: str, row: Row, rows: Sequence[Row], known: Sequence[str]) -> BadFileError:
+def _unknown_sensor(name: str, row: Row, rows: Rows, known: Sequence[str]) -> BadFileError:
     nearest = nearest_names(name, known)
     hint = f"did you mean {nearest[0]}?" if nearest else f"there are {', '.join(known[:12])}."
     sensor_id = str(row.get("sensor_id"))
@@ -200,9 +204,7 @@ def _directions(sights: _Sights, origin: FloatArray) -> FloatArray:
     return np.asarray(vectors / length[:, None])
 
 
-def _earth_fixed(
-    rows: Sequence[Row], vectors: FloatArray, epoch_us: int, time_s: FloatArray
-) -> FloatArray:
+def _earth_fixed(rows: Rows, vectors: FloatArray, epoch_us: int, time_s: FloatArray) -> FloatArray:
     """Return vectors (n, 3) in ECEF of those in the frames that rows name, J2000 where they name
     none.
     """
@@ -226,7 +228,7 @@ def _way(row: Row) -> int:
     raise BadFileError(f"{place_of(row)}has no line of sight; give one of {known}")
 
 
-def _require_angles(rows: Sequence[Row], angle_rad: FloatArray, name: str) -> None:
+def _require_angles(rows: Rows, angle_rad: FloatArray, name: str) -> None:
     for place in np.flatnonzero(np.abs(angle_rad) > 0.5 * np.pi + 1e-9).tolist():
         raise BadFileError(
             f"{place_of(rows[place])}{name} is {rows[place][name]}, beyond 90 deg; are its units"
@@ -257,7 +259,7 @@ def _sigmas_rad(sights: _Sights) -> FloatArray:
     return np.where(np.isnan(sigma), defaults[sights.sensor], sigma)
 
 
-def _types(rows: Sequence[Row], reported_types: Sequence[str]) -> ByteArray:
+def _types(rows: Rows, reported_types: Sequence[str]) -> ByteArray:
     """Return the codes of reported types; those that the scene does not know are UNKNOWN."""
     code = {name: number for number, name in enumerate(reported_types)}
     names = (str(row.get("target_type")) for row in rows)
@@ -276,7 +278,7 @@ def _bands(sights: _Sights) -> ByteArray:
     return np.array(masks, dtype=np.uint8)
 
 
-def _ids(rows: Sequence[Row], plan: Plan) -> WordArray:
+def _ids(rows: Rows, plan: Plan) -> WordArray:
     """Return the ids of a file of opir's events, which are UUIDs of version 8; else new ids."""
     ids = [_uuid8(row.get("detection_id")) for row in rows]
     if rows and all(ids) and len(set(ids)) == len(ids):

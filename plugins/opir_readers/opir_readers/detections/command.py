@@ -18,7 +18,8 @@ from opir_core.plugin import BadFileError, FileReader, Host
 from opir_core.simulation import ReportOrder
 from opir_readers.column_maps import columns_of_text
 from opir_readers.detections.checks import warnings_of, within_scene
-from opir_readers.detections.columns_of_run import Row, RunColumns, columns_of, times_ns
+from opir_readers.detections.columns_of_run import RunColumns, columns_of, times_ns
+from opir_readers.detections.numbers import Rows
 from opir_readers.detections.sensors_scene import scene_of_sensors
 from opir_readers.detections.times import NS_PER_S
 from opir_readers.reading import FileText, content_of, file_text, reader_of, refused
@@ -29,7 +30,7 @@ class _Source(NamedTuple):
 
     file: FileText
     reader: FileReader
-    rows: Sequence[Row]
+    rows: Rows
 
 
 def track_file(arguments: argparse.Namespace) -> int:

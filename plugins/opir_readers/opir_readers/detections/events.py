@@ -1,10 +1,11 @@
 """Events as JSON: opir's own, one per line, or a list of objects with the same keys."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 from opir_core.plugin import BadFileError
+from opir_readers.detections.numbers import Row, Rows
 
 #: The keys of times, and of directions.
 _TIMES = ("timestamp", "time_s")
@@ -43,7 +44,7 @@ def is_of_events(text: str) -> bool:
     )
 
 
-def event_rows(text: str) -> Sequence[Mapping[str, Any]]:
+def event_rows(text: str) -> Rows:
     """Return the detections of a text; raises `BadFileError` with the line of another value."""
     rows = [_row(value, line) for value, line in _values(text)]
     if not rows:
@@ -79,7 +80,7 @@ def _parsed(text: str, line: int | None) -> Any:
         raise BadFileError(f"{_place(line)}is not JSON that can be read: {error}") from error
 
 
-def _row(value: Any, line: int | None) -> Mapping[str, Any]:
+def _row(value: Any, line: int | None) -> Row:
     if not isinstance(value, dict):
         raise BadFileError(
             f"{_place(line)}is no object with keys; a detection has {', '.join(KEYS[:8])}, …"

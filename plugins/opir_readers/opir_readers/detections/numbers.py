@@ -7,13 +7,17 @@ from typing import Any
 from opir_core.plugin import BadFileError
 from opir_readers.states import number_or_nan
 
+#: A detection by the keys of an event, and with its line, if the reader gives it.
+Row = Mapping[str, Any]
+Rows = Sequence[Row]
 
-def place_of(row: Mapping[str, Any]) -> str:
+
+def place_of(row: Row) -> str:
     """Return the beginning of a message about a row: its line, if the reader gave it."""
     return f"line {row['line']}: " if "line" in row else ""
 
 
-def number_of_row(row: Mapping[str, Any], name: str) -> float:
+def number_of_row(row: Row, name: str) -> float:
     """Return the finite number of a key; raises `BadFileError`."""
     return finite(row.get(name), f"{place_of(row)}{name}")
 
@@ -28,7 +32,7 @@ def finite(value: Any, subject: str) -> float:
     return number
 
 
-def vector_of_row(row: Mapping[str, Any], name: str) -> list[float]:
+def vector_of_row(row: Row, name: str) -> list[float]:
     """Return the three finite numbers of a key; raises `BadFileError`."""
     value = row.get(name)
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:

@@ -18,11 +18,12 @@ from opir_core.output import timestamp_text
 from opir_core.plugin import BadFileError, Host
 from opir_core.reading import InvalidNode, epoch_us_of_text, node_of_yaml
 from opir_core.scene import file_bytes, text_of
-from opir_readers.detections.columns_of_run import Row, times_ns
+from opir_readers.detections.columns_of_run import times_ns
+from opir_readers.detections.numbers import Rows
 from opir_readers.detections.times import NS_PER_S
 
 
-def scene_of_sensors(arguments: argparse.Namespace, rows: Sequence[Row], host: Host) -> Scene:
+def scene_of_sensors(arguments: argparse.Namespace, rows: Rows, host: Host) -> Scene:
     """Return the scene of `--sensors`: of a file, completed by the detections, or of constellations
     by name.
 
@@ -55,15 +56,11 @@ def _keys(path: str) -> Mapping[str, Any]:
     return block if isinstance(block, dict) else {}
 
 
-def _missing(
-    arguments: argparse.Namespace, rows: Sequence[Row], keys: Mapping[str, Any]
-) -> list[str]:
+def _missing(arguments: argparse.Namespace, rows: Rows, keys: Mapping[str, Any]) -> list[str]:
     """Return as overrides what a file of sensors alone lacks: name, epoch, length and tracker."""
     path = arguments.file
-    changed = dict(override.split("=", 1) for override in arguments.overrides if "=" in override)
-    lacking: dict[str, str] = {"scene": json.dumps(Path(path).name or "detections")}
-    node = getattr(keys.get("epoch"), "value", None)
-    epoch = changed.get("epoch", "").strip("\"'") or (node if isinstance(node, str) else "")
+    lacking = {"scene": json.dumps(Path(path).name or "detections")}
+    epoch = _set_epoch(arguments.overrides, keys)
     if not epoch:
         epoch = _epoch(path, rows)
         lacking["epoch"] = json.dumps(epoch)
@@ -73,7 +70,14 @@ def _missing(
     return [f"{key}={value}" for key, value in lacking.items() if key not in keys]
 
 
-def _epoch(path: str, rows: Sequence[Row]) -> str:
+def _set_epoch(overrides: Sequence[str], keys: Mapping[str, Any]) -> str:
+    """Return the epoch of the overrides, else of the file; "" without one."""
+    changed = dict(override.split("=", 1) for override in overrides if "=" in override)
+    epoch = getattr(keys.get("epoch"), "value", None)
+    return changed.get("epoch", "").strip("\"'") or (epoch if isinstance(epoch, str) else "")
+
+
+def _epoch(path: str, rows: Rows) -> str:
     """Return an epoch a minute before the first detection: the launch may be earlier. Raises
     `SceneError` for detections without dates.
     """
@@ -87,7 +91,7 @@ def _epoch(path: str, rows: Sequence[Row]) -> str:
     return timestamp_text(np.array([(first_s - 60) * 1_000_000]))[0].replace(".000000", "")
 
 
-def _duration_s(path: str, rows: Sequence[Row], epoch: str) -> float:
+def _duration_s(path: str, rows: Rows, epoch: str) -> float:
     """Return the time of the last detection since an epoch; 1 s where the epoch or all times are
     refused elsewhere.
 
@@ -99,7 +103,7 @@ def _duration_s(path: str, rows: Sequence[Row], epoch: str) -> float:
     return 1.0
 
 
-def _times_ns(path: str, rows: Sequence[Row], epoch_us: int) -> IntArray:
+def _times_ns(path: str, rows: Rows, epoch_us: int) -> IntArray:
     try:
         return times_ns(rows, epoch_us)
     except BadFileError as error:

@@ -34,10 +34,9 @@ from opir_readers.columns import (
     xyz,
 )
 from opir_readers.csv_layout import Layout, layout_of, table_layout
+from opir_readers.detections.numbers import Row, Rows
 from opir_readers.detections.times import date_text
 from opir_readers.published import published
-
-Row = Mapping[str, Any]
 
 _UNITS = published("units")
 #: Directions in degrees, as events have them: a factor of 1 moves no digit.
@@ -122,7 +121,7 @@ def sights_complaint(columns: Mapping[str, str] | None) -> str | None:
     return map_complaint(columns, UNITS, _quantity_of)
 
 
-def sight_rows(text: str, start_s: float, columns: Mapping[str, str]) -> Sequence[Row]:
+def sight_rows(text: str, start_s: float, columns: Mapping[str, str]) -> Rows:
     """Return the detections of a text whose time 0 is the scene time `start_s`; raises
     `BadFileError`.
 

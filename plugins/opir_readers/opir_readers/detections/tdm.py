@@ -7,16 +7,16 @@ magnitudes) are left out.
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
+
+from attrs import Factory, define
 
 from opir_core.plugin import BadFileError
-from opir_readers.detections.numbers import finite
-from opir_readers.detections.tdm_segments import ANGLES, TdmSegment
-from opir_readers.detections.tdm_xml import is_tdm_xml, segments_of_xml
+from opir_readers.detections.numbers import Row, Rows, finite
 from opir_readers.detections.times import date_text, unix_ns
 from opir_readers.frames import frame_of, is_of_epoch
 from opir_readers.time_systems import SYSTEMS, utc_s
+from opir_readers.xml_nodes import XmlNode, has_message, metadata_and_data, xml_root
 
 FIRST_KEYWORD = "CCSDS_TDM_VERS"
 
@@ -31,12 +31,56 @@ _KEYS = {
 }
 
 
+#: The keywords of the two angles of a direction.
+ANGLES = ("ANGLE_1", "ANGLE_2")
+
+
+@define
+class TdmSegment:
+    """The metadata of a segment, and its angles by time: (first, second), with their lines."""
+
+    line: int
+    meta: dict[str, str] = Factory(dict)
+    angles: dict[str, dict[str, tuple[str, int]]] = Factory(dict)
+
+    @property
+    def sensor(self) -> str:
+        """Return the participant that received: the last one of PATH, 1 without it."""
+        number = self.meta.get("PATH", "1").split(",")[-1].strip()
+        name = self.meta.get(f"PARTICIPANT_{number}", "")
+        if not name:
+            raise BadFileError(
+                f"line {self.line}: the metadata lack PARTICIPANT_{number}, the sensor"
+            )
+        return name
+
+    def target(self) -> str | None:
+        """Return the first participant that is not the sensor."""
+        names = (value for key, value in self.meta.items() if key.startswith("PARTICIPANT_"))
+        return next((name for name in names if name != self.sensor), None)
+
+    def keyword(self, key: str, default: str) -> str:
+        """Return the value of a keyword in capitals."""
+        return self.meta.get(key, default).upper()
+
+    def take_angle(self, key: str, time: str, value: str, number: int) -> None:
+        """Add an angle of a time, in line `number`; raises `BadFileError` for one that stands
+        twice.
+        """
+        pair = self.angles.setdefault(time, {})
+        if key in pair:
+            raise BadFileError(
+                f"line {number}: {key} stands twice for {time}, in line {pair[key][1]} too"
+            )
+        pair[key] = value, number
+
+
 def is_tdm(text: str) -> bool:
     """Whether a text is a Tracking Data Message."""
     return _HEAD.match(text) is not None or is_tdm_xml(text)
 
 
-def tdm_rows(text: str) -> Sequence[Mapping[str, Any]]:
+def tdm_rows(text: str) -> Rows:
     """Return the detections of a message; raises `BadFileError` with the line that is none, or
     lacks an angle.
     """
@@ -86,7 +130,7 @@ def _take_angle(segment: TdmSegment, key: str, value: str, number: int) -> None:
     segment.take_angle(key, words[0], words[1], number)
 
 
-def _rows(segment: TdmSegment) -> Iterator[Mapping[str, Any]]:
+def _rows(segment: TdmSegment) -> Iterator[Row]:
     if not segment.angles:
         return
     kind = _kind(segment)
@@ -161,3 +205,30 @@ def _correction(segment: TdmSegment, angle: str) -> float:
     if key not in segment.meta or segment.keyword("CORRECTIONS_APPLIED", "NO") == "YES":
         return 0.0
     return finite(segment.meta[key], f"line {segment.line}: {key}")
+
+
+def is_tdm_xml(text: str) -> bool:
+    """Whether a text is a TDM in XML, or a message of several that has one."""
+    return has_message(text, "tdm")
+
+
+def segments_of_xml(text: str) -> tuple[list[TdmSegment], list[str]]:
+    """Return the segments of a message, and the keywords of its values other than angles."""
+    root = xml_root(text)
+    messages = [root] if root.name == "tdm" else list(root.all("tdm"))
+    keywords = dict[str, None]()
+    segments = [_segment(node, keywords) for message in messages for node in message.all("segment")]
+    return segments, list(keywords)
+
+
+def _segment(node: XmlNode, keywords: dict[str, None]) -> TdmSegment:
+    meta, data = metadata_and_data(node)
+    segment = TdmSegment(meta.line, meta.texts())
+    for observation in data.all("observation"):
+        time = observation.text_of("EPOCH")
+        for value in observation.children:
+            if value.name in ANGLES:
+                segment.take_angle(value.name, time, value.text, value.line)
+            elif value.name != "EPOCH":
+                keywords[value.name] = None
+    return segment

@@ -1,7 +1,6 @@
 """The truth of foreign detections, if it is known: for scores and summaries, never for a tracker."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import FloatArray, IndexArray, RowArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.geometry import dot
+from opir_readers.detections.numbers import Rows
 
 #: A line of sight is of the target that it is nearest to, within this number of standard deviations
 #: of noise and bias.
@@ -28,9 +28,7 @@ class _Lines(NamedTuple):
     angle_rad: FloatArray
 
 
-def truth_of(
-    rows: Sequence[Mapping[str, Any]], detections: Detections, plan: Plan
-) -> DetectionTruth:
+def truth_of(rows: Rows, detections: Detections, plan: Plan) -> DetectionTruth:
     """Return the truth of detections, -1 for those of no target of the plan.
 
     Of rows that name targets, these; else the targets that lines of sight are nearest to, within
@@ -82,11 +80,11 @@ def _lines(detections: Detections, plan: Plan, rows: RowArray, target: IndexArra
     ignition_s = plan.targets.ignition_s[target]
     end_s = plan.targets.end_s[target]
     emission_s = np.clip(time_s, ignition_s, end_s)
+    speed_m_s = SPEED_OF_LIGHT_M_S if plan.scene.light_time else np.inf
     for _ in range(2 if plan.scene.light_time else 1):
         offset = plan.targets.position_ecef_m(target, emission_s) - origin
         range_m = np.sqrt(dot(offset, offset))
-        if plan.scene.light_time:
-            emission_s = np.clip(time_s - range_m / SPEED_OF_LIGHT_M_S, ignition_s, end_s)
+        emission_s = np.clip(time_s - range_m / speed_m_s, ignition_s, end_s)
     miss = offset / range_m[:, None] - detections.line_of_sight_ecef[rows]
     angle = np.sqrt(dot(miss, miss))
     return _Lines(range_m, emission_s, np.where(np.isfinite(angle), angle, np.inf))

@@ -149,8 +149,8 @@ FLIGHTS = (
         name="oem-xml",
         summary="CCSDS Orbit Ephemeris Message, XML form",
         config=TrackConfig,
-        build=_of_object("oem_xml", "oem_xml_table"),
-        recognises=later("oem_xml", "is_oem_xml"),
+        build=_of_object("oem_table", "oem_xml_table"),
+        recognises=later("oem_table", "is_oem_xml"),
         example="""<?xml version="1.0"?>
 <oem id="CCSDS_OEM_VERS" version="2.0"><body><segment><metadata>
 <OBJECT_NAME>ONE</OBJECT_NAME><OBJECT_ID>2026-001A</OBJECT_ID><CENTER_NAME>EARTH</CENTER_NAME>

@@ -104,7 +104,7 @@ def is_webcast(text: str) -> bool:
     names = {name.strip().strip('"').lower() for name in head.partition("\n")[0].split(",")}
     return (
         len(names) >= 3
-        and all(names & set(known) for known in _NAMES.values())
+        and all(names.intersection(choice) for choice in _NAMES.values())
         and not any("lat" in name for name in names)
     )
 
@@ -130,9 +130,7 @@ def webcast_table(
     position, velocity = _path(grid, curves, site, _turn_s(grid, curves, telemetry.events))
     burns = _burns_of_events(telemetry.events, grid)
     if burns is None:
-        burns = burns_s(grid, _is_thrusting(grid, curves))
-        if not len(burns):
-            raise BadFileError("shows no acceleration of a burn; are speeds in other units?")
+        burns = _burns_of_acceleration(grid, curves)
         notes.append(f"burns by acceleration: {spans_text(burns)}")
     return StateTable(
         grid + start_s,
@@ -158,13 +156,15 @@ def _telemetry(text: str) -> Telemetry:
     names = ("time", "velocity" if "velocity" in points[0] else "speed", "altitude")
     rows = [[_number(point.get(name)) for name in names] for point in points]
     time_s, speed, height = np.array(rows).reshape(-1, 3).T
-    # Published telemetry gives altitudes in kilometres.
-    return Telemetry(time_s, speed, height * (1e3 if _is_in_km(height) else 1.0), events)
+    return Telemetry(time_s, speed, _in_metres(height), events)
 
 
-def _is_in_km(altitude: FloatArray) -> bool:
-    """Whether altitudes are in kilometres: no ascent has none above 5 km."""
-    return bool(np.nanmax(np.abs(altitude), initial=0.0) < 5000.0)
+def _in_metres(altitude: FloatArray) -> FloatArray:
+    """Return altitudes (n,), m, of those without a unit: published telemetry gives kilometres, and
+    no ascent stays below 5 km.
+    """
+    highest = np.nanmax(np.abs(altitude), initial=0.0)
+    return altitude * 1e3 if highest < 5000.0 else altitude
 
 
 def _json_values(text: str) -> Iterator[Any]:
@@ -224,16 +224,18 @@ def _of_csv(text: str) -> Telemetry:
     except csv.Error as error:
         raise BadFileError(f"line {reader.line_num}: not CSV: {error}") from error
     names = [name.strip().lower() for name in rows[0]] if rows else []
-    own = [next((name for name in known if name in names), "") for known in _NAMES.values()]
-    if not all(own):
+    choices = _NAMES.values()
+    columns = [next((name for name in choice if name in names), "") for choice in choices]
+    if not all(columns):
         raise BadFileError("line 1: names no time, speed and altitude")
-    places = [names.index(name) for name in own]
+    places = [names.index(name) for name in columns]
     values = np.array([[_cell(row, place) for place in places] for row in rows[1:]]).reshape(-1, 3)
     time_s, speed, height = values.T
-    _, speed_name, name = own
-    is_km = name.endswith("_km") or (name == "altitude" and _is_in_km(height))
-    speed_unit = 3.6 if speed_name.endswith("_km_h") else 1.0
-    return Telemetry(time_s, speed / speed_unit, height * (1e3 if is_km else 1.0))
+    if columns[1].endswith("_km_h"):
+        speed = speed / 3.6
+    if columns[2].endswith("_km"):
+        height = height * 1e3
+    return Telemetry(time_s, speed, _in_metres(height) if columns[2] == "altitude" else height)
 
 
 def _cell(row: Sequence[str], place: int) -> float:
@@ -401,6 +403,13 @@ def _radii(latitude: float, height: float) -> tuple[float, float]:
     e2 = EARTH_ECCENTRICITY_SQUARED
     w = 1.0 - e2 * math.sin(latitude) ** 2
     return a * (1.0 - e2) / w**1.5 + height, a / math.sqrt(w) + height
+
+
+def _burns_of_acceleration(time_s: FloatArray, curves: _Curves) -> FloatArray:
+    burns = burns_s(time_s, _is_thrusting(time_s, curves))
+    if not len(burns):
+        raise BadFileError("shows no acceleration of a burn; are speeds in other units?")
+    return burns
 
 
 def _is_thrusting(time_s: FloatArray, curves: _Curves) -> BoolArray:

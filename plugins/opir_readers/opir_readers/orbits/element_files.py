@@ -18,7 +18,9 @@ from opir_core.orbits import tle_complaint
 from opir_core.plugin import BadFileError
 from opir_readers.xml_nodes import XmlNode, root_name, xml_root
 
+#: The elements of a satellite by the keywords of an OMM.
 Elements = Mapping[str, Any]
+ElementSets = Sequence[Elements]
 
 _NEEDED = ("MEAN_MOTION", "ECCENTRICITY", "INCLINATION")
 _LINE_1 = re.compile(r"1 [ \dA-Z][ \d]{4}")
@@ -49,7 +51,7 @@ def is_tle(text: str) -> bool:
     )
 
 
-def omm_elements(text: str) -> Sequence[Elements]:
+def omm_elements(text: str) -> ElementSets:
     """Return the messages of a text; raises `BadFileError`."""
     head = _head(text)
     if head[:1] in ("{", "["):
@@ -152,7 +154,7 @@ def _of_segment(segment: XmlNode) -> Elements:
     return elements
 
 
-def tle_elements(text: str) -> Sequence[Elements]:
+def tle_elements(text: str) -> ElementSets:
     """Return the element sets of a text; raises `BadFileError` with the line that is none."""
     sets = list(_sets(text))
     if not sets:

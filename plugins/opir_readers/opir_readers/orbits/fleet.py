@@ -10,9 +10,10 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.orbits import omm_epoch, omm_name
-from opir_core.plugin import BadFileError
-from opir_readers.orbits.element_files import Elements, number_of
+from opir_core.orbits import omm_complaint, omm_epoch, omm_name
+from opir_core.plugin import BadFileError, FileReader
+from opir_readers.orbits.element_files import Elements, ElementSets, number_of
+from opir_readers.reading import content_of, file_text, reader_of
 
 
 @frozen(kw_only=True)
@@ -82,7 +83,7 @@ def epoch_s_of(text: str) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def latest(rows: Sequence[Elements]) -> Sequence[Elements]:
+def latest(rows: ElementSets) -> ElementSets:
     """Return the rows with the latest elements of each satellite: of equal numbers, of equal names
     without one.
     """
@@ -95,14 +96,14 @@ def latest(rows: Sequence[Elements]) -> Sequence[Elements]:
     return list(newest.values())
 
 
-def sensor_lines(rows: Sequence[Elements], model: str) -> Iterator[str]:
+def sensor_lines(rows: ElementSets, model: str) -> Iterator[str]:
     """Yield the lines of the `sensors:` block of a scene, one sensor a line."""
     yield "sensors:"
     for satellite in satellites_of(rows):
         yield f"  - {json.dumps({'model': model, **satellite}, ensure_ascii=False)}"
 
 
-def satellites_of(rows: Sequence[Elements]) -> Iterator[Mapping[str, Any]]:
+def satellites_of(rows: ElementSets) -> Iterator[Mapping[str, Any]]:
     """Yield `id` and `orbit` of each satellite, as a sensor's block has them."""
     taken: set[str] = set()
     for row in rows:
@@ -130,3 +131,59 @@ def _id(row: Elements, taken: set[str]) -> str:
     satellite_id = next(candidate for candidate in candidates if candidate not in taken)
     taken.add(satellite_id)
     return satellite_id
+
+
+def satellites_of_file(
+    path: str, fleet_filter: FleetFilter, epoch_us: int, readers: Sequence[FileReader]
+) -> ElementSets:
+    """Return `id` and `orbit` of each satellite; the latest elements of each. Raises
+    `BadFileError`.
+    """
+    try:
+        text = file_text(path).text
+        reader = reader_of(text, [reader for reader in readers if reader.yields == "orbits"])
+        rows = content_of(text, reader, {}, epoch_us)
+        selected, wrong = _selected(rows, fleet_filter)
+        _require_elements([*selected, *wrong])
+    except BadFileError as error:
+        raise BadFileError(f"{path}: {error}") from error
+    return list(satellites_of(selected))
+
+
+def satellites_of_pattern(rows: ElementSets, fleet_filter: FleetFilter) -> ElementSets:
+    """Return `id` and `orbit` of each satellite of a pattern. Raises `BadFileError` if none is
+    left.
+    """
+    selected, _ = _selected(rows, fleet_filter)
+    return list(satellites_of(selected))
+
+
+def _selected(rows: ElementSets, fleet_filter: FleetFilter) -> tuple[ElementSets, ElementSets]:
+    """Return the rows that a filter leaves, the latest of each satellite, and those of them with
+    errors.
+    """
+    by_reason: dict[str, list[Elements]] = {}
+    for row in rows:
+        by_reason.setdefault(fleet_filter.left_out(row), []).append(row)
+    selected = latest(by_reason.get("", []))
+    wrong = by_reason.get("with errors", [])
+    if not selected and not wrong:
+        reasons = Counter({reason: len(group) for reason, group in by_reason.items()})
+        raise BadFileError(f"no satellite is left of {len(rows)}; left out {reasons_text(reasons)}")
+    return selected, wrong
+
+
+def _require_elements(rows: ElementSets) -> None:
+    """Raise `BadFileError` with the first elements that have errors, by name: in the scene they
+    have no line.
+    """
+    wrong = [(omm_name(row), words) for row in rows if (words := _complaint(row))]
+    if wrong:
+        more = f"; and {len(wrong) - 3} others" if len(wrong) > 3 else ""
+        listed = "; ".join(f"the elements of {name}: {words}" for name, words in wrong[:3])
+        raise BadFileError(f"{listed}{more}; mend them, or leave them out by name or numbers")
+
+
+def _complaint(row: Elements) -> str | None:
+    problem: str | None = row.get("PROBLEM")
+    return problem or (None if "TLE_LINE1" in row else omm_complaint(row))

@@ -76,8 +76,7 @@ class FleetConfig:
         """Return `id` and `orbit` of the satellites, for a scene epoch (None if unknown); raises
         `BadFileError`.
         """
-        from opir_readers.orbits.fleet import FleetFilter
-        from opir_readers.orbits.fleet_of_file import satellites_of_file, satellites_of_pattern
+        from opir_readers.orbits.fleet import FleetFilter, satellites_of_file, satellites_of_pattern
 
         pattern = self.walker or self.slots
         fleet_filter = FleetFilter(

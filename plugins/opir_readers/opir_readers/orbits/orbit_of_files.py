@@ -18,7 +18,7 @@ from opir_core.orbits import (
 )
 from opir_core.plugin import BadFileError, FileReader, StateTable
 from opir_readers.interpolation import Interpolant, interpolant
-from opir_readers.orbits.element_files import Elements, number_of
+from opir_readers.orbits.element_files import Elements, ElementSets, number_of
 from opir_readers.reading import content_of, file_text, reader_of
 from opir_readers.table_checks import findings_of, moment_text
 
@@ -42,7 +42,7 @@ def orbit_of_file(
     return _of_table(content_of(text, reader, settings, epoch_us), epoch_us)
 
 
-def elements_of(rows: Sequence[Elements], satellite: str | None) -> Elements:
+def elements_of(rows: ElementSets, satellite: str | None) -> Elements:
     """Return the elements of a name, an id or a number; of the only satellite without one. Raises
     `BadFileError`.
     """
@@ -50,21 +50,23 @@ def elements_of(rows: Sequence[Elements], satellite: str | None) -> Elements:
     if len(matches) == 1:
         return matches[0]
     if not matches:
-        names = [omm_name(row) for row in rows]
-        nearest = [name for name in names if str(satellite).casefold() in name.casefold()]
-        nearest = nearest or nearest_names(str(satellite), names)
-        hint = f"; did you mean {nearest[0]}?" if nearest else ""
-        raise BadFileError(f"has no satellite {satellite!r} among {len(rows)}{hint}")
+        raise _unknown_satellite(rows, satellite)
+    count = len(matches)
     if satellite is None:
         names = [omm_name(row) for row in matches[:8]]
-        names += [f"and {len(matches) - 8} more"] if len(matches) > 8 else []
-        raise BadFileError(
-            f"has {len(matches)} satellites; say which with satellite: {', '.join(names)}"
-        )
+        names += [f"and {count - 8} more"] if count > 8 else []
+        raise BadFileError(f"has {count} satellites; say which with satellite: {', '.join(names)}")
     epochs = ", ".join(str(row.get("EPOCH")) for row in matches[:4])
-    raise BadFileError(
-        f"has {len(matches)} element sets of {satellite}; keep one of the epochs {epochs}"
-    )
+    raise BadFileError(f"has {count} element sets of {satellite}; keep one of the epochs {epochs}")
+
+
+def _unknown_satellite(rows: ElementSets, satellite: str | None) -> BadFileError:
+    name = str(satellite)
+    names = [omm_name(row) for row in rows]
+    nearest = [known for known in names if name.casefold() in known.casefold()]
+    nearest = nearest or nearest_names(name, names)
+    hint = f"; did you mean {nearest[0]}?" if nearest else ""
+    return BadFileError(f"has no satellite {satellite!r} among {len(rows)}{hint}")
 
 
 def _is_named(row: Elements, satellite: str) -> bool:
