@@ -85,8 +85,8 @@ def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any
         },
         "required": ["content-type", "schema-version"],
     }
-    whose = "The track's number" if encoder.encodes_tracks else "The sensor's id"
-    key = {"type": "string", "description": f"{whose}, UTF-8; it determines the partition."}
+    source = "The track's number" if encoder.encodes_tracks else "The sensor's id"
+    key = {"type": "string", "description": f"{source}, UTF-8; it determines the partition."}
     return {
         "name": encoder.name,
         "title": payload["title"],

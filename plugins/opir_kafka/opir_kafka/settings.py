@@ -169,5 +169,5 @@ class KafkaConfig:
         pauses = [0.05]
         while pauses[-1] < self.longest_pause_s:
             pauses.append(min(2.0 * pauses[-1], self.longest_pause_s))
-        assert all(one < other for one, other in pairwise(pauses))
+        assert all(pause < longer for pause, longer in pairwise(pauses))
         return pauses
