@@ -307,8 +307,8 @@ AWAITS_THAT_END_THEMSELVES = {
     "asyncio.gather(*tasks, return_exceptions=True)",  # cancelled tasks
     "close_producer(producer)",
     "asyncio.shield(asyncio.create_task(_close(producer), name=f'{OURS} closing'))",  # three steps with deadlines
-    "_by(_CLOSE_STEP_S, producer.stop())",
-    "_by(_CLOSE_STEP_S, producer.client.close())",
+    "_ended(producer.stop())",
+    "_ended(producer.client.close())",
     "probe(config)",
     "probe(self._config)",
     "self._probe()",
