@@ -1,0 +1,5 @@
+"""The command `opir`, in this process."""
+
+from opir_core.cli.main import main
+
+__all__ = ["main"]
