@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import main
 from drawn_flights import SLOTS_RAD, Flown, Seeing, flown, seen
 
 from opir_core import load_run
-from opir_core.cli.main import main
 
 FLIGHTS = 4
 

@@ -9,8 +9,6 @@ from satellite_elements import OMM, OTHER, TLE, omm_texts
 
 from opir_core import compile_plan, scene_from_mapping
 from opir_core.errors import SceneError
-from opir_core.host import core_sources
-from opir_core.host.discovery import Selection
 from opir_core.plugin import Host
 from opir_core.reading import scene_mapping
 
@@ -201,4 +199,4 @@ def test_without_a_reader_of_fleets_the_remedy_is_given():
         SceneError,
         match=r"sensors\[0\].fleet: no installed plugin reads fleets .* install \./plugins/opir_readers",
     ):
-        scene_from_mapping({**SCENE, "sensors": sensors}, host=Host(Selection(core_sources())))
+        scene_from_mapping({**SCENE, "sensors": sensors}, host=Host.of())

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import main
 from opir_readers.detections.times import unix_ns
 
 from opir_core import load_run
-from opir_core.cli.main import main
 from opir_core.plugin import BadFileError
 
 SCENE = """scene: two-eyes
