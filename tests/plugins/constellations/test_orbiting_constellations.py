@@ -15,11 +15,10 @@ from sgp4.api import Satrec
 
 from opir_core import simulate
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.contexts import SensorContext
 from opir_core.orbits import OrbitConfig
+from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, SensorContext
 from opir_core.reading import scene_from_mapping
 from opir_core.scene.fields import field_infos
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 
 PACKAGES = ("opir_heo", "opir_leo")
 DAY_S = 86164.1

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import opir_core as opir
-from opir_core.planning.plan import compile_plan
-from opir_core.simulation.engine import Engine
+from opir_core import Engine, compile_plan
 
 FLEETS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
 P_D = 0.6

@@ -18,17 +18,21 @@ from repository import ROOT
 from scipy.stats import binom
 
 import opir_core.plugin
+from opir_core import Host
 from opir_core.builtin.classification import confusion_classifier
 from opir_core.builtin.configs import ConfusionConfig, ConstantConfig
 from opir_core.builtin.detection import constant_detection
 from opir_core.host.components import CATALOGUE
-from opir_core.host.host import Host
-from opir_core.interfaces.contexts import ModelContext, SensorContext
-from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.interfaces.records import ClassifierInputs
+from opir_core.plugin import (
+    REPORTED_TYPES,
+    TARGET_TYPES,
+    ClassifierInputs,
+    FocalPlaneConfig,
+    ModelContext,
+    SensorContext,
+)
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.fields import field_infos
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.sensors import scan_patterns
 
 PACKAGES = {"DSP": "opir_dsp", "SBIRS-GEO": "opir_sbirs", "NEXTGEN-GEO": "opir_nextgen"}

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from command_line import main
 from repository import EXAMPLES
-
-from opir_core.cli.main import main
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from exported_runs import SCENE, exported
-from opir_testing.doubles import stub_estimates, stub_regions
+from opir_testing import stub_estimates, stub_regions
 
 import opir_core
 

@@ -10,26 +10,23 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
+from command_line import main
 from forge_events import refuse_constant
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 from opir_export.encoders.forge_c2 import ForgeC2Encoder
 from opir_export.encoders.udl import UdlEncoder
 from opir_export.plugin import opir_event_encoders
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_sensor, stub_window
 
 from examples import examples
-from opir_core.cli.main import main
+from opir_core import Tracks, Window
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, grazing_height_m
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.records import Tracks, Window
+from opir_core.output import timestamp_text, unix_microseconds
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.text import timestamp_text, unix_microseconds
-from opir_core.random_streams.detection_ids import uuid_text
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.plugin import REPORTED_TYPES, Band, EncoderContext
+from opir_core.random_streams import uuid_text
 
 EPOCH_US = 1_775_044_800_000_000
 SENSORS = (

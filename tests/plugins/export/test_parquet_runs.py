@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import main
 from exported_runs import SCENE
 from pyarrow import parquet
 from repository import EXAMPLES
 
 import opir_core
-from opir_core.cli.main import main
 from opir_core.errors import SceneError
 
 ENCODED = (

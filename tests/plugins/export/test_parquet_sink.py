@@ -7,6 +7,7 @@ from uuid import UUID
 import numpy as np
 import polars as pl
 import pytest
+from command_line import main
 from exported_runs import SCENE, short_run
 from opir_export.parquet_sink import ParquetSink
 from opir_export.settings import ParquetSinkConfig
@@ -15,9 +16,8 @@ from pyarrow import parquet
 from repository import EXAMPLES
 
 import opir_core
-from opir_core.cli.main import main
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.simulation.run import plan_windows
+from opir_core import plan_windows
+from opir_core.plugin import EncoderContext
 
 
 class TestParquetSink(SinkContract):

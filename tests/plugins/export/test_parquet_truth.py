@@ -10,14 +10,14 @@ from uuid import UUID
 import numpy as np
 import pyarrow as pa
 import pytest
+from command_line import main
 from exported_runs import SCENE
 from opir_export.parquet_truth import read_truth
 from pyarrow import parquet
 
 import opir_core
-from opir_core.cli.main import main
+from opir_core.output import FILES_KEY
 from opir_core.output.run_files import truth_records
-from opir_core.output.transaction import FILES_KEY
 
 
 def texts(ids: Any) -> list[str]:

@@ -11,6 +11,7 @@ import pandas as pd
 import polars as pl
 import pytest
 import shapely
+from command_line import main
 from exported_runs import SCENE, exported, short_run
 from opir_export.tabular import run_tables
 from opir_export.tabular.columns import instants, nanoseconds
@@ -18,9 +19,8 @@ from opir_testing import RunViewContract
 from pyarrow import parquet
 
 import opir_core
-from opir_core.cli.main import main
 from opir_core.errors import PluginError
-from opir_core.random_streams.detection_ids import uuid_text
+from opir_core.random_streams import uuid_text
 
 NAMES = {"detections", "truth", "tracks", "regions", "targets", "sensors"}
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from aiokafka import errors
 from certificates import WHY_ABSENT, Authority
+from command_line import main
 from kafka_broker import carrier, kafka_sink
 from opir_kafka.connection import connector
 from opir_kafka.failures import FATAL_CODES, is_fatal, words
@@ -24,7 +25,6 @@ from repository import EXAMPLES
 from spool_transports import ENCODER, SENSORS, window
 from waiting import until
 
-from opir_core.cli.main import main
 from opir_core.errors import SceneError, SinkError
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.reading import load_scene

@@ -17,6 +17,7 @@ import opir_kafka
 import pytest
 import yaml
 from aiokafka import errors
+from command_line import main
 from kafka_broker import PERMANENT_CODES, carrier, config, dead_address, kafka_sink, messages
 from opir_kafka.document import asyncapi_document, asyncapi_text
 from opir_kafka.failures import is_fatal
@@ -26,13 +27,12 @@ from opir_kafka.transport import KafkaTransport
 from repository import EXAMPLES
 from spool_transports import ENCODER, SENSORS, window
 
-from opir_core.cli.main import main
+from opir_core import compile_plan
 from opir_core.errors import SceneError
-from opir_core.interfaces.outputs import Transport
-from opir_core.output.delivery import deliver
+from opir_core.output import deliver
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.transport_sink import Policy
-from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Transport
 from opir_core.reading import load_scene
 
 SCENE = str(EXAMPLES / "first_light.yaml")

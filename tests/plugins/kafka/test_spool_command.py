@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
+from command_line import main
 from spool_transports import filled_spool, ids_of, window
-
-from opir_core.cli.main import main
 
 BATCHES = 20
 ROWS = 100

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 import yaml
+from command_line import main
 from opir_paper import checks, simulated
 from opir_paper.printed import above, rounded
 from opir_paper.simulated import Simulated
 
 import opir_core as opir
-from opir_core.cli.main import main
 
 #: The figures that contradict the paper's own formulas, by section:
 #: docs/explanation/paper-errata.md.

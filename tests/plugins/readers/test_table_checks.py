@@ -211,10 +211,9 @@ def test_a_message_names_line_figure_cause_and_way_out():
     text = str(refused.value)
     assert text == (
         "line 130: its velocity is 389 m/s off the change of the positions around it; all look"
-        " inertial (with the"
-        " Earth's rotation): so read, they agree to 0.04 m/s; set columns: {vx_inertial_m_s: VX,"
-        " vy_inertial_m_s: VY,"
-        " vz_inertial_m_s: VZ}, or leave the velocities out: positions are enough"
+        " inertial (with the Earth's rotation): so read, they agree to 0.04 m/s; set columns:"
+        " {vx_inertial_m_s: VX, vy_inertial_m_s: VY, vz_inertial_m_s: VZ}, or leave the velocities"
+        " out: positions are enough"
     )
 
 
@@ -267,8 +266,8 @@ def test_an_ephemeris_of_another_day_is_reported():
         doubts_about(evolve(table, time_s=table.time_s + 86400.0), SCENE, None)
     assert (
         "line 2: its states, 2026-04-02T12:00:00Z to 2026-04-02T12:02:09Z, and the scene,"
-        " 2026-04-01T12:00:00Z to"
-        " 2026-04-01T12:10:00Z, have no time in common" in str(refused.value)
+        " 2026-04-01T12:00:00Z to 2026-04-01T12:10:00Z, have no time in common"
+        in str(refused.value)
     )
 
 

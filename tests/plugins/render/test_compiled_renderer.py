@@ -8,7 +8,7 @@ import pytest
 from opir_testing import RendererContract
 
 from opir_core.errors import SinkError
-from opir_core.output.events.rendering import chosen_renderer, reference
+from opir_core.output import chosen_renderer, reference
 from opir_core.plugin import Host
 
 pytest.importorskip("opir_render.compiled", reason="needs opir-render, built with a compiler")

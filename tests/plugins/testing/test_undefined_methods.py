@@ -4,7 +4,7 @@ import re
 from typing import Any
 
 import pytest
-from opir_testing.contracts.contract import Contract
+from opir_testing import Contract
 from opir_testing.contracts.radiometry import (
     EmitterContract,
     EnvironmentContract,
