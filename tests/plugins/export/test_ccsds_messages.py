@@ -12,7 +12,7 @@ from attrs import evolve
 from ccsds_ndm.ndm_io import NdmIo
 from exported_runs import exported, short_run
 from oem import OrbitEphemerisMessage
-from opir_readers.oem_table import oem_table
+from read_files import read
 from repository import EXAMPLES
 
 import opir_core
@@ -90,9 +90,8 @@ def test_states_at_burnout_are_those_of_the_truth(ephemerides: Path) -> None:
 def test_opir_flies_its_own_ephemerides(ephemerides: Path) -> None:
     run = short_run()
     target = run.plan.scene.targets[0].id
-    table = oem_table(
-        (ephemerides / f"target-{target}.oem").read_text(), run.plan.scene.epoch_us, None
-    )
+    text = (ephemerides / f"target-{target}.oem").read_text()
+    table = read("oem", text, run.plan.scene.epoch_us)
     truth = next(each for each in run.plan.targets.truth() if each["id"] == target)
     assert table.time_s[0] == pytest.approx(truth["ignition_s"], abs=1e-6)
     assert table.time_s[-1] == pytest.approx(truth["impact"]["time_s"], abs=2e-6)
@@ -113,9 +112,8 @@ def test_stages_and_dark_gaps_are_segments_that_meet(tmp_path: Path) -> None:
     counts = []
     for truth, burns_s in zip(run.plan.targets.truth(), run.plan.targets.burns_s, strict=True):
         path = files[truth["id"]]
-        table = oem_table(
-            path.read_text(), scene.epoch_us, None
-        )  # opir refuses segments that do not meet
+        # The reader refuses segments that do not meet.
+        table = read("oem", path.read_text(), scene.epoch_us)
         assert np.isfinite(table.position_m).all()
         edges_s = np.array(
             [table.time_s[table.run == number][[0, -1]] for number in np.unique(table.run)]

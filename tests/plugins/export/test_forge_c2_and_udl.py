@@ -10,13 +10,10 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
-from command_line import main
+from command_line import run_command
 from forge_events import refuse_constant
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from opir_export.encoders.forge_c2 import ForgeC2Encoder
-from opir_export.encoders.udl import UdlEncoder
-from opir_export.plugin import opir_event_encoders
 from opir_testing import stub_estimates, stub_sensor, stub_window
 
 from examples import examples
@@ -25,7 +22,7 @@ from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, grazing_height_m
 from opir_core.output import timestamp_text, unix_microseconds
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.plugin import REPORTED_TYPES, Band, EncoderContext
+from opir_core.plugin import REPORTED_TYPES, Band, EncoderContext, EventEncoder, Host
 from opir_core.random_streams import uuid_text
 
 EPOCH_US = 1_775_044_800_000_000
@@ -34,17 +31,13 @@ SENSORS = (
     stub_sensor('"quoted"\n\\ \u00c4\u2028', orbital_slot_deg=None, type="H\tEO", bands=()),
 )
 CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US)
-C2 = ForgeC2Encoder(CONTEXT)
-UDL = UdlEncoder(CONTEXT)
+MODELS = {name: Host.discover().component(EventEncoder, name) for name in ("forge-c2", "udl")}
+C2, UDL = (model.build(model.config(), CONTEXT) for model in MODELS.values())
 FORMATS = jsonschema.Draft202012Validator.FORMAT_CHECKER
-SCHEMAS = {
-    each.name: json.loads(each.schema())
-    for each in opir_event_encoders()
-    if each.schema is not None
-}
+SCHEMAS = {name: json.loads(model.schema()) for name, model in MODELS.items()}
 VALIDATORS = {
-    name: jsonschema.Draft202012Validator(each, format_checker=FORMATS)
-    for name, each in SCHEMAS.items()
+    name: jsonschema.Draft202012Validator(schema, format_checker=FORMATS)
+    for name, schema in SCHEMAS.items()
 }
 #: The stub's sensor stands over the equator at longitude 0, and looks straight down.
 DOWN = np.array([-1.0, 0.0, 0.0])
@@ -316,7 +309,7 @@ def test_a_missile_track_as_bytes() -> None:
 
 @pytest.mark.parametrize("name", sorted(SCHEMAS))
 def test_the_command_prints_the_schema(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", name]) == 0
+    run_command("schema {}", name)
     reported = json.loads(capsys.readouterr().out)
     assert reported == SCHEMAS[name]
     jsonschema.Draft202012Validator.check_schema(reported)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import main
+from command_line import main, run_command
 from exported_runs import SCENE
 from pyarrow import parquet
 from repository import EXAMPLES
@@ -72,7 +72,7 @@ def test_both_files_give_the_same_run(folder: Path) -> None:
 def test_it_is_scored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cards = []
     for path in (folder / "events.parquet", folder / "lines" / "events.jsonl"):
-        assert main(["score", str(path), "--json"]) == 0
+        run_command("score {} --json", path)
         cards.append(json.loads(capsys.readouterr().out))
     assert cards[0]["purity"] == cards[1]["purity"]
     assert cards[0]["launches_tracked"] == cards[1]["launches_tracked"]
@@ -99,12 +99,7 @@ def test_the_command_writes_columns_to_a_path_that_ends_so(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert (
-        main(
-            ["run", str(EXAMPLES / "first_light.yaml"), "--set", "duration_s=20", "-q", "-o", name]
-        )
-        == 0
-    )
+    run_command("run {} --set duration_s=20 -q -o {}", EXAMPLES / "first_light.yaml", name)
     stem = name.partition(".")[0]
     assert sorted(each.name for each in tmp_path.iterdir()) == sorted(
         [name, f"{stem}.manifest.json", f"{stem}.truth.parquet"]
@@ -134,20 +129,7 @@ def test_a_file_of_columns_under_another_name_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert (
-        main(
-            [
-                "run",
-                str(EXAMPLES / "first_light.yaml"),
-                "-q",
-                "--set",
-                "duration_s=20",
-                "-o",
-                "e.parquet",
-            ]
-        )
-        == 0
-    )
+    run_command("run {} -q --set duration_s=20 -o e.parquet", EXAMPLES / "first_light.yaml")
     for ending in (".parquet", ".truth.parquet", ".manifest.json"):
         Path(f"e{ending}").rename(f"f{ending}")
     assert len(opir_core.load_run("f.parquet").detections) > 10

@@ -10,7 +10,7 @@ from uuid import UUID
 import numpy as np
 import pyarrow as pa
 import pytest
-from command_line import main
+from command_line import main, run_command
 from exported_runs import SCENE
 from opir_export.parquet_truth import read_truth
 from pyarrow import parquet
@@ -129,7 +129,7 @@ def test_a_file_that_is_no_truth_is_refused_with_its_path(
     for content in (b"", (tmp_path / "events.parquet").read_bytes()):
         path.write_bytes(content)
         capsys.readouterr()
-        assert main(["score", str(tmp_path / "events.parquet")]) == 2
+        run_command("score {}", tmp_path / "events.parquet", code=2)
         reported = capsys.readouterr().err
         assert "events.truth.parquet" in reported
         assert "cannot be read" in reported
@@ -158,19 +158,8 @@ def test_without_opir_export_the_message_says_what_to_install(
 ) -> None:
     monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,trackers")
     path = tmp_path / "truth.parquet"
-    assert (
-        main(
-            [
-                "run",
-                str(SCENE),
-                "--quiet",
-                "--truth",
-                str(path),
-                "--out",
-                str(tmp_path / "events.jsonl"),
-            ]
-        )
-        == 3
+    run_command(
+        "run {} --quiet --truth {} --out {}", SCENE, path, tmp_path / "events.jsonl", code=3
     )
     reported = capsys.readouterr().err
     assert "a truth file with the ending .parquet: no sink is named 'parquet'" in reported

@@ -11,9 +11,8 @@ import pandas as pd
 import polars as pl
 import pytest
 import shapely
-from command_line import main
+from command_line import run_command
 from exported_runs import SCENE, exported, short_run
-from opir_export.tabular import run_tables
 from opir_export.tabular.columns import instants, nanoseconds
 from opir_testing import RunViewContract
 from pyarrow import parquet
@@ -154,7 +153,7 @@ def test_a_missing_library_is_an_error_with_its_installation(
     def refuse(name: str) -> None:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
-    monkeypatch.setattr(run_tables, "import_module", refuse)
+    monkeypatch.setattr("opir_export.tabular.run_tables.import_module", refuse)
     with pytest.raises(
         PluginError, match=rf"needs {library}.*pip install './plugins/opir_export\[{library}\]'"
     ):
@@ -214,7 +213,7 @@ def test_a_run_of_files_gives_the_same_tables_as_far_as_files_round(
     run: opir_core.Run, tmp_path: Path
 ) -> None:
     events = tmp_path / "events.jsonl"
-    assert main(["run", str(SCENE), "--set", "duration_s=90", "--out", str(events), "--quiet"]) == 0
+    run_command("run {} --set duration_s=90 --out {} --quiet", SCENE, events)
     mine = opir_core.load_run(events).tables()
     theirs = run.tables()
     for name in ("tracks", "regions", "targets", "sensors"):

@@ -12,23 +12,26 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from aiokafka import errors
+from attrs import fields_dict
 from certificates import WHY_ABSENT, Authority
 from command_line import main
 from kafka_broker import carrier, kafka_sink
-from opir_kafka.connection import connector
 from opir_kafka.failures import FATAL_CODES, is_fatal, words
-from opir_kafka.settings import KafkaConfig, SecurityConfig
 from repository import EXAMPLES
 from spool_transports import ENCODER, SENSORS, window
 from waiting import until
 
 from opir_core.errors import SceneError, SinkError
 from opir_core.output.spool.batches import EncodedBatcher
+from opir_core.plugin import Host, SinkModel
 from opir_core.reading import load_scene
 
+KAFKA = Host.discover().component(SinkModel, "kafka")
+SecurityConfig = fields_dict(KAFKA.config)["security"].type
 SCENE = str(EXAMPLES / "first_light.yaml")
 SECRET = "correct horse battery staple"
 LOGIN = {
@@ -72,7 +75,7 @@ def test_a_secret_that_is_not_in_the_environment_is_reported(
         with pytest.raises(
             SinkError, match=r"variable that security\.password_variable names is not set"
         ):
-            connector(KafkaConfig(security=SecurityConfig(**LOGIN)))
+            KAFKA.build(KAFKA.config(security=SecurityConfig(**LOGIN)), None)
 
 
 def test_a_secret_is_in_no_manifest_message_or_log(
@@ -203,12 +206,14 @@ def test_a_key_that_cannot_be_read_is_reported(
         key_password_variable="OPIR_TEST_PASSWORD" if password else None,
     )
     with pytest.raises(SinkError, match="the certificates of security cannot be used"):
-        connector(KafkaConfig(security=security))
+        KAFKA.build(KAFKA.config(security=security), None)
 
 
 def test_missing_certificates_are_reported() -> None:
     with pytest.raises(SinkError, match="no such file or directory"):
-        connector(KafkaConfig(security=SecurityConfig(protocol="SSL", ca_file="missing.pem")))
+        KAFKA.build(
+            KAFKA.config(security=SecurityConfig(protocol="SSL", ca_file="missing.pem")), None
+        )
 
 
 def test_a_missing_codec_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,7 +221,7 @@ def test_a_missing_codec_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(codec, "has_zstd", lambda: False)
     with pytest.raises(SinkError, match="zstd is not installed"):
-        connector(KafkaConfig(compression="zstd"))
+        KAFKA.build(KAFKA.config(compression="zstd"), None)
 
 
 @pytest.mark.parametrize(
@@ -304,7 +309,7 @@ def test_a_broker_that_asks_for_a_certificate_of_the_client_is_in_the_message(
     assert "see security.certificate_file and security.key_file" in reported
 
 
-def refusal(address: str, security: SecurityConfig) -> str:
+def refusal(address: str, security: Any) -> str:
     """Return the complaint of a sink whose events do not arrive."""
     sink = kafka_sink(address, "topic", None, security=security)
     sink.write(window(5))

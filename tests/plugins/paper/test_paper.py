@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from command_line import main
+from command_line import run_command
 from opir_paper import checks, simulated
 from opir_paper.printed import above, rounded
 from opir_paper.simulated import Simulated
@@ -94,15 +94,15 @@ def test_the_interval_of_a_share_is_wilsons(hits: int, trials: int) -> None:
 def test_the_scene_that_is_printed_is_the_one_that_is_simulated(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(["paper", "--scene", "--seed", "3"]) == 0
+    run_command("paper --scene --seed 3")
     scene = opir.scene_from_mapping(yaml.safe_load(capsys.readouterr().out))
     assert scene == opir.scene_from_mapping(dict(simulated.scene(3)))
 
 
 def test_plain_data_and_the_page_have_all_figures(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["paper", "--json"]) == 0
+    run_command("paper --json")
     plain = json.loads(capsys.readouterr().out)
-    assert main(["paper", "--html"]) == 0
+    run_command("paper --html")
     page = capsys.readouterr().out
     assert len(re.findall("<tr class=", page)) == len(plain) > 40
     assert "](" not in page  # no links of Markdown
@@ -110,5 +110,5 @@ def test_plain_data_and_the_page_have_all_figures(capsys: pytest.CaptureFixture[
 
 
 def test_a_seed_out_of_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["paper", "--seed", "-1"]) == 2
+    run_command("paper --seed -1", code=2)
     assert "--seed" in capsys.readouterr().err

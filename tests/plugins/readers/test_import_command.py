@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from opir_readers.reading import reader_of
-from read_files import READER, READERS, read
+from read_files import READER, read
 from repository import ROOT
 
 from opir_core import compile_plan, scene_from_mapping
-from opir_core.plugin import BadFileError, FileReader
+from opir_core.errors import SceneError
+from opir_core.plugin import FileReader, Host, hookimpl
 
 FLIGHT = ROOT / "tests" / "data" / "flights" / "in_view.csv"
 GEODETIC = """Time (s);Latitude (°);Longitude (°);Altitude (km)
@@ -21,6 +21,13 @@ GEODETIC = """Time (s);Latitude (°);Longitude (°);Altitude (km)
 10;34,7299;-120,5707;0,74
 15;34,7297;-120,5720;1,545
 """
+SCENE = {
+    "scene": "imported",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 60.0,
+    "sensors": [{"constellation": "DSP"}],
+    "targets": [{"id": "T1", "model": "table", "type": "IRBM", "file": "out.csv"}],
+}
 MAP = "time_s=Time (s),lat=Latitude (°),lon=Longitude (°),height_km=Altitude (km)"
 
 
@@ -49,14 +56,7 @@ def test_what_it_writes_flies_as_the_file_does(imported):
     tables = [read("csv", Path(path).read_text(encoding="utf-8")) for path in (FLIGHT, "out.csv")]
     assert np.array_equal(tables[0].position_m, tables[1].position_m)
     assert np.array_equal(tables[0].burns_s - tables[0].time_s[0], tables[1].burns_s)
-    scene = {
-        "scene": "imported",
-        "epoch": "2026-04-01T12:00:00Z",
-        "duration_s": 60.0,
-        "sensors": [{"constellation": "DSP"}],
-        "targets": [{"id": "T1", "model": "table", "type": "IRBM", "file": "out.csv"}],
-    }
-    assert len(compile_plan(scene_from_mapping(scene)).targets.ids) == 1
+    assert len(compile_plan(scene_from_mapping(SCENE)).targets.ids) == 1
 
 
 def test_a_format_is_known_by_content_and_by_name(imported):
@@ -99,12 +99,25 @@ def test_a_format_that_is_not_read_is_named(imported, text, looks):
     assert "oem (CCSDS Orbit Ephemeris Message, keyword form)" in reason
 
 
-def test_two_readers_of_one_text_are_reported():
-    twin = FileReader(
-        name="twin", summary="", recognises=lambda text: True, example="", build=lambda *_: None
-    )
-    with pytest.raises(BadFileError, match="may be for several readers, csv and twin; say which"):
-        reader_of("time_s", [*READERS, twin])
+class Twin:
+    @hookimpl
+    def opir_readers(self):
+        yield FileReader(
+            name="twin",
+            summary="any text",
+            recognises=lambda _: True,
+            example="x",
+            build=lambda *_: None,
+        )
+
+
+def test_two_readers_of_one_text_are_reported(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("out.csv").write_text("time_s")
+    host = Host.discover()
+    host.register(Twin())
+    with pytest.raises(SceneError, match="may be for several readers, csv and twin; say which"):
+        compile_plan(scene_from_mapping(SCENE, host=host), host)
 
 
 def test_a_contradiction_is_reported_and_nothing_is_written(imported):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import main
+from command_line import main, run_command
 from read_files import EPOCH_US, READER, READERS, read, recognised, refusal
 from satellite_elements import LINES, OMM, OTHER, TLE, omm_texts
 
@@ -109,7 +109,7 @@ def test_a_fleet_is_filtered_and_flies(fleet, words, names, reported):
         + Path("fleet.yaml").read_text()
     )
     Path("scene.yaml").write_text(scene)
-    assert main(["validate", "scene.yaml"]) == 0
+    run_command("validate scene.yaml")
     assert [
         line.split('"id": "')[1].split('"')[0] for line in scene.splitlines() if '"id"' in line
     ] == names
@@ -159,7 +159,7 @@ def test_an_export_of_sensors_flies_as_sensors(tmp_path):
         "outputs": [{"jsonl": {"path": str(tmp_path / "e.jsonl")}}],
     }
     (tmp_path / "s.yaml").write_text(json.dumps(scene))
-    assert main(["run", str(tmp_path / "s.yaml"), "-q"]) == 0
+    run_command("run {} -q", tmp_path / "s.yaml")
     words = ["--to", "oem", "--set", "objects=sensors", "--set", "step_s=30", "--out"]
     assert main(["export", str(tmp_path / "e.jsonl"), *words, str(tmp_path / "oem")]) == 0
     file = {"file": {"path": str(tmp_path / "oem" / "sensor-L1.oem")}}

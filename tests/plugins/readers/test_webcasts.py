@@ -4,17 +4,16 @@ burns.
 
 import json
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
-from opir_readers.flights.refining import refined
-from opir_readers.flights.smoothing import rounding_sigma, smoothing_spline, speed_rounding_sigma
 from pyproj import Geod
 from read_files import read, recognised, refusal
 from scipy.integrate import solve_ivp
 
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
-from opir_core.plugin import BadFileError, StateTable
 
 OMEGA = 7.292115e-5
 MU = 3.986004418e14
@@ -179,58 +178,45 @@ def test_other_json_and_tables_with_places_are_no_webcasts():
     assert "webcast" in recognised("time,velocity,altitude\n")
 
 
-def test_noise_of_a_table_is_smoothed_to_what_is_stated():
+def written(time_s, position_m):
+    """Write a table of positions and return its path."""
+    rows = [",".join(map(repr, row)) for row in np.column_stack([time_s, position_m]).tolist()]
+    Path("flight.csv").write_text("\n".join(["time_s,x_ecef_m,y_ecef_m,z_ecef_m", *rows]))
+    return "flight.csv"
+
+
+def test_noise_of_a_table_is_smoothed_to_what_is_stated(imported):
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 120.0, 0.5)
     height = 100.0 + 12.0 * time**2
     place = geodetic_to_ecef(np.full(240, 0.5), np.full(240, -1.4), height)
-    noisy = StateTable(
-        time,
-        place + rng.normal(0.0, 15.0, place.shape),
-        None,
-        np.zeros(240, int),
-        np.array([[0.0, 119.5]]),
-    )
-    table = refined(noisy, 15.0, None)
-    noisy_m, smooth_m = (np.sqrt(((t.position_m - place) ** 2).mean()) for t in (noisy, table))
+    noisy = place + rng.normal(0.0, 15.0, place.shape)
+    out = imported(written(time, noisy), "--noise-m", "15", "--out", "out.csv")
+    smooth = np.loadtxt("out.csv", delimiter=",", skiprows=1)
+    noisy_m, smooth_m = (np.sqrt(((p - place) ** 2).mean()) for p in (noisy, smooth[:, 1:4]))
     assert smooth_m < 0.5 * noisy_m
-    assert table.notes[-1].startswith("smoothed to a noise of 15 m: 1")
-    residual = float(table.notes[-1].split(":")[1].split("m rms")[0])
+    residual = float(re.search(r"smoothed to a noise of 15 m: (\S+) m rms", out)[1])
     assert residual == pytest.approx(15.0, rel=0.1)
-    speed = np.linalg.norm(table.velocity_m_s, axis=1)[20:-20]
+    speed = np.linalg.norm(smooth[:, 4:7], axis=1)[20:-20]
     np.testing.assert_allclose(speed, 24.0 * time[20:-20], rtol=0.0, atol=30.0)
 
 
-def test_a_flight_without_thrust_shows_no_burn():
+def test_a_flight_without_thrust_shows_no_burn(imported):
     time = np.arange(0.0, 60.0)
     height = 200e3 + 800.0 * time - 0.5 * 9.2 * time**2
     place = geodetic_to_ecef(np.full(60, 0.5), np.full(60, -1.4), height)
-    table = StateTable(time, place, None, np.zeros(60, int), np.array([[0.0, 59.0]]))
-    with pytest.raises(BadFileError, match="shows no acceleration"):
-        refined(table, None, "acceleration")
+    path = written(time, place)
+    assert "shows no acceleration" in imported(path, "--burns", "acceleration", code=2)
 
 
-def test_burns_of_all_and_by_acceleration_of_any_table(ascent):
-    times, place, velocity = ascent
-    table = StateTable(times, place, velocity, np.zeros(len(times), int), np.array([[5.0, 6.0]]))
-    np.testing.assert_array_equal(refined(table, None, "all").burns_s, [[0.0, 430.0]])
-    np.testing.assert_allclose(
-        refined(table, None, "acceleration").burns_s, BURNS, rtol=0.0, atol=2.0
-    )
-
-
-def test_a_smoothing_spline_has_the_noise_that_is_stated():
-    rng = np.random.default_rng(2)
-    time = np.linspace(0.0, 10.0, 400)
-    values = np.sin(time) + rng.normal(0.0, 0.1, 400)
-    fit = smoothing_spline(time, values, 0.1)
-    assert fit.residual == pytest.approx(0.1, rel=0.05)
-    assert np.abs(fit.at(time) - np.sin(time)).max() < 0.1
-    assert rounding_sigma(np.array([0.1, 0.2, 0.7, 1.2])) == pytest.approx(0.1 / 12**0.5)
-    assert rounding_sigma(np.ones(4)) == 0.0
-    assert speed_rounding_sigma(np.array([0.0, 0.277, 0.555, 7.222])) == pytest.approx(
-        1 / 3.6 / 12**0.5
-    )
+def test_burns_of_all_and_by_acceleration_of_any_table(ascent, imported):
+    times, place, _ = ascent
+    path = written(times, place)
+    assert "  burns 0 s to 430 s\n" in imported(path, "--burns", "all")
+    out = imported(path, "--burns", "acceleration")
+    line = next(line for line in out.splitlines() if line.startswith("  burns"))
+    burns = np.array(re.findall(r"[\d.]+", line), dtype=np.float64).reshape(-1, 2)
+    np.testing.assert_allclose(burns, BURNS, rtol=0.0, atol=2.0)
 
 
 def test_places_from_a_launch_point_in_a_table():
