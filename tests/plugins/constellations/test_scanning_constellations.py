@@ -100,7 +100,7 @@ def test_a_model_has_the_papers_values(name):
 
 
 @ALL
-def test_the_paper_is_cited_where_a_value_is_its_and_the_rest_is_called_notional(name):
+def test_values_cite_the_paper_or_are_called_notional(name):
     infos = field_infos(model_of(name).config)
     papers = (
         "bands",
@@ -115,7 +115,7 @@ def test_the_paper_is_cited_where_a_value_is_its_and_the_rest_is_called_notional
 
 
 @ALL
-def test_smaller_targets_are_seen_less_and_later_sensors_see_better(name):
+def test_detection_falls_with_size_and_rises_with_sensors(name):
     sensor = sensor_of(name)
     by_size = [sensor.detection_probability[target] for target in TARGET_TYPES]
     assert by_size == sorted(by_size, reverse=True)
@@ -130,7 +130,7 @@ def test_smaller_targets_are_seen_less_and_later_sensors_see_better(name):
 
 
 @ALL
-def test_rows_of_the_confusion_matrix_cover_all_types_and_sum_to_1(name):
+def test_rows_of_the_confusion_matrix_sum_to_1(name):
     confusion = sensor_of(name).confusion
     assert list(confusion) == list(TARGET_TYPES)
     for row in confusion.values():
@@ -219,7 +219,7 @@ def test_the_heritage_preset_has_the_public_figures():
 
 
 @ALL
-def test_the_paper_preset_aligns_scans_which_are_random_by_default(name):
+def test_the_paper_preset_aligns_scans(name):
     assert type(sensor_of(name).scan).__name__ in ("SpinSweep", "StepStareSweep")
     assert model_of(name).presets["paper"]["scan_phase"] == "aligned"
     scan = sensor_of(name, **model_of(name).presets["paper"]).scan

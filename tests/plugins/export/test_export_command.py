@@ -61,9 +61,9 @@ def test_formats_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
 def test_errors_name_the_place_and_the_remedy(
     events: Path, words: list[str], code: int, shown: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given = [str(events) if word == "EVENTS" else word for word in words]
-    assert main(["export", *given]) == code
+    command = [str(events) if word == "EVENTS" else word for word in words]
+    assert main(["export", *command]) == code
     message = capsys.readouterr().err
     assert message.startswith("opir: ")
-    assert all(part in message for part in shown), message
+    assert all(text in message for text in shown), message
     assert "Traceback" not in message

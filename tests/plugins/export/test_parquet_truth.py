@@ -22,7 +22,7 @@ from opir_core.output.run_files import truth_records
 
 def texts(ids: Any) -> list[str]:
     """Return the 16 bytes of ids as texts, as the standard library has them."""
-    return [str(UUID(bytes=each)) for each in ids.to_pylist()]
+    return [str(UUID(bytes=identity)) for identity in ids.to_pylist()]
 
 
 def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
@@ -39,15 +39,15 @@ def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
     assert main(["run", str(SCENE), "--quiet", "--truth", str(path), *settings]) == 0
     run = opir_core.simulate(scene)
     read = parquet.read_table(path)
-    due = run.tables()["truth"]
-    assert read.column_names == due.column_names
-    assert len(read) == len(due) > 1000
-    for name in due.column_names:
-        found = texts(read[name]) if name == "detection_id" else read[name].to_pylist()
-        assert found == due[name].to_pylist(), name
+    expected = run.tables()["truth"]
+    assert read.column_names == expected.column_names
+    assert len(read) == len(expected) > 1000
+    for name in expected.column_names:
+        values = texts(read[name]) if name == "detection_id" else read[name].to_pylist()
+        assert values == expected[name].to_pylist(), name
     assert read.schema.field("detection_id").type == pa.binary(16)
     ids = [row["detection_id"] for row in read_truth(path) if row["record"] == "detection"]
-    assert ids == due["detection_id"].to_pylist()
+    assert ids == expected["detection_id"].to_pylist()
     assert json.loads(read.schema.metadata[b"opir_truth"]) == json.loads(
         json.dumps(truth_records(run.plan))
     )

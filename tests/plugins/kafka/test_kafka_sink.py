@@ -116,7 +116,7 @@ def test_small_batches_keep_the_order(broker: Any) -> None:
     assert len(scans) == 20
 
 
-def test_a_sensor_goes_to_the_partition_that_kafka_s_own_rule_gives(broker: Any) -> None:
+def test_partitions_of_sensors_follow_kafkas_rule(broker: Any) -> None:
     """librdkafka's murmur2 partitioner is the oracle: the one that Java clients use."""
     import confluent_kafka
 
@@ -252,7 +252,7 @@ def test_closing_is_quick_whatever_the_state() -> None:
     assert time.monotonic() - began < 50.0  # of 60 s for each connection
 
 
-def test_closing_while_a_producer_is_being_closed_ends_its_thread_in_peace() -> None:
+def test_closing_twice_ends_the_thread_in_peace() -> None:
     is_closing = threading.Event()
 
     class Lost:
@@ -276,7 +276,7 @@ def test_closing_while_a_producer_is_being_closed_ends_its_thread_in_peace() -> 
     assert not carrier._thread.is_alive()
 
 
-def test_the_bare_configuration_is_the_paper_s_topic_on_this_machine() -> None:
+def test_the_default_is_the_papers_topic_on_this_machine() -> None:
     bare = KAFKA.config()
     assert (bare.topic, bare.servers) == ("forge.sensors.raw", ("localhost:9092",))
     assert config("a:1, [::1]:2", "t").servers == ("a:1", "[::1]:2")

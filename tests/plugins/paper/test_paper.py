@@ -20,16 +20,16 @@ import opir_core as opir
 CORRECTED = {"2.1": 1, "2.4": 1, "4.2": 1, "4.3": 1, "5.1": 2, "5.3": 1, "8.2": 1}
 
 
-def verdicts(found: Any, verdict: str) -> dict[str, int]:
-    sections = [check.section for check in found if check.verdict == verdict]
+def verdicts(figures: Any, verdict: str) -> dict[str, int]:
+    sections = [check.section for check in figures if check.verdict == verdict]
     return {section: sections.count(section) for section in sections}
 
 
 def test_each_figure_holds_or_is_corrected_where_the_errata_say() -> None:
-    found = checks(5)
-    assert len(found) > 55
-    assert verdicts(found, "NOT REPRODUCED") == {}
-    assert verdicts(found, "corrected") == CORRECTED
+    figures = checks(5)
+    assert len(figures) > 55
+    assert verdicts(figures, "NOT REPRODUCED") == {}
+    assert verdicts(figures, "corrected") == CORRECTED
 
 
 def test_a_notional_level_corrects_nothing() -> None:
@@ -38,12 +38,12 @@ def test_a_notional_level_corrects_nothing() -> None:
 
 def test_oblateness_and_drag_are_tested_each_and_together() -> None:
     """Drag, as the paper says, is more of a short range than of a long one; J2 by itself is not."""
-    found = {
+    verdict_of = {
         check.quantity.partition(":")[0]: check.verdict
         for check in checks(5)
         if check.section == "5.3"
     }
-    assert found == {"J2": "corrected", "drag": "holds", "J2 and drag": "holds"}
+    assert verdict_of == {"J2": "corrected", "drag": "holds", "J2 and drag": "holds"}
 
 
 def test_a_ratio_of_printed_figures_that_is_rounded_holds() -> None:
@@ -59,16 +59,16 @@ def test_a_sensor_that_is_not_the_papers_is_found_out(monkeypatch: pytest.Monkey
     def wrong(*arguments: Any, **settings: Any) -> dict[str, Any]:
         plain = dict(right(*arguments, **settings))
         plain["sensors"] = [
-            {**each, "detection_probability": {"ICBM": 0.7}} for each in plain["sensors"]
+            {**sensor, "detection_probability": {"ICBM": 0.7}} for sensor in plain["sensors"]
         ]
         return plain
 
     for module in ("simulated", "figure_checks"):
         monkeypatch.setattr(f"opir_paper.{module}.scene", wrong)
-    found = verdicts(checks(5), "NOT REPRODUCED")
-    assert found["4.2"] >= 3  # shares of looks that detect
-    assert found["5.1"] >= 3  # latencies
-    assert {"3.1", "3.2", "3.3"} <= set(found)  # stated probabilities
+    sections = verdicts(checks(5), "NOT REPRODUCED")
+    assert sections["4.2"] >= 3  # shares of looks that detect
+    assert sections["5.1"] >= 3  # latencies
+    assert {"3.1", "3.2", "3.3"} <= set(sections)  # stated probabilities
 
 
 def test_printed_figures_stand_for_what_rounds_to_them() -> None:

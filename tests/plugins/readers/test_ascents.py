@@ -98,7 +98,7 @@ def scene(**settings):
     )
 
 
-def test_a_scene_with_one_is_seen_while_it_burns_and_dark_between():
+def test_an_ascent_is_seen_while_it_burns_and_dark_between():
     plan = opir.compile_plan(scene())
     looks_s = opir.Engine(plan).advance(plan.end_ns).detections.time_s
     gap = (looks_s > 166.5) & (looks_s < 175.5)

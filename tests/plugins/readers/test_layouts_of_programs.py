@@ -29,12 +29,12 @@ def stk(epoch, rows, frame="Fixed", more=""):
 
 
 def test_seconds_of_an_stk_ephemeris_count_leap_seconds():
-    after = [0.0, 43_199.0, 43_201.0, 86_401.0, 5.8e7]
-    rows = "\n".join(f"{second} {7000 + 0.1 * k} 0 0 0 7.5 0" for k, second in enumerate(after))
+    elapsed = [0.0, 43_199.0, 43_201.0, 86_401.0, 5.8e7]
+    rows = "\n".join(f"{second} {7000 + 0.1 * k} 0 0 0 7.5 0" for k, second in enumerate(elapsed))
     table = stk("31 Dec 2005 12:00:00.000", rows)
-    theirs = Time("2005-12-31T12:00:00", scale="utc") + after * units.s
+    moments = Time("2005-12-31T12:00:00", scale="utc") + elapsed * units.s
     # By the calendar: on days with a leap second astropy's seconds since 1970 are stretched.
-    calendar_s = theirs.isot.astype("datetime64[us]").astype(np.int64) * 1e-6
+    calendar_s = moments.isot.astype("datetime64[us]").astype(np.int64) * 1e-6
     np.testing.assert_allclose(table.time_s, calendar_s, rtol=0.0, atol=1e-5)
 
 
@@ -181,11 +181,11 @@ ALTIMETER = """#version,serial,time,altitude,speed,latitude,longitude,altitude
 def test_the_second_column_of_a_name_is_chosen_by_its_number():
     assert recognised(ALTIMETER) == ["csv"]
     columns = {"time_s": "time", "lat_deg": "latitude", "lon_deg": "longitude"}
-    first, second = (
+    lower, higher = (
         read("csv", ALTIMETER, columns={**columns, "height_m": name}).position_m
         for name in ("altitude", "altitude#2")
     )
-    np.testing.assert_allclose(np.linalg.norm(second - first, axis=1), 70.0, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(higher - lower, axis=1), 70.0, rtol=0.0, atol=1e-6)
     reason = refusal("csv", ALTIMETER, columns={**columns, "height_m": "altitude#3"})
     assert "there is no column 'altitude#3'" in reason
 

@@ -49,7 +49,7 @@ def test_two_line_elements_are_the_orbit_of_their_lines(tmp_path):
         orbit_of_file(tmp_path / "f.tle", "ISS")
 
 
-def test_lines_of_68_columns_and_with_a_tail_are_reported_not_refused():
+def test_lines_of_68_columns_and_with_a_tail_are_noted():
     text = f"{LINES[0][:68]}\n{LINES[1]} EXTRA\n"
     (row,) = read("tle", text)
     assert (row["TLE_LINE1"], row["TLE_LINE2"]) == LINES

@@ -103,7 +103,7 @@ def test_between_states_it_is_the_arc_that_they_are_of(tmp_path, velocity, step_
     assert error_m <= truth["interpolation_error_m"] + truth["tolerance_m"]
 
 
-def test_states_close_together_do_not_amplify_the_rounding_of_times(tmp_path):
+def test_close_states_do_not_amplify_the_rounding_of_times(tmp_path):
     """The last of states 5 s apart comes 0.25 s after the one before; its time is rounded to 1 ms,
     3 m of flight.
     """
@@ -324,9 +324,7 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
         ("CCSDS_OEM_VERS = 2.0\nMETA_STOP\n", {}, "line 2: ends a block that never began"),
     ],
 )
-def test_bad_files_give_one_message_with_file_line_and_the_way_out(
-    tmp_path, text, settings, reported
-):
+def test_bad_files_give_a_message_with_line_and_way_out(tmp_path, text, settings, reported):
     with pytest.raises(SceneError) as caught:
         flown(tmp_path, text, **settings)
     message = str(caught.value)
@@ -335,7 +333,7 @@ def test_bad_files_give_one_message_with_file_line_and_the_way_out(
     assert caught.value.exit_code == 2
 
 
-def test_a_file_that_is_not_there_and_one_that_is_no_text_are_reported(tmp_path):
+def test_missing_files_and_files_of_bytes_are_reported(tmp_path):
     with pytest.raises(SceneError, match="cannot be read: no such file"):
         flown(tmp_path, "", file=str(tmp_path / "none.csv"))
     (tmp_path / "bytes.csv").write_bytes(b"time_s\n\x81\x8d")
@@ -343,7 +341,7 @@ def test_a_file_that_is_not_there_and_one_that_is_no_text_are_reported(tmp_path)
         flown(tmp_path, "", file=str(tmp_path / "bytes.csv"))
 
 
-def test_segments_of_an_oem_must_meet_and_days_of_the_year_are_read(tmp_path):
+def test_segments_of_an_oem_must_meet(tmp_path):
     head = oem_text(np.array([0.0, 10.0, 20.0]))
     second = oem_text(np.array([20.0, 30.0]))
     text = head + second[second.index("META_START") :]
@@ -354,16 +352,16 @@ def test_segments_of_an_oem_must_meet_and_days_of_the_year_are_read(tmp_path):
         flown(tmp_path, head + later[later.index("META_START") :])
 
 
-def test_what_an_oem_says_of_use_and_of_several_objects_is_heeded(tmp_path):
+def test_useable_times_and_objects_of_an_oem_are_heeded(tmp_path):
     text = oem_text(np.array([0.0, 10.0, 20.0]))
     useable = text.replace("META_STOP", "USEABLE_START_TIME = 2026-04-01T12:00:05\nMETA_STOP")
     assert flown(tmp_path, useable)[1]["ignition_s"] == 5.0
     second = oem_text(np.array([0.0, 10.0])).replace("ONE", "TWO").replace("001A", "001B")
-    both = text + second[second.index("META_START") :]
-    assert flown(tmp_path, both, object="2026-001A")[1]["burnout_s"] == 20.0
-    assert flown(tmp_path, both, object="TWO")[1]["burnout_s"] == 10.0
+    message = text + second[second.index("META_START") :]
+    assert flown(tmp_path, message, object="2026-001A")[1]["burnout_s"] == 20.0
+    assert flown(tmp_path, message, object="TWO")[1]["burnout_s"] == 10.0
     with pytest.raises(SceneError, match="has several objects; say which with object: ONE, TWO"):
-        flown(tmp_path, both)
+        flown(tmp_path, message)
 
 
 def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):

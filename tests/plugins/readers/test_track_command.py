@@ -80,11 +80,11 @@ def table_of(rows, names, delimiter=","):
     return "\n".join([head, *(delimiter.join(map(str, row)) for row in rows), ""])
 
 
-def same(own, theirs, metres=1e-6):
-    assert own.shape == theirs.shape
-    assert len(own) > 20
-    np.testing.assert_array_equal(own[:, :2], theirs[:, :2])
-    np.testing.assert_allclose(own[:, 2:], theirs[:, 2:], rtol=0.0, atol=metres)
+def same(tracks, expected, metres=1e-6):
+    assert tracks.shape == expected.shape
+    assert len(tracks) > 20
+    np.testing.assert_array_equal(tracks[:, :2], expected[:, :2])
+    np.testing.assert_allclose(tracks[:, 2:], expected[:, 2:], rtol=0.0, atol=metres)
 
 
 def test_events_are_tracked_as_in_the_run_that_made_them(track, folder):
@@ -165,8 +165,8 @@ def test_other_units_names_and_delimiters_give_the_same_tracks(track, folder, tm
     ]
     words += ["--rename", "west=WEST", "--rename", "east=EAST"]
     # Times to a microsecond and radians back to degrees: as much as the rounding of events.
-    own = track(tmp_path / "own.csv", folder / "sensors.yaml", *words)
-    same(own, track(folder / "events.jsonl", folder / "sensors.yaml"), metres=1.0)
+    tracks = track(tmp_path / "own.csv", folder / "sensors.yaml", *words)
+    same(tracks, track(folder / "events.jsonl", folder / "sensors.yaml"), metres=1.0)
 
 
 @pytest.mark.parametrize("angles", ["azel", "radec"])
@@ -191,9 +191,9 @@ def test_a_tracking_data_message_gives_the_same_tracks(track, folder, tmp_path, 
 
 def test_an_exported_table_of_detections_gives_the_same_tracks(track, folder, tmp_path):
     run_command("export {} --to csv --out {}", folder / "events.jsonl", tmp_path / "tables")
-    own = track(tmp_path / "tables" / "detections.csv", folder / "scene.yaml")
+    tracks = track(tmp_path / "tables" / "detections.csv", folder / "scene.yaml")
     # Angles of the table went through radians.
-    same(own, track(folder / "events.jsonl", folder / "scene.yaml"), metres=0.01)
+    same(tracks, track(folder / "events.jsonl", folder / "scene.yaml"), metres=0.01)
 
 
 @pytest.mark.parametrize("is_export", [True, False])
@@ -205,22 +205,22 @@ def test_parquet_gives_the_same_tracks(track, folder, tmp_path, is_export):
         run_command("run {} -q --out {}", folder / "scene.yaml", path)
     # Without an epoch of their own: the column of dates counts, not the seconds of the scene beside
     # it.
-    own = track(path, folder / "sensors.yaml")
+    tracks = track(path, folder / "sensors.yaml")
     ids = [
         json.loads(line)["detection_id"]
         for line in (tmp_path / "tracked.jsonl").read_text().splitlines()
     ]
     assert ids == [row["detection_id"] for row in events_of(folder)]
-    same(own, track(folder / "events.jsonl", folder / "sensors.yaml"), metres=0.05)
+    same(tracks, track(folder / "events.jsonl", folder / "sensors.yaml"), metres=0.05)
 
 
 def test_what_is_tracked_is_read_back_and_scored_as_the_run(track, folder, tmp_path, capsys):
     track(folder / "events.jsonl", folder / "scene.yaml")
-    own = load_run(tmp_path / "tracked.jsonl")
+    tracked = load_run(tmp_path / "tracked.jsonl")
     run = load_run(folder / "events.jsonl")
-    np.testing.assert_array_equal(own.truth.target, run.truth.target)
-    np.testing.assert_allclose(own.truth.range_m, run.truth.range_m, rtol=0.0, atol=1e3)
-    assert [file["path"] for file in own.manifest["files"]] == [str(folder / "events.jsonl")]
+    np.testing.assert_array_equal(tracked.truth.target, run.truth.target)
+    np.testing.assert_allclose(tracked.truth.range_m, run.truth.range_m, rtol=0.0, atol=1e3)
+    assert [file["path"] for file in tracked.manifest["files"]] == [str(folder / "events.jsonl")]
     figures = []
     for events in (tmp_path / "tracked.jsonl", folder / "events.jsonl"):
         capsys.readouterr()
@@ -266,16 +266,16 @@ def test_names_of_constellations_stand_for_a_file_of_sensors(track, folder, tmp_
     assert "is none of --sensors" in message
 
 
-def test_a_scene_of_sensors_alone_begins_before_the_first_detection(track, folder, tmp_path):
+def test_sensors_alone_begin_before_the_first_detection(track, folder, tmp_path):
     (tmp_path / "bare.yaml").write_text(
         "sensors:\n" + "".join(line for line in SENSORS.splitlines(True) if "model" in line)
     )
-    own = track(folder / "events.jsonl", tmp_path / "bare.yaml", "--tracker", "kepler-arc")
+    tracks = track(folder / "events.jsonl", tmp_path / "bare.yaml", "--tracker", "kepler-arc")
     scene = json.loads((tmp_path / "tracked.manifest.json").read_text())["scene"]
-    first = min(row["timestamp"] for row in events_of(folder))
-    lead_s = seconds_between(scene["epoch"], first)
+    start = min(row["timestamp"] for row in events_of(folder))
+    lead_s = seconds_between(scene["epoch"], start)
     assert 60.0 <= lead_s < 61.0
-    assert own[-1, 0] == scene["duration_s"]
+    assert tracks[-1, 0] == scene["duration_s"]
 
 
 @pytest.mark.parametrize(
@@ -381,9 +381,9 @@ TRACK = (
 
 
 def test_the_input_is_not_overwritten(folder, tmp_path, capsys):
-    own = tmp_path / "events.jsonl"
-    own.write_bytes((folder / "events.jsonl").read_bytes())
-    run_command("track {} --sensors {} --out {}", own, folder / "scene.yaml", own, code=2)
+    copy = tmp_path / "events.jsonl"
+    copy.write_bytes((folder / "events.jsonl").read_bytes())
+    run_command("track {} --sensors {} --out {}", copy, folder / "scene.yaml", copy, code=2)
     assert "would overwrite" in capsys.readouterr().err
-    assert own.read_bytes() == (folder / "events.jsonl").read_bytes()
+    assert copy.read_bytes() == (folder / "events.jsonl").read_bytes()
     assert not Path(tmp_path / "events.tracks.jsonl").exists()

@@ -66,13 +66,13 @@ def test_a_track_has_its_places_and_times(text, name):
 
 
 def test_one_of_several_tracks_is_asked_for():
-    other = (
+    second = (
         "<trk><name>TWO</name><trkseg>"
         + gpx().split("<trkseg>")[1].split("</trkseg>")[0]
         + "</trkseg></trk>"
     )
-    assert "has several tracks; say which with object: ONE, TWO" in refusal("gpx", gpx(other))
-    assert len(read("gpx", gpx(other), object="TWO").time_s) == 3
+    assert "has several tracks; say which with object: ONE, TWO" in refusal("gpx", gpx(second))
+    assert len(read("gpx", gpx(second), object="TWO").time_s) == 3
 
 
 @pytest.mark.parametrize(

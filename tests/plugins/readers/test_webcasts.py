@@ -99,8 +99,8 @@ def test_the_flight_is_that_of_the_telemetry(ascent, form):
     # Rounding to 0.1 km and 1 km/h, and the azimuth of a path that is prescribed: a kilometre a
     # minute of flight.
     assert (off < 300.0 + 15.0 * times[::10]).all(), off
-    far = np.linalg.norm(table.velocity_m_s[rows] - velocity[::10], axis=1)[3:]
-    assert np.median(far) < 30.0
+    error_m_s = np.linalg.norm(table.velocity_m_s[rows] - velocity[::10], axis=1)[3:]
+    assert np.median(error_m_s) < 30.0
 
 
 def test_the_turn_by_the_rotation_of_the_earth_matters(ascent):

@@ -27,7 +27,7 @@ def test_the_compiled_renderer_is_used_where_it_is_installed(
     assert chosen_renderer(Host.discover([])) == ("reference", reference)
 
 
-def test_without_a_compiler_the_reference_is_used_and_a_choice_is_reported(
+def test_without_a_compiler_the_reference_is_used(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "opir_render.compiled", None)
