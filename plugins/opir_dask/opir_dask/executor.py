@@ -36,9 +36,9 @@ class DaskExecutor:
         if not tasks:
             return
         client = self._connected()
-        lost = list[int]()
+        lost = []
         waiting = iter(range(len(tasks)))
-        number: dict[Any, int] = {}
+        number = {}
         running = as_completed()
         submitted = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
 

@@ -153,7 +153,7 @@ class KafkaTransport(Transport):
         connection.
         """
         producer = await self._connect()
-        tasks: list[asyncio.Task[None]] = []
+        tasks = []
         try:
             self._open_lanes(await self._partitioning(producer))
             self.trouble = None

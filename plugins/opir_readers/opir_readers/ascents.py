@@ -96,8 +96,8 @@ def ascent_targets(configs: Sequence[AscentConfig], context: TargetContext) -> T
     """Return the trajectories of all targets of the model; raises `SceneError` where no orbit is
     reached.
     """
-    tables = list[StateTable]()
-    problems = list[Problem]()
+    tables = []
+    problems = []
     for config, path in zip(configs, context.paths, strict=True):
         try:
             tables.append(_table(config, legs_of(config)))

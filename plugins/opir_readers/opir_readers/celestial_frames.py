@@ -39,7 +39,7 @@ def ecef_state(
     """
     if frame == "ITRF":
         return position_m, velocity_m_s
-    turns = list[Turn]()
+    turns = []
     sidereal = gmst_rad(np.datetime64(epoch_us, "us"), time_s)
     if frame != "TEME":
         centuries = centuries_since_j2000(epoch_us, time_s)

@@ -15,7 +15,7 @@ def columns_of_text(text: str) -> dict[str, str]:
     >>> columns_of_text('time_s=T,height_ft="Altitude, ft"')
     {'time_s': 'T', 'height_ft': 'Altitude, ft'}
     """
-    columns = dict[str, str]()
+    columns = {}
     at = 0
     while at < len(text):
         match = _PAIR.match(text, at)

@@ -252,7 +252,7 @@ def _numbered(names: Sequence[str], mapped: Collection[str]) -> list[str]:
     """
     repeated = {name if name in names else name.rpartition("#")[0] for name in mapped}
     count = Counter[str]()
-    numbered = list[str]()
+    numbered = []
     for name in names:
         count[name] += 1
         is_numbered = name in repeated and count[name] > 1

@@ -81,7 +81,7 @@ def to_ecef(
 
 def along_axes(vectors: FloatArray, axes: FloatArray) -> FloatArray:
     """Return vectors (n, 3) of components along axes, (3, 3) or of each vector (n, 3, 3)."""
-    return np.asarray((vectors[:, :, None] * axes).sum(axis=1))
+    return (vectors[:, :, None] * axes).sum(axis=1)
 
 
 def axes_at(position_m: FloatArray) -> FloatArray:
@@ -98,7 +98,7 @@ def _axes(frame: str, epoch_us: int, time_s: float) -> FloatArray:
 def _equinoxes_rad(centuries: FloatArray) -> FloatArray:
     """Return the lead of the true equinox over the mean one along the equator, rad."""
     longitude, obliquity, _ = nutation_rad(centuries)
-    return np.asarray(longitude * np.cos(obliquity))
+    return longitude * np.cos(obliquity)
 
 
 def _origin_rad(centuries: FloatArray) -> FloatArray:
@@ -106,4 +106,4 @@ def _origin_rad(centuries: FloatArray) -> FloatArray:
     2003).
     """
     lead = 0.014506 + (4612.156534 + 1.3915817 * centuries) * centuries
-    return np.asarray(-lead * ARCSECOND_RAD)
+    return -lead * ARCSECOND_RAD

@@ -143,7 +143,7 @@ def table_of_segments(segments: list[Segment], epoch_us: int, name: str | None) 
 
 def segments_of_text(text: str) -> list[Segment]:
     """Return the segments of a message in the keyword form; raises `BadFileError`."""
-    segments = list[Segment]()
+    segments = []
     block = ""
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split()
@@ -161,11 +161,15 @@ def segments_of_text(text: str) -> list[Segment]:
             segments[-1].take_keyword(line, number)
         elif block == "" and segments:
             segments[-1].take_state(words, number)
+    _require_whole(segments, block)
+    return segments
+
+
+def _require_whole(segments: list[Segment], block: str) -> None:
     if block:
         raise BadFileError(f"ends within a block that began with {block}")
     if not segments:
         raise BadFileError("has no META_START, so no states")
-    return segments
 
 
 def _require_none(block: str, number: int) -> None:

@@ -123,10 +123,10 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
 
     Raises `SceneError` with a problem for each target whose file cannot be taken.
     """
-    problems = list[Problem]()
-    warnings = list[Problem]()
-    tables = list[StateTable]()
-    hashes = list[str]()
+    problems = []
+    warnings = []
+    tables = []
+    hashes = []
     times = SceneTimes(context.epoch_us, context.duration_s)
     for config, path in zip(configs, context.paths, strict=True):
         place = f"{path}.file"
@@ -201,7 +201,7 @@ def _points(table: StateTable) -> Mapping[str, Any]:
     """Return launch and impact of a table: its first and last states, where these are below 1000 m."""
     launch = place_of(table.position_m[0])
     impact = place_of(table.position_m[-1])
-    points: dict[str, Any] = {}
+    points = {}
     if launch["height_m"] < 1000.0 and table.burns_s[0, 0] == table.time_s[0]:
         points["launch"] = launch
     if impact["height_m"] < 1000.0 and table.burns_s[-1, 1] < table.time_s[-1]:

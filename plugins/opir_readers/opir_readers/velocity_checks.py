@@ -185,7 +185,7 @@ def _frames(
     axes = axes_at(table.position_m[rows])
     rotation = earth_rotation_m_s(table.position_m[rows])
     angle = EARTH_ROTATION_RAD_S * (table.time_s[rows] - table.time_s[rows[0]])
-    north_east_down = np.stack([velocity[:, 1], velocity[:, 0], -velocity[:, 2]], axis=1)
+    north_east_down = velocity[:, [1, 0, 2]] * (1.0, 1.0, -1.0)
     yield "", xyz("v{}_ecef"), velocity
     yield "inertial (with the Earth's rotation)", INERTIAL_VELOCITY, velocity - rotation
     still = turned(velocity, [("z", angle)])

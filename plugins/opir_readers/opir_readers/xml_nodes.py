@@ -91,7 +91,7 @@ def has_message(text: str, kind: str) -> bool:
 
 def metadata_and_data(segment: XmlNode) -> tuple[XmlNode, XmlNode]:
     """Return both blocks of a segment of a message; raises `BadFileError` for a missing one."""
-    blocks = list[XmlNode]()
+    blocks = []
     for name in ("metadata", "data"):
         block = segment.child(name)
         if block is None:

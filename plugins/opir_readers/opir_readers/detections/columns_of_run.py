@@ -61,14 +61,6 @@ class _Sights:
     time_ns: IntArray
     plan: Plan
 
-    @property
-    def sensors(self) -> Sequence[Sensor]:
-        return self.plan.sensors
-
-    @property
-    def epoch_us(self) -> int:
-        return self.plan.scene.epoch_us
-
     def numbers(
         self, name: str, default: float, low: float = -np.inf, high: float = np.inf
     ) -> FloatArray:
@@ -136,7 +128,7 @@ def _sensors(rows: Rows, sensors: Sequence[Sensor], names: Mapping[str, str]) ->
     """Return the numbers (n,) of the rows' sensors."""
     number = {sensor.id: place for place, sensor in enumerate(sensors)}
     only = sensors[0].id if len(sensors) == 1 else None
-    numbers = list[int]()
+    numbers = []
     for row in rows:
         name = row.get("sensor_id", only)
         if name is None:
@@ -171,7 +163,7 @@ def _positions(sights: _Sights) -> FloatArray:
             is_missing[place] = False
     for number in np.unique(sights.sensor[is_missing]).tolist():
         rows = np.flatnonzero(is_missing & (sights.sensor == number))
-        orbit = sights.sensors[number].orbit
+        orbit = sights.plan.sensors[number].orbit
         position[rows] = orbit.position_ecef_m(sights.time_ns[rows] * 1e-9)
     return position
 
@@ -197,12 +189,14 @@ def _directions(sights: _Sights, origin: FloatArray) -> FloatArray:
             )
         if way >= 2:
             time_s = sights.time_ns[places].astype(np.float64) * 1e-9
-            vectors[places] = _earth_fixed(rows, vectors[places], sights.epoch_us, time_s)
+            vectors[places] = _earth_fixed(
+                rows, vectors[places], sights.plan.scene.epoch_us, time_s
+            )
     with np.errstate(over="ignore"):
         length = np.sqrt(dot(vectors, vectors))
     for place in np.flatnonzero(~((length > 0.0) & (length < np.inf))).tolist():
         raise BadFileError(f"{place_of(sights.rows[place])}its line of sight has no direction")
-    return np.asarray(vectors / length[:, None])
+    return vectors / length[:, None]
 
 
 def _earth_fixed(rows: Rows, vectors: FloatArray, epoch_us: int, time_s: FloatArray) -> FloatArray:
@@ -247,7 +241,7 @@ def _reported_ns(sights: _Sights) -> IntArray:
     reported = sights.time_ns.copy()
     for place, row in enumerate(rows):
         if row.get("reported_at"):
-            reported[place] = _time_ns(row, sights.epoch_us, "reported_at")
+            reported[place] = _time_ns(row, sights.plan.scene.epoch_us, "reported_at")
     for place in np.flatnonzero(reported < sights.time_ns).tolist():
         raise BadFileError(f"{place_of(rows[place])}is reported before it was seen")
     return reported if (reported > sights.time_ns).any() else sights.time_ns
@@ -255,7 +249,7 @@ def _reported_ns(sights: _Sights) -> IntArray:
 
 def _sigmas_rad(sights: _Sights) -> FloatArray:
     """Return standard deviations (n,), rad, those of the sensors where they are missing."""
-    defaults = np.array([sensor.line_of_sight_sigma_rad for sensor in sights.sensors])
+    defaults = np.array([sensor.line_of_sight_sigma_rad for sensor in sights.plan.sensors])
     sigma = sights.numbers("line_of_sight_sigma_urad", np.nan, 0.0, 1e6) * 1e-6
     return np.where(np.isnan(sigma), defaults[sights.sensor], sigma)
 
@@ -269,8 +263,8 @@ def _types(rows: Rows, reported_types: Sequence[str]) -> NDArray[np.uint8]:
 
 def _bands(sights: _Sights) -> NDArray[np.uint8]:
     """Return the masks of bands; a row without them has the sensor's first."""
-    names = [[band.name for band in sensor.bands] for sensor in sights.sensors]
-    masks = list[int]()
+    names = [[band.name for band in sensor.bands] for sensor in sights.plan.sensors]
+    masks = []
     for row, number in zip(sights.rows, sights.sensor.tolist(), strict=True):
         bands = row.get("bands")
         if not isinstance(bands, Sequence) or isinstance(bands, str):

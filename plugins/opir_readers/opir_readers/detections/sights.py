@@ -90,7 +90,7 @@ class _Line:
 
     def needed(self, *names: str) -> list[float]:
         """Return numbers that must not be empty."""
-        numbers = list[float]()
+        numbers = []
         for name in names:
             value = self.values.get(name)
             if value is None:

@@ -58,7 +58,7 @@ def is_thrusting(table: StateTable) -> BoolArray:
     along = dot(force, speed_axis)
     is_high = ecef_to_geodetic(table.position_m).height_m > AIRLESS_M
     is_strong = np.sqrt(dot(force, force)) > LEAST_THRUST_M_S2
-    return np.asarray((along > LEAST_THRUST_M_S2) | (is_high & is_strong))
+    return (along > LEAST_THRUST_M_S2) | (is_high & is_strong)
 
 
 def _specific_force(table: StateTable) -> tuple[FloatArray, FloatArray]:
@@ -107,7 +107,7 @@ def _gravity(position_m: FloatArray) -> FloatArray:
     scale = 1.5 * _J2 * (EARTH_EQUATORIAL_RADIUS_M / radius) ** 2
     level = 1.0 + scale * (1.0 - 5.0 * sine2)
     factors = vector(level, level, 1.0 + scale * (3.0 - 5.0 * sine2))
-    return np.asarray((-EARTH_MU_M3_S2 / radius**3)[:, None] * position_m * factors)
+    return (-EARTH_MU_M3_S2 / radius**3)[:, None] * position_m * factors
 
 
 def spans_of(is_inside: BoolArray) -> tuple[RowArray, RowArray]:

@@ -130,7 +130,7 @@ def _track(tracks: Sequence[Track], name: str | None, kind: str) -> Iterable[Poi
 
 def _table(track: Iterable[Point], epoch_us: int, frame: str) -> StateTable:
     """Return the states of a track; of points in a row with the same time the first counts."""
-    points = list[Point]()
+    points = []
     last_ns = None
     for point in track:
         if point.unix_ns != last_ns:

@@ -156,7 +156,7 @@ def _heights(values: Mapping[str, FloatArray], ground_m: float) -> FloatArray:
     taken for it.
     """
     if "altitude" in values:
-        return np.asarray(values["altitude"] + ground_m)
+        return values["altitude"] + ground_m
     if "height" in values:
         return values["height"]
     raise BadFileError("has no altitude")
@@ -186,7 +186,7 @@ def _spans_of_events(text: str) -> list[Span]:
         for name, time in _EVENT.findall(text)
         if math.isfinite(time_s := number_or_nan(time.replace(",", ".")))
     ]
-    spans = list[Span]()
+    spans = []
     ignitions = list[float]()
     for time_s, name in sorted(events, key=lambda event: event[0]):
         if name == "IGNITION" or (name == "LAUNCH" and not ignitions):
@@ -212,7 +212,7 @@ def named_columns(text: str, names_of: Mapping[str, Sequence[str]]) -> NamedColu
     Raises `BadFileError` where a unit is not known, or a table has no lines.
     """
     layout = layout_of(text)
-    places: dict[str, tuple[int, float]] = {}
+    places = {}
     for place, name in enumerate(layout.names):
         bare, unit = bare_name(name)
         quantity = next((key for key, names in names_of.items() if bare in names), None)

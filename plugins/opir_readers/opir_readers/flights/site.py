@@ -45,7 +45,7 @@ class Site:
         """
         launch = geodetic_to_ecef(self.latitude_rad, self.longitude_rad, self.height_m)
         axes = east_north_up_axes(np.array(self.latitude_rad), np.array(self.longitude_rad))
-        return np.asarray(launch + along_axes(np.stack([east_m, north_m, up_m], axis=1), axes))
+        return launch + along_axes(np.stack([east_m, north_m, up_m], axis=1), axes)
 
     def of_ground(
         self, east_m: FloatArray, north_m: FloatArray, height_m: FloatArray
@@ -64,4 +64,4 @@ class Site:
         self, distance_m: FloatArray, azimuth_rad: FloatArray | float, height_m: FloatArray
     ) -> FloatArray:
         where = geodesic_direct(self.latitude_rad, self.longitude_rad, azimuth_rad, distance_m)
-        return np.asarray(geodetic_to_ecef(where.latitude_rad, where.longitude_rad, height_m))
+        return geodetic_to_ecef(where.latitude_rad, where.longitude_rad, height_m)

@@ -28,7 +28,7 @@ class Smoothed:
         """Return the curve or a derivative (n,) at times (n,)."""
         from scipy.interpolate import splev
 
-        return np.asarray(splev(time_s, self.spline, der=derivative))
+        return splev(time_s, self.spline, der=derivative)
 
 
 def smoothing_spline(time_s: FloatArray, values: FloatArray, sigma: float) -> Smoothed:
@@ -72,7 +72,7 @@ def _spikes(values: FloatArray, sigma: float) -> BoolArray:
     padded = np.pad(values, 2, mode="edge")
     neighbours = np.lib.stride_tricks.sliding_window_view(padded, 5)
     low, middle, high = np.percentile(neighbours, [25, 50, 75], axis=1)
-    return np.asarray(np.abs(values - middle) > _OUTLIER * sigma + 2.0 * (high - low))
+    return np.abs(values - middle) > _OUTLIER * sigma + 2.0 * (high - low)
 
 
 def rounding_sigma(values: FloatArray) -> float:

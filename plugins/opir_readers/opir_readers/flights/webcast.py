@@ -29,7 +29,6 @@ from opir_core.plugin import BadFileError, StateTable
 from opir_readers.flights.burns import (
     AIRLESS_M,
     LEAST_THRUST_M_S2,
-    Span,
     burns_s,
     joined_spans,
     spans_text,
@@ -122,9 +121,11 @@ def webcast_table(
     Raises `BadFileError`.
     """
     telemetry = _in_order(_telemetry(text))
-    speed, speed_note = _speed_fit(telemetry, speed_noise_m_s)
-    height, height_note = _height_fit(telemetry, height_noise_m)
-    notes = [speed_note, height_note]
+    time_s = telemetry.time_s
+    speed, note = _fit("speed", "m/s", time_s, telemetry.speed_m_s, speed_noise_m_s, 0.05)
+    notes = [note]
+    height, note = _fit("altitude", "m", time_s, telemetry.height_m, height_noise_m, 1.0)
+    notes.append(note)
     curves = _Curves(speed, height)
     grid = _grid(telemetry)
     position, velocity = _path(grid, curves, site, _turn_s(grid, curves, telemetry.events))
@@ -277,37 +278,18 @@ def _in_order(telemetry: Telemetry) -> Telemetry:
     return Telemetry(time_s, speed, height, telemetry.events)
 
 
-def _speed_fit(telemetry: Telemetry, noise_m_s: float | None) -> tuple[Smoothed, str]:
-    """Return the spline of the speed and its note; no webcast is better than 0.05 m/s."""
-    speed = telemetry.speed_m_s
-    rounding = speed_rounding_sigma(speed[np.isfinite(speed)])
-    return _fit("speed", "m/s", telemetry.time_s, speed, _Noise(noise_m_s, rounding, 0.05))
-
-
-def _height_fit(telemetry: Telemetry, noise_m: float | None) -> tuple[Smoothed, str]:
-    """Return the spline of the altitude and its note; no webcast is better than 1 m."""
-    height = telemetry.height_m
-    rounding = rounding_sigma(height[np.isfinite(height)])
-    return _fit("altitude", "m", telemetry.time_s, height, _Noise(noise_m, rounding, 1.0))
-
-
-class _Noise(NamedTuple):
-    """The standard deviation of values as a user states it, of their rounding, and the least."""
-
-    stated: float | None
-    rounding: float
-    least: float
-
-
 def _fit(
-    name: str, unit: str, time_s: FloatArray, values: FloatArray, noise: _Noise
+    name: str, unit: str, time_s: FloatArray, values: FloatArray, noise: float | None, least: float
 ) -> tuple[Smoothed, str]:
-    """Return the spline of a column and a note for the user."""
+    """Return the spline of a column and a note for the user; the noise is that of the rounding by
+    default, and no webcast is better than the least.
+    """
     rows = np.isfinite(values)
-    sigma = max(noise.rounding if noise.stated is None else noise.stated, noise.least)
+    rounding = speed_rounding_sigma if name == "speed" else rounding_sigma
+    sigma = max(rounding(values[rows]) if noise is None else noise, least)
     fit = smoothing_spline(time_s[rows], values[rows], sigma)
     outliers = f", {fit.outliers} left out" if fit.outliers else ""
-    source = "of the rounding" if noise.stated is None else "as stated"
+    source = "of the rounding" if noise is None else "as stated"
     note = (
         f"{name} smoothed to a noise of {sigma:.3g} {unit} {source}: {fit.residual:.3g} {unit} rms"
         f" left{outliers}"
@@ -423,14 +405,14 @@ def _is_thrusting(time_s: FloatArray, curves: _Curves) -> BoolArray:
     along = curves.speed.at(time_s, 1) + gravity * sine
     is_driven = (speed > 3.0) & (along > LEAST_THRUST_M_S2)
     is_braked = (height > AIRLESS_M) & (along < -LEAST_THRUST_M_S2)
-    return np.asarray(is_driven | is_braked)
+    return is_driven | is_braked
 
 
 def _burns_of_events(events: Mapping[str, float], grid: FloatArray) -> FloatArray | None:
     """Return the burns (k, 2) that events report, None without any."""
     begin = float(grid[0])
     end = float(grid[-1])
-    spans = list[Span]()
+    spans = []
     for ignition, burnout in _BURNS:
         start_s = max(events.get(ignition, 0.0 if not ignition else math.inf), begin)
         if burnout in events and math.isfinite(start_s):
