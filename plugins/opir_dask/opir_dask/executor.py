@@ -36,11 +36,11 @@ class DaskExecutor:
         if not tasks:
             return
         client = self._connected()
-        lost = list[int]()
+        lost = []
         waiting = iter(range(len(tasks)))
-        number: dict[Any, int] = {}
+        number = {}
         running = as_completed()
-        ahead = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+        submitted = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
 
         def submit() -> None:
             index = next(waiting, None)
@@ -50,7 +50,7 @@ class DaskExecutor:
                 number[future] = index
                 running.add(future)
 
-        for _ in range(ahead):
+        for _ in range(submitted):
             submit()
         for future in running:
             index = number.pop(future)
@@ -64,14 +64,12 @@ class DaskExecutor:
 
     def close(self) -> None:
         """Leave the cluster, or end the workers of this computer; allowed several times."""
-        client = self._client
-        cluster = self._cluster
+        connections = (self._client, self._cluster)
         self._client = None
         self._cluster = None
-        for each in (client, cluster):
-            if each is not None:
-                with suppress(OSError, TimeoutError):
-                    each.close()
+        for connection in filter(None, connections):
+            with suppress(OSError, TimeoutError):
+                connection.close()
 
     def _connected(self) -> Client:
         if self._client is None:

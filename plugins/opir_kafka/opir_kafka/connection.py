@@ -78,19 +78,19 @@ async def close_producer(producer: AIOKafkaProducer) -> None:
 
 
 async def _close(producer: AIOKafkaProducer) -> None:
-    await _by(_CLOSE_STEP_S, producer.stop())
-    theirs = {task for task in asyncio.all_tasks() if not task.get_name().startswith(OURS)}
-    for task in theirs:
+    await _ended(producer.stop())
+    tasks = {task for task in asyncio.all_tasks() if not task.get_name().startswith(OURS)}
+    for task in tasks:
         task.cancel()
-    if theirs:
-        await asyncio.wait(theirs, timeout=_CLOSE_STEP_S)
-    await _by(_CLOSE_STEP_S, producer.client.close())
+    if tasks:
+        await asyncio.wait(tasks, timeout=_CLOSE_STEP_S)
+    await _ended(producer.client.close())
 
 
-async def _by(timeout_s: float, going: Awaitable[Any]) -> None:
+async def _ended(step: Awaitable[Any]) -> None:
     try:
-        async with asyncio.timeout(timeout_s):
-            await going
+        async with asyncio.timeout(_CLOSE_STEP_S):
+            await step
     except Exception as error:  # an error in closing changes nothing
         _log.debug("closing: %r", error)
 
@@ -139,11 +139,8 @@ def _tls(security: SecurityConfig) -> ssl.SSLContext:
             # Without a password OpenSSL would ask for one on the terminal.
             context.load_cert_chain(security.certificate_file, security.key_file, password or "")
     except (OSError, ValueError) as error:
-        reason = (
-            getattr(error, "strerror", None)
-            or getattr(error, "reason", None)
-            or "they cannot be read"
-        )
+        reasons = (getattr(error, "strerror", None), getattr(error, "reason", None))
+        reason = next(filter(None, reasons), "they cannot be read")
         raise SinkError(
             f"kafka: the certificates of security cannot be used: {str(reason).lower()}"
         ) from None
@@ -155,7 +152,7 @@ def _secret(variable: str | None, key: str) -> str:
     if not secret:
         raise SinkError(
             f"kafka: the environment variable that security.{key} names is not set; set it to the"
-            f" secret"
+            " secret"
         )
     return secret
 
@@ -163,12 +160,6 @@ def _secret(variable: str | None, key: str) -> str:
 def _require_codec(compression: str) -> None:
     from aiokafka import codec
 
-    known = {
-        "none": lambda: True,
-        "gzip": codec.has_gzip,
-        "snappy": codec.has_snappy,
-        "lz4": codec.has_lz4,
-    }
-    if not known.get(compression, codec.has_zstd)():
+    if compression != "none" and not getattr(codec, f"has_{compression}")():
         remedy = install_command("opir-kafka", "compression")
         raise SinkError(f"kafka: {compression} is not installed; {remedy}")

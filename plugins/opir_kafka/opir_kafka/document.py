@@ -35,9 +35,8 @@ def asyncapi_document() -> dict[str, Any]:
                 "address": bare.topic,
                 "servers": [{"$ref": "#/servers/kafka"}],
                 "description": f"One of these, by the output's encoder; default {bare.encoder}. The"
-                f" encoders"
-                " forge-bands and forge-tracks add band irradiances or track states to forge's"
-                " messages.",
+                " encoders forge-bands and forge-tracks add band irradiances or track states to"
+                " forge's messages.",
                 "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in messages},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }
@@ -86,8 +85,8 @@ def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any
         },
         "required": ["content-type", "schema-version"],
     }
-    whose = "The track's number" if encoder.encodes_tracks else "The sensor's id"
-    key = {"type": "string", "description": f"{whose}, UTF-8; it determines the partition."}
+    source = "The track's number" if encoder.encodes_tracks else "The sensor's id"
+    key = {"type": "string", "description": f"{source}, UTF-8; it determines the partition."}
     return {
         "name": encoder.name,
         "title": payload["title"],

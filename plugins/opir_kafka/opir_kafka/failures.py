@@ -83,8 +83,7 @@ _REMEDIES = {
 #: signed stays valid.
 _NEW_AUTHORITY = (
     "make the certificate of security.ca_file anew, with its key and name: openssl req -x509 -key"
-    " CA.key"
-    " -subj /CN=NAME -days 3650 -out CA.pem -addext basicConstraints=critical,CA:TRUE"
+    " CA.key -subj /CN=NAME -days 3650 -out CA.pem -addext basicConstraints=critical,CA:TRUE"
     " -addext keyUsage=critical,keyCertSign,cRLSign (Python 3.13 and later ask for these"
     " extensions)"
 )
@@ -140,7 +139,7 @@ def cause_of(error: Exception, *, is_encrypted: bool) -> Exception:
 
 
 def is_fatal(error: BaseException) -> bool:
-    """Return whether an error is permanent."""
+    """Whether an error is permanent."""
     if isinstance(error, _FATAL_TYPES) or _is_client_refused(error):
         return True
     return getattr(error, "errno", None) in FATAL_CODES and _is_answer(error)
@@ -189,12 +188,8 @@ def words(error: BaseException, servers: str) -> str:
     message = next((message for types, message in _MESSAGES if isinstance(error, types)), None)
     if message is not None:
         return message.format(servers=servers)
-    return (
-        _answer_words(error, servers) if _is_answer(error) else f"{servers}: {type(error).__name__}"
-    )
-
-
-def _answer_words(error: BaseException, servers: str) -> str:
+    if not _is_answer(error):
+        return f"{servers}: {type(error).__name__}"
     code: int = getattr(error, "errno", -1)
     remedy = f"; {_REMEDIES[code]}" if code in _REMEDIES else ""
     return f"{servers} answers {type(error).__name__} (code {code}){remedy}"
@@ -204,8 +199,7 @@ def _tls_words(error: ssl.SSLError, servers: str) -> str:
     if _is_client_refused(error):
         return (
             f"{servers} refuses the client's certificate, or that there is none ({error.reason});"
-            f" see"
-            " security.certificate_file and security.key_file"
+            " see security.certificate_file and security.key_file"
         )
     if isinstance(error, ssl.SSLCertVerificationError):
         reason = error.verify_message.rstrip(".")
@@ -217,7 +211,7 @@ def _tls_words(error: ssl.SSLError, servers: str) -> str:
 
 
 def _is_client_refused(error: BaseException) -> bool:
-    """Return whether an error is the broker's alert about the client's certificate (RFC 8446,
+    """Whether an error is the broker's alert about the client's certificate (RFC 8446,
     section 6.2).
     """
     reason = (error.reason or "") if isinstance(error, ssl.SSLError) else ""

@@ -42,14 +42,17 @@ class Shipment:
         """Return the unacknowledged rows, in order, by partition."""
         of_key = np.array([partition_of(key) for key in self._keys])
         of_row = of_key[self._key_of]
-        rows = {int(each): np.flatnonzero(of_row == each).tolist() for each in np.unique(of_key)}
-        if len(self._open_rows) == len(self._messages):
-            return rows
-        left = {
-            each: [row for row in all_rows if row in self._open_rows]
-            for each, all_rows in rows.items()
+        rows_of = {
+            number: np.flatnonzero(of_row == number).tolist()
+            for number in np.unique(of_key).tolist()
         }
-        return {each: open_rows for each, open_rows in left.items() if open_rows}
+        if len(self._open_rows) == len(self._messages):
+            return rows_of
+        open_rows = {
+            number: [row for row in rows if row in self._open_rows]
+            for number, rows in rows_of.items()
+        }
+        return {number: rows for number, rows in open_rows.items() if rows}
 
     def put(self, batch: Any, rows: Rows) -> int:
         """Append rows to aiokafka's batch and return the number that fit."""
@@ -59,15 +62,13 @@ class Shipment:
         headers = self._headers
         append = batch.append
         for place, row in enumerate(rows):
-            if (
-                append(timestamp=None, key=keys[key_of[row]], value=messages[row], headers=headers)
-                is None
-            ):
+            key = keys[key_of[row]]
+            if append(timestamp=None, key=key, value=messages[row], headers=headers) is None:
                 return place
         return len(rows)
 
     def acknowledge(self, rows: Rows) -> bool:
-        """Mark rows as acknowledged; return whether all rows are."""
+        """Mark rows as acknowledged: true if all rows are."""
         self._open_rows.difference_update(rows)
         if self._open_rows:
             return False
@@ -96,15 +97,15 @@ class Lane:
         self._queue.append((shipment, rows))
         self.has_messages.set()
 
-    def fill(self, batch: Any, most: int = sys.maxsize) -> list[tuple[Shipment, Rows]]:
-        """Move as many messages as fit into aiokafka's batch, at most `most`; return their
+    def fill(self, batch: Any, capacity: int = sys.maxsize) -> list[tuple[Shipment, Rows]]:
+        """Move as many messages as fit into aiokafka's batch, at most `capacity`; return their
         shipments and rows.
         """
         moved = []
         while self._queue:
             shipment, rows = self._queue.popleft()
-            count = shipment.put(batch, rows[:most])
-            most -= count
+            count = shipment.put(batch, rows[:capacity])
+            capacity -= count
             if count:
                 moved.append((shipment, rows[:count]))
             if count < len(rows):

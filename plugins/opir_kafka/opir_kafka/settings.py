@@ -12,8 +12,7 @@ _TOPIC = re.compile(r"[A-Za-z0-9._-]{1,249}")
 _VARIABLE = re.compile(r"[A-Z_][A-Z0-9_]*")
 _NOT_A_VARIABLE = (
     "a variable is named in capitals, digits and _; put the secret into the environment and write"
-    " the name of its"
-    " variable here, never the secret"
+    " the name of its variable here, never the secret"
 )
 _HIGHEST_PORT = 65_535
 
@@ -170,5 +169,5 @@ class KafkaConfig:
         pauses = [0.05]
         while pauses[-1] < self.longest_pause_s:
             pauses.append(min(2.0 * pauses[-1], self.longest_pause_s))
-        assert all(one < other for one, other in pairwise(pauses))
+        assert all(pause < longer for pause, longer in pairwise(pauses))
         return pauses

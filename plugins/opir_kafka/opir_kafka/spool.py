@@ -1,5 +1,5 @@
-"""`opir spool check` says what of a spool is whole, `opir spool salvage` makes a new one of what
-is.
+"""`opir spool check` reports the whole batches of a spool, `opir spool salvage` makes a new one of
+them.
 """
 
 import argparse

@@ -153,7 +153,7 @@ class KafkaTransport(Transport):
         connection.
         """
         producer = await self._connect()
-        tasks: list[asyncio.Task[None]] = []
+        tasks = []
         try:
             self._open_lanes(await self._partitioning(producer))
             self.trouble = None
@@ -244,10 +244,10 @@ class KafkaTransport(Transport):
 
 async def _finish_tasks() -> None:
     """Wait for the remaining tasks of the loop, above all for the closing of a producer."""
-    rest = asyncio.all_tasks() - {asyncio.current_task()}
-    if rest:
-        _, left = await asyncio.wait(rest, timeout=1.5)
-        for task in left:
+    tasks = asyncio.all_tasks() - {asyncio.current_task()}
+    if tasks:
+        _, pending = await asyncio.wait(tasks, timeout=1.5)
+        for task in pending:
             task.cancel()
 
 

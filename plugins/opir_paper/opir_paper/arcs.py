@@ -1,5 +1,5 @@
-"""What the oblateness of the Earth and the drag of the air do to ballistic arcs of a long and of a
-short range.
+"""The effect of the oblateness of the Earth and the drag of the air on ballistic arcs of a long and
+of a short range.
 """
 
 import numpy as np
@@ -50,9 +50,8 @@ def shifts() -> dict[str, Shift]:
         inertial = _burnout(kind, aim)
         plain_m = impact(*inertial, forces="kepler")[1]
         for name, model in forces.items():
-            moved[name].append(
-                1e-3 * float(np.linalg.norm(impact(*inertial, forces=model)[1] - plain_m))
-            )
+            shift_m = impact(*inertial, forces=model)[1] - plain_m
+            moved[name].append(1e-3 * float(np.linalg.norm(shift_m)))
     ranges_km = [range_km for _, _, range_km in _ARCS]
     return {name: Shift(*both_km, *ranges_km) for name, both_km in moved.items()}
 

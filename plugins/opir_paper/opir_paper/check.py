@@ -31,7 +31,7 @@ class Check:
     simulated: str
     verdict: str
 
-    def cells(self) -> tuple[str, str, str, str, str, str]:
+    def cells(self) -> tuple[str, ...]:
         """Return the texts in the order of a table."""
         return self.section, self.quantity, self.paper, self.formula, self.simulated, self.verdict
 

@@ -6,6 +6,7 @@ import argparse
 import json
 import re
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from html import escape
 
@@ -15,33 +16,12 @@ from attrs import asdict
 from opir_core.cli import table
 from opir_core.errors import Problem, SceneError
 from opir_paper.check import CORRECTED, HOLDS, NOT_REPRODUCED, NOTIONAL, TAKEN_OVER, Check
-from opir_paper.errata import errata
+from opir_paper.errata import errata, text_of
 from opir_paper.figure_checks import checks
 from opir_paper.simulated import scene
 
 _HEAD = ("§", "figure", "paper", "formula", "simulated", "verdict")
 _ERRATA_HEAD = ("§", "the paper says", "its formulas give", "what opir does")
-
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>The paper, checked</title>
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<style>
-:root {{ color-scheme: light dark; }}
-body {{ font: 16px/1.45 system-ui, sans-serif; max-width: 74rem; margin: 2rem auto; padding: 0 1rem; }}
-table {{ border-collapse: collapse; margin: 1rem 0 2rem; }}
-th, td {{ border-bottom: 1px solid color-mix(in srgb, currentColor 25%, transparent); padding: .3rem .7rem;
-  text-align: left; vertical-align: top; }}
-.corrected td:last-child {{ font-weight: 600; }}
-.reproduced td:last-child {{ font-weight: 700; text-decoration: underline; }}
-</style></head><body>
-<h1>The paper, checked</h1>
-<p>{summary} Seed {seed}; intervals of 99.9 %.</p>
-<h2>Figures</h2>
-{figures}
-<h2>Errata</h2>
-{errata}
-</body></html>
-"""
 
 
 def paper(arguments: argparse.Namespace) -> int:
@@ -51,28 +31,28 @@ def paper(arguments: argparse.Namespace) -> int:
     if arguments.scene:
         sys.stdout.write(yaml.safe_dump(dict(scene(arguments.seed)), sort_keys=False))
         return 0
-    found = checks(arguments.seed)
+    figures = checks(arguments.seed)
     if arguments.json:
-        text = json.dumps([asdict(check) for check in found], indent=2, ensure_ascii=False)
+        text = json.dumps([asdict(check) for check in figures], indent=2, ensure_ascii=False)
     elif arguments.html:
-        text = _page(found, arguments.seed)
+        text = _page(figures, arguments.seed)
     else:
-        rows = [check.cells() for check in found]
-        text = (
-            f"{table(_HEAD, rows)}\n\n{summary(found)} Words and reasons: opir paper --html >"
-            f" paper.html"
-        )
+        rows = [check.cells() for check in figures]
+        words = "Words and reasons: opir paper --html > paper.html"
+        text = f"{table(_HEAD, rows)}\n\n{summary(figures)} {words}"
     sys.stdout.write(text + "\n")
-    return int(any(check.verdict == NOT_REPRODUCED for check in found))
+    return int(any(check.verdict == NOT_REPRODUCED for check in figures))
 
 
-def summary(found: Sequence[Check]) -> str:
+def summary(figures: Sequence[Check]) -> str:
     """Return how many figures have which verdict, in a sentence."""
-    number = {verdict: sum(check.verdict == verdict for check in found) for verdict in _VERDICTS}
-    parts = [
-        f"{count} {_PLURAL.get(verdict, verdict)}" for verdict, count in number.items() if count
-    ]
-    return f"{len(found)} figures: {', '.join(parts)}."
+    count = Counter(check.verdict for check in figures)
+    listed = ", ".join(
+        f"{count[verdict]} {_PLURAL.get(verdict, verdict)}"
+        for verdict in _VERDICTS
+        if count[verdict]
+    )
+    return f"{len(figures)} figures: {listed}."
 
 
 _VERDICTS = (HOLDS, CORRECTED, NOTIONAL, TAKEN_OVER, NOT_REPRODUCED)
@@ -81,12 +61,14 @@ _VERDICTS = (HOLDS, CORRECTED, NOTIONAL, TAKEN_OVER, NOT_REPRODUCED)
 _PLURAL = {HOLDS: "hold", NOTIONAL: "differ: notional"}
 
 
-def _page(found: Sequence[Check], seed: int) -> str:
-    figures = _html_table(_HEAD, [check.cells() for check in found])
+def _page(figures: Sequence[Check], seed: int) -> str:
+    rows = _html_table(_HEAD, [check.cells() for check in figures])
     words = _html_table(
         _ERRATA_HEAD, [tuple(map(_plain, erratum.values())) for erratum in errata()]
     )
-    return _PAGE.format(summary=summary(found), seed=seed, figures=figures, errata=words)
+    return text_of("page.html").format(
+        summary=summary(figures), seed=seed, figures=rows, errata=words
+    )
 
 
 def _plain(markdown: str) -> str:

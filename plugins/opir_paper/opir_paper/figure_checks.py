@@ -74,23 +74,26 @@ def _looks(counts: BoostCounts) -> Iterator[Check]:
 
 def _cumulative(scans: Mapping[str, np.ndarray]) -> Iterator[Check]:
     """Yield the probabilities of a detection within some looks."""
-    rows: tuple[tuple[str, str, str, int, Printed], ...] = (
+    rows = (
         ("4.2", "DSP", "1 s", 5, rounded("0.98976")),
         ("4.2", "SBIRS-GEO", "1 s", 10, above("0.999999999")),
         ("9", "NEXTGEN-GEO", "0.1 s", 2, above("0.99", text='"near-certain"')),
     )
     for section, name, time, looks, printed in rows:
         chance = float(cumulative_probability(float(STATED[name][1]), looks))
-        seen = Simulated.share(int((scans[name] <= looks).sum()), len(scans[name]))
+        share = Simulated.share(int((scans[name] <= looks).sum()), len(scans[name]))
         quantity = f"{name}: P(detected) within {time}, {looks} looks"
-        yield checked(section, quantity, printed, chance, "", seen, digits=10)
+        yield checked(section, quantity, printed, chance, "", share, digits=10)
+    yield from _within_a_boost()
+
+
+def _within_a_boost() -> Iterator[Check]:
+    printed = above("0.999999999", text='"approaches unity"')
     for name in SENSORS:
         period_ms, probability = STATED[name]
         chance = float(cumulative_probability(float(probability), int(3e5 / float(period_ms))))
         quantity = f"{name}: P(detected) within a boost of 300 s"
-        yield checked(
-            "4.2", quantity, above("0.999999999", text='"approaches unity"'), chance, digits=10
-        )
+        yield checked("4.2", quantity, printed, chance, digits=10)
 
 
 def _confidences(counts: BoostCounts) -> Iterator[Check]:
@@ -99,34 +102,26 @@ def _confidences(counts: BoostCounts) -> Iterator[Check]:
     yield checked("4.3", "count term log10(1 + n), n = 9", inside, float(np.log10(10.0)))
     yield checked("4.3", "count term log10(1 + n), n = 1500", inside, float(np.log10(1501.0)))
     for name in SENSORS:
-        first, most = counts.confidence[name]
+        initial, largest = counts.confidence[name]
         quantity = f"{name}: confidence, first and largest of a boost"
-        verdict = HOLDS if 0.0 <= first <= most <= 1.0 else NOT_REPRODUCED
-        yield Check(
-            "4.3",
-            quantity,
-            inside.text,
-            "count term at most 1",
-            f"{first:.3f}, {most:.3f}",
-            verdict,
-        )
+        verdict = HOLDS if 0.0 <= initial <= largest <= 1.0 else NOT_REPRODUCED
+        text = f"{initial:.3f}, {largest:.3f}"
+        yield Check("4.3", quantity, inside.text, "count term at most 1", text, verdict)
 
 
 def _latencies(scans: Mapping[str, np.ndarray]) -> Iterator[Check]:
-    for place, what in enumerate(("mean", "95th percentile")):
+    for place, figure in enumerate(("mean", "95th percentile")):
         for name in SENSORS:
             period_s = float(STATED[name][0]) * 1e-3
             chance = float(STATED[name][1])
-            latency_s = scans[name] * period_s
             if place == 0:
                 value = float(latency_mean(period_s, chance))
-                seen = Simulated.mean(latency_s)
+                simulated = Simulated.mean(scans[name] * period_s)
             else:
                 value = float(latency_quantile(0.95, period_s, chance))
-                seen = _quantile(scans[name], period_s)
-            yield checked(
-                "5.1", f"{name}: {what} latency", rounded(_LATENCIES[name][place]), value, "s", seen
-            )
+                simulated = _quantile(scans[name], period_s)
+            printed = rounded(_LATENCIES[name][place])
+            yield checked("5.1", f"{name}: {figure} latency", printed, value, "s", simulated)
 
 
 def _quantile(scans: np.ndarray, period_s: float) -> Simulated:
@@ -143,14 +138,14 @@ def _quantile(scans: np.ndarray, period_s: float) -> Simulated:
 def _impacts() -> Iterator[Check]:
     """Yield the law of the impact's σ (5.2), and what J2 and drag do to arcs (5.3)."""
     law: Any = opir.scene_from_mapping({**scene(1), "tracker": "kepler-arc"}).tracker.config
-    for when, share, printed in (
+    for moment, share, printed in (
         ("early", 0.0, between('"hundreds"', 100.0, 1000.0)),
         ("at mid-boost", 0.5, between('"tens"', 10.0, 100.0)),
     ):
         sigma_km = 1e-3 * law.sigma_0_m * float(np.exp(-law.convergence * share))
         yield checked(
             "5.2",
-            f"σ of the impact {when}, k = {law.convergence:g}",
+            f"σ of the impact {moment}, k = {law.convergence:g}",
             printed,
             sigma_km,
             "km",
@@ -169,56 +164,28 @@ def _validation(sensors: Mapping[str, Sensor]) -> Iterator[Check]:
     """Yield the ratios of sections 8 and 9."""
     period = {name: sensor.scan.period_ns * 1e-9 for name, sensor in sensors.items()}
     chance = {name: float(sensor.detection_probability["ICBM"]) for name, sensor in sensors.items()}
-    mean_s = {name: period[name] / chance[name] for name in SENSORS}
     dsp, sbirs, nextgen = SENSORS
     yield checked("8.1", "DSP: P_d, ICBM", between("0.55 to 0.65", 0.55, 0.65), chance[dsp])
-    yield checked(
-        "8.1",
-        "DSP: mean latency with a ground chain of 20 to 50 s",
-        between("30 to 60", 30.0, 60.0),
-        35.0 + mean_s[dsp],
-        "s",
-    )
-    yield checked(
-        "8.2",
-        "SBIRS-GEO: mean latency",
-        Printed("0.000125", 1.245e-4, 1.255e-4),
-        mean_s[sbirs],
-        "s",
-    )
-    yield checked(
-        "8.2",
-        "P_d, SBIRS-GEO over DSP",
-        rounded("33"),
-        100.0 * (chance[sbirs] / chance[dsp] - 1.0),
-        "%",
-        digits=3,
-    )
+    quantity = "DSP: mean latency with a ground chain of 20 to 50 s"
+    latency_s = 35.0 + period[dsp] / chance[dsp]
+    yield checked("8.1", quantity, between("30 to 60", 30.0, 60.0), latency_s, "s")
+    printed = Printed("0.000125", 1.245e-4, 1.255e-4)
+    latency_s = period[sbirs] / chance[sbirs]
+    yield checked("8.2", "SBIRS-GEO: mean latency", printed, latency_s, "s")
+    yield _excess("8.2", "P_d, SBIRS-GEO over DSP", "33", chance[sbirs] / chance[dsp])
     ratio = float(_LATENCIES[dsp][0]) / float(_LATENCIES[sbirs][0])
-    yield checked(
-        "8.2", "latency, DSP over SBIRS-GEO, as printed in 5.1", rounded("2.6"), ratio, digits=3
-    )
-    yield checked(
-        "8.3",
-        "P_d, NEXTGEN-GEO over SBIRS-GEO",
-        rounded("19"),
-        100.0 * (chance[nextgen] / chance[sbirs] - 1.0),
-        "%",
-        digits=3,
-    )
-    yield checked(
-        "8.3",
-        "scan rate, NEXTGEN-GEO over SBIRS-GEO",
-        rounded("2"),
-        period[sbirs] / period[nextgen],
-    )
-    yield checked(
-        "8.3",
-        "bands, NEXTGEN-GEO over SBIRS-GEO",
-        rounded("50"),
-        100.0 * (len(sensors[nextgen].bands) / len(sensors[sbirs].bands) - 1.0),
-        "%",
-    )
-    yield checked(
-        "9", "scan rate, NEXTGEN-GEO over DSP", rounded("4"), period[dsp] / period[nextgen]
-    )
+    quantity = "latency, DSP over SBIRS-GEO, as printed in 5.1"
+    yield checked("8.2", quantity, rounded("2.6"), ratio, digits=3)
+    quantity = "P_d, NEXTGEN-GEO over SBIRS-GEO"
+    yield _excess("8.3", quantity, "19", chance[nextgen] / chance[sbirs])
+    ratio = period[sbirs] / period[nextgen]
+    yield checked("8.3", "scan rate, NEXTGEN-GEO over SBIRS-GEO", rounded("2"), ratio)
+    ratio = len(sensors[nextgen].bands) / len(sensors[sbirs].bands)
+    yield _excess("8.3", "bands, NEXTGEN-GEO over SBIRS-GEO", "50", ratio)
+    ratio = period[dsp] / period[nextgen]
+    yield checked("9", "scan rate, NEXTGEN-GEO over DSP", rounded("4"), ratio)
+
+
+def _excess(section: str, quantity: str, printed: str, ratio: float) -> Check:
+    """Return the check of a printed excess, %, against a ratio."""
+    return checked(section, quantity, rounded(printed), 100.0 * (ratio - 1.0), "%", digits=3)

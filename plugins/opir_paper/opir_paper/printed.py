@@ -13,16 +13,16 @@ class Printed:
     """A printed figure: its text, and the least and largest value that it may stand for."""
 
     text: str
-    least: float
-    most: float
+    low: float
+    high: float
 
     def covers(self, value: float) -> bool:
-        """Return whether the figure may stand for a value."""
-        return self.least <= value <= self.most
+        """Whether the figure may stand for a value."""
+        return self.low <= value <= self.high
 
 
 def rounded(text: str) -> Printed:
-    """Return a figure that stands for what is rounded to its last digit.
+    """Return a figure that stands for the values that round to it.
 
     >>> rounded("0.33").covers(1.0 / 3.0), rounded("0.30").covers(0.2)
     (True, False)
@@ -44,9 +44,9 @@ def above(limit: str, text: str = "") -> Printed:
     return Printed(text or f"> {limit}", float(limit), math.inf)
 
 
-def between(text: str, least: float, most: float) -> Printed:
+def between(text: str, low: float, high: float) -> Printed:
     """Return a range."""
-    return Printed(text, least, most)
+    return Printed(text, low, high)
 
 
 def figure_text(simulated: Simulated, digits: int) -> str:

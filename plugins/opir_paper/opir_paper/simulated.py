@@ -1,5 +1,5 @@
-"""What the paper's sensors do in simulation: latencies, detections of a boost, confidence; with
-99.9 % intervals.
+"""The paper's sensors in simulation: latencies, detections of a boost, confidence; with 99.9 %
+intervals.
 """
 
 import math
@@ -52,7 +52,7 @@ class Simulated:
         return cls(share, max(0.0, middle - half), min(1.0, middle + half))
 
     def holds(self, value: float) -> bool:
-        """Return whether a value is in the interval."""
+        """Whether a value is in the interval."""
         return self.low - 1e-12 <= value <= self.high + 1e-12
 
 
@@ -86,14 +86,13 @@ def first_scans(seed: int) -> Mapping[str, IntArray]:
     (n,).
     """
     run = opir.simulate(opir.scene_from_mapping(scene(seed, _LAUNCHES, _FIRST_S)))
-    found = {}
+    scans = {}
     for number, sensor in enumerate(run.sensors):
         rows = np.flatnonzero(run.detections.sensor == number)
-        _, first = np.unique(run.truth.target[rows], return_index=True)
-        found[sensor.id] = np.rint(
-            run.detections.time_ns[rows[first]] / sensor.scan.period_ns
-        ).astype(np.int64)
-    return found
+        rows = rows[np.unique(run.truth.target[rows], return_index=True)[1]]
+        periods = run.detections.time_ns[rows] / sensor.scan.period_ns
+        scans[sensor.id] = np.rint(periods).astype(np.int64)
+    return scans
 
 
 @frozen
@@ -108,19 +107,17 @@ class BoostCounts:
 
 
 def boost_counts(seed: int) -> BoostCounts:
-    """Return what a boost of 300 s gives."""
+    """Return the counts of a boost of 300 s."""
     plan = opir.compile_plan(opir.scene_from_mapping(scene(seed, _BOOSTS)))
-    looks = {
-        name: int(plan.pairs.looks[plan.pairs.sensor == number][0])
-        for number, name in enumerate(SENSORS)
-    }
-    run = opir.run_of_plan(plan)
+    detections = opir.run_of_plan(plan).detections
+    looks = {}
     detected = {}
     confidence = {}
     for number, name in enumerate(SENSORS):
-        mine = np.flatnonzero(run.detections.sensor == number)
-        detected[name] = Simulated.share(len(mine), _BOOSTS * looks[name])
-        once = mine[run.detections.detection_count[mine] == 1]
-        stated = run.detections.confidence
-        confidence[name] = float(stated[once].mean()), float(stated[mine].max())
+        looks[name] = int(plan.pairs.looks[plan.pairs.sensor == number][0])
+        rows = np.flatnonzero(detections.sensor == number)
+        detected[name] = Simulated.share(len(rows), _BOOSTS * looks[name])
+        initial = rows[detections.detection_count[rows] == 1]
+        values = detections.confidence
+        confidence[name] = float(values[initial].mean()), float(values[rows].max())
     return BoostCounts(looks, detected, confidence)

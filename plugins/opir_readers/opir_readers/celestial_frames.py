@@ -2,52 +2,30 @@
 nutation, sidereal time.
 """
 
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry import gmst_rad
+from opir_core.geometry import components, gmst_rad, vector
+from opir_readers.published import published
 
-_ARCSECOND = np.pi / 648000.0
-_DEGREE = np.pi / 180.0
-_J2000_UNIX_S = 946728000.0
-_CENTURY_S = 36525.0 * 86400.0
+ARCSECOND_RAD = np.pi / 648000.0
 
-#: Terrestrial time less UTC, s, from 2017; precession in this time is 2e-10 rad, so earlier years
-#: may use it too.
-_TT_LESS_UTC_S = 69.184
+#: A turn about an axis, x, y or z, by angles (n,), rad.
+Turn = tuple[str, FloatArray]
 
-#: Mean anomalies of Moon and Sun, argument of latitude of the Moon, its elongation, and the
-#: longitude of its node: degrees at J2000.0, and a century and a century squared on (Seidelmann,
-#: Explanatory Supplement, 1992, table 3.222.2).
-_ARGUMENTS = (
-    (134.96298139, 1325 * 360.0 + 198.8673981, 0.0086972),
-    (357.52772333, 99 * 360.0 + 359.0503400, -0.0001603),
-    (93.27191028, 1342 * 360.0 + 82.0175381, -0.0036825),
-    (297.85036306, 1236 * 360.0 + 307.1114800, -0.0019142),
-    (125.04452222, -(5 * 360.0 + 134.1362608), 0.0020708),
-)
 
-#: The largest terms of nutation (the same, table 3.222.1): multiples of the arguments; in longitude
-#: and in obliquity 1e-4 arcseconds, and these a century. Omitted terms are below 0.05 arcseconds
-#: together.
-_NUTATION = (
-    ((0, 0, 0, 0, 1), -171996.0, -174.2, 92025.0, 8.9),
-    ((0, 0, 2, -2, 2), -13187.0, -1.6, 5736.0, -3.1),
-    ((0, 0, 2, 0, 2), -2274.0, -0.2, 977.0, -0.5),
-    ((0, 0, 0, 0, 2), 2062.0, 0.2, -895.0, 0.5),
-    ((0, 1, 0, 0, 0), 1426.0, -3.4, 54.0, -0.1),
-    ((1, 0, 0, 0, 0), 712.0, 0.1, -7.0, 0.0),
-    ((0, 1, 2, -2, 2), -517.0, 1.2, 224.0, -0.6),
-    ((0, 0, 2, 0, 1), -386.0, -0.4, 200.0, 0.0),
-    ((1, 0, 2, 0, 2), -301.0, 0.0, 129.0, -0.1),
-    ((0, -1, 2, -2, 2), 217.0, -0.5, -95.0, 0.3),
-    ((1, 0, 0, -2, 0), -158.0, 0.0, -1.0, 0.0),
-    ((0, 0, 2, -2, 1), 129.0, 0.1, -70.0, 0.0),
-    ((-1, 0, 2, 0, 2), 123.0, 0.0, -53.0, 0.0),
-)
+def centuries_since_j2000(epoch_us: int, time_s: FloatArray) -> FloatArray:
+    """Julian centuries (n,) of terrestrial time from J2000.0 to scene times (n,), s.
+
+    Terrestrial time is ahead of UTC by 69.184 s from 2017 on. Precession in a few leap seconds is
+    below 2e-10 rad, so earlier years take the same.
+    """
+    j2000_unix_s = 946_728_000.0
+    century_s = 36525.0 * 86400.0
+    return (epoch_us * 1e-6 + time_s + 69.184 - j2000_unix_s) / century_s
 
 
 def ecef_state(
@@ -61,53 +39,63 @@ def ecef_state(
     """
     if frame == "ITRF":
         return position_m, velocity_m_s
+    turns = []
     sidereal = gmst_rad(np.datetime64(epoch_us, "us"), time_s)
     if frame != "TEME":
-        centuries = (epoch_us * 1e-6 + time_s + _TT_LESS_UTC_S - _J2000_UNIX_S) / _CENTURY_S
+        centuries = centuries_since_j2000(epoch_us, time_s)
         longitude, obliquity, shift = nutation_rad(centuries)
         turns = [("x", obliquity), ("z", -longitude), ("x", -obliquity - shift)]
         if frame == "EME2000":
             turns = [*_precession(centuries), *turns]
-        position_m, velocity_m_s = (
-            _turned(vectors, turns) for vectors in (position_m, velocity_m_s)
-        )
         sidereal = sidereal + longitude * np.cos(obliquity)
-    position, velocity = (
-        _turned(vectors, (("z", sidereal),)) for vectors in (position_m, velocity_m_s)
-    )
-    velocity[:, 0] += EARTH_ROTATION_RAD_S * position[:, 1]
-    velocity[:, 1] -= EARTH_ROTATION_RAD_S * position[:, 0]
-    return position, velocity
+    turns.append(("z", sidereal))
+    position = turned(position_m, turns)
+    return position, turned(velocity_m_s, turns) - earth_rotation_m_s(position)
 
 
-def _precession(t: FloatArray) -> tuple[Any, ...]:
+def earth_rotation_m_s(position_m: FloatArray) -> FloatArray:
+    """Return the velocity of the rotating Earth (..., 3) in ECEF at positions (..., 3)."""
+    x, y, _ = components(position_m)
+    return EARTH_ROTATION_RAD_S * vector(-y, x, 0.0)
+
+
+def _precession(t: FloatArray) -> list[Turn]:
     """Return the turns from J2000.0 to the mean equator and equinox of date (Lieske and others,
     1977).
     """
-    zeta = (2306.2181 + (0.30188 + 0.017998 * t) * t) * t * _ARCSECOND
-    z = (2306.2181 + (1.09468 + 0.018203 * t) * t) * t * _ARCSECOND
-    theta = (2004.3109 - (0.42665 + 0.041833 * t) * t) * t * _ARCSECOND
-    return ("z", -zeta), ("y", theta), ("z", -z)
+    zeta = (2306.2181 + (0.30188 + 0.017998 * t) * t) * t * ARCSECOND_RAD
+    z = (2306.2181 + (1.09468 + 0.018203 * t) * t) * t * ARCSECOND_RAD
+    theta = (2004.3109 - (0.42665 + 0.041833 * t) * t) * t * ARCSECOND_RAD
+    return [("z", -zeta), ("y", theta), ("z", -z)]
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def nutation_rad(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return nutation in longitude, the mean obliquity, and nutation in obliquity, rad."""
+    """Return nutation in longitude, the mean obliquity, and nutation in obliquity, rad, at Julian
+    centuries from J2000.0.
+
+    Of the series of 1980 the 13 largest terms are taken: the others are below 0.05 arcseconds
+    together. `data/nutation.json` has degrees at J2000.0, a century and a century squared on of the
+    mean anomalies of Moon and Sun, the argument of latitude of the Moon, its elongation, and the
+    longitude of its node; and of each term the multiples of these, and 1e-4 arcseconds in longitude
+    and in obliquity, each with its change in a century.
+    """
     t = np.asarray(t, dtype=np.float64)
-    arguments = [(start + (rate + bend * t) * t) * _DEGREE for start, rate, bend in _ARGUMENTS]
+    series = published("nutation")
+    arguments = [np.radians(1.0) * (a + (b + c * t) * t) for a, b, c in series["arguments"]]
     longitude = np.zeros_like(t)
     shift = np.zeros_like(t)
-    for multiples, sine, sine_rate, cosine, cosine_rate in _NUTATION:
+    for multiples, sine, sine_rate, cosine, cosine_rate in series["terms"]:
         angle = sum(
             multiple * argument for multiple, argument in zip(multiples, arguments, strict=True)
         )
         longitude = longitude + (sine + sine_rate * t) * np.sin(angle)
         shift = shift + (cosine + cosine_rate * t) * np.cos(angle)
-    obliquity = (84381.448 - (46.8150 + (0.00059 - 0.001813 * t) * t) * t) * _ARCSECOND
-    return longitude * 1e-4 * _ARCSECOND, obliquity, shift * 1e-4 * _ARCSECOND
+    obliquity = (84381.448 - (46.8150 + (0.00059 - 0.001813 * t) * t) * t) * ARCSECOND_RAD
+    return longitude * 1e-4 * ARCSECOND_RAD, obliquity, shift * 1e-4 * ARCSECOND_RAD
 
 
-def _turned(vectors: FloatArray, turns: Any) -> FloatArray:
+def turned(vectors: FloatArray, turns: Iterable[Turn]) -> FloatArray:
     """Return vectors (n, 3) in axes turned about x, y or z by angles (n,), one turn after the
     other.
     """

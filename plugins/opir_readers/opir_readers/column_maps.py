@@ -10,12 +10,12 @@ _PAIR = re.compile(r"\s*([^=,]+?)\s*=\s*(\"[^\"]*\"|'[^']*'|[^,]*?)\s*(?:,|$)")
 
 def columns_of_text(text: str) -> dict[str, str]:
     """Return the column map of `lat=Latitude,height_ft="Altitude (ft)"`; raises `SceneError` for
-    what is none.
+    another text.
 
     >>> columns_of_text('time_s=T,height_ft="Altitude, ft"')
     {'time_s': 'T', 'height_ft': 'Altitude, ft'}
     """
-    found = dict[str, str]()
+    columns = {}
     at = 0
     while at < len(text):
         match = _PAIR.match(text, at)
@@ -24,21 +24,21 @@ def columns_of_text(text: str) -> dict[str, str]:
                 [Problem("--columns", f"{text[at:]!r} is not of the form quantity=column")],
                 source="import",
             )
-        found[match[1]] = match[2].strip("\"'")
+        columns[match[1]] = match[2].strip("\"'")
         at = match.end()
-    return found
+    return columns
 
 
 def site_of_text(text: str) -> SiteConfig:
     """Return the launch point of `LAT,LON[,HEIGHT[,AZIMUTH]]`, deg and m; raises `SceneError` for
-    what is none.
+    another text.
 
     >>> site_of_text("28.5,-80.6,3,90").azimuth_deg
     90.0
     """
     names = ("lat_deg", "lon_deg", "height_m", "azimuth_deg")
     try:
-        values = [float(part) for part in text.split(",")]
+        values = [float(word) for word in text.split(",")]
         if not 2 <= len(values) <= len(names):
             raise ValueError("2 to 4 numbers are needed")
         return SiteConfig(**dict(zip(names, values, strict=False)))

@@ -31,12 +31,10 @@ class TableConfig:
     )
     file: str = text(
         help="path of a table of states: text with the columns time_s, x_ecef_m, y_ecef_m, z_ecef_m"
-        " (and vx_ecef_m_s,"
-        " vy_ecef_m_s, vz_ecef_m_s, is_burning: 1 where the plume radiates up to the next line's"
-        " time, else 0) or with"
-        " those of columns, parted by commas, semicolons, tabs or blanks; or what another reader"
-        " reads (opir plugins):"
-        " CCSDS OEM, STK, SP3, GPX, KML, exports of rocket simulators, telemetry of webcasts"
+        " (and vx_ecef_m_s, vy_ecef_m_s, vz_ecef_m_s, is_burning: 1 where the plume radiates up to"
+        " the next line's time, else 0) or with those of columns, parted by commas, semicolons,"
+        " tabs or blanks; or what another reader reads (opir plugins): CCSDS OEM, STK, SP3, GPX,"
+        " KML, exports of rocket simulators, telemetry of webcasts"
     )
     format: str | None = text(
         default=None, names_of=FileReader.hook, help="reader of the file; default: by content"

@@ -30,8 +30,7 @@ class SiteConfig:
         minimum=-360.0,
         maximum=360.0,
         help="direction of flight over the ground at the launch point, clockwise from north: for"
-        " files of distances"
-        " downrange, or of speeds alone",
+        " files of distances downrange, or of speeds alone",
     )
 
 
@@ -59,8 +58,7 @@ def burns_setting() -> Any:
         default=None,
         choices=("acceleration", "all"),
         help="acceleration: burns are what the accelerations show; all: it burns from the first"
-        " state to the last;"
-        " default: what the file states",
+        " state to the last; default: what the file states",
     )
 
 

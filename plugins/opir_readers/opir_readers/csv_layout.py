@@ -1,5 +1,5 @@
-"""How a table of text is laid out: what parts its columns, how it writes decimals, where the names
-stand.
+"""The layout of a table of text: what parts its columns, how it writes decimals, and the line of the
+names.
 """
 
 import csv
@@ -11,8 +11,10 @@ from itertools import islice
 from attrs import evolve, frozen
 
 from opir_core.plugin import BadFileError
-from opir_readers.columns import WRITTEN_UNITS, bare_name, quantity_of
+from opir_readers.columns import bare_name, quantity_of
 from opir_readers.detections.times import looks_like_date
+from opir_readers.json_text import table_of_json
+from opir_readers.published import published
 
 _COMMENTS = ("#", "%", "//")
 _NUMBER = re.compile(r"\s*[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?\s*")
@@ -21,8 +23,8 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _QUOTED_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,(\d{1,2}|\d{4,})([eE][+-]?\d+)?\s*")
 
 #: Rows in which decimal commas are looked for, and lines in which the names are.
-_LOOKED_AT = 1000
-_HEAD = 60
+_SAMPLED_ROWS = 1000
+_HEAD_LINES = 60
 
 #: A column of a name like these may hold seconds, or dates.
 _TIMES = ("t", "time")
@@ -32,6 +34,10 @@ _BLANKS = "  "
 
 _EXCEL = re.compile(r"sep=(.)\s*", re.IGNORECASE)
 _RULE = re.compile(r"\s*:?[-=]+:?\s*")
+
+#: A line that is neither empty nor a comment, with its number; and the same as cells.
+Line = tuple[int, str]
+Cells = tuple[int, list[str]]
 
 
 @frozen
@@ -45,19 +51,44 @@ class Layout:
     line: int
     names: tuple[str, ...]
 
-    def rows(self, text: str) -> Iterator[tuple[int, list[str]]]:
+    def rows(self, text: str) -> Iterator[Cells]:
         """Yield number and cells of each line of a state; raises `BadFileError` for what is not
         CSV.
         """
-        for number, cells in _cells(text, self.delimiter):
-            if number > self.line:
-                yield number, cells
+        return (row for row in _cells(text, self.delimiter) if row[0] > self.line)
 
     def plain_lines(self, text: str) -> Iterator[str]:
         """Yield the lines of states, decimals with points."""
         for number, line in _lines(text):
             if number > self.line:
                 yield line.replace(",", ".") if self.has_decimal_comma else line
+
+    def number(self, cell: str) -> float:
+        """Return the number of a cell; raises `ValueError` for another text."""
+        if "_" in cell:
+            raise ValueError
+        if "," in cell and "." in cell:
+            raise ValueError(
+                "has both a point and a comma; write numbers without separators of thousands"
+            )
+        plain = cell.replace(",", ".") if self.has_decimal_comma else cell
+        # Fortran writes double precision as 1.5D+06.
+        return float(re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", plain))
+
+
+def table_layout(text: str, mapped: Collection[str]) -> tuple[str, Layout]:
+    """Return a text, of JSON the table of its records, and its layout.
+
+    A column of times is called `timestamp` where it holds dates, unless it is `mapped`.
+    """
+    text = table_of_json(text) or text
+    layout = layout_of(text, mapped)
+    _, cells = next(layout.rows(text), (0, list[str]()))
+    names = list(layout.names)
+    for place, (name, cell) in enumerate(zip(layout.names, cells, strict=False)):
+        if bare_name(name)[0] in _TIMES and name not in mapped and looks_like_date(cell):
+            names[place] = "timestamp"
+    return text, evolve(layout, names=tuple(names))
 
 
 def layout_of(text: str, mapped: Collection[str] = ()) -> Layout:
@@ -66,7 +97,7 @@ def layout_of(text: str, mapped: Collection[str] = ()) -> Layout:
 
     Columns that are `mapped` by their number, `#1` for the first, are called so.
     """
-    lines = list(islice(_lines(text), _HEAD))
+    lines = list(islice(_lines(text), _HEAD_LINES))
     if not lines:
         raise BadFileError(
             "is empty; its first line names the columns: time_s, x_ecef_m, y_ecef_m, z_ecef_m"
@@ -76,63 +107,40 @@ def layout_of(text: str, mapped: Collection[str] = ()) -> Layout:
     lines = lines[_first_of_table([line for _, line in lines]) :]
     delimiter = declared[1] if declared else _delimiter([line for _, line in lines])
     delimiter = "" if delimiter == " " else delimiter
-    first = lines[0][0] if lines else 1
-    rows = list(islice((row for row in _cells(text, delimiter) if row[0] >= first), _LOOKED_AT))
-    names: Sequence[str]
-    line, names = rows[0] if rows else (1, [])
-    is_numbered = [f"#{place + 1}" in mapped for place in range(len(names))]
-    if all(map(_is_value, filter(None, names))):
-        if any(is_numbered):
-            line = line - 1
-            names = [f"#{place + 1}" for place in range(len(names))]
-        else:
-            line, names = _names_in_comment(text, line, len(names), delimiter)
-    elif len(rows) > 1 and _is_below_names(rows[1][1]):
-        line = rows[1][0]
-        names = _with_units(names, rows[1][1])
+    start = lines[0][0] if lines else 1
+    table = (row for row in _cells(text, delimiter) if row[0] >= start)
+    rows = list(islice(table, _SAMPLED_ROWS))
+    line, names = _named(text, rows, delimiter, mapped)
     comma = _QUOTED_DECIMAL_COMMA if delimiter == "," else _DECIMAL_COMMA
     has_comma = any(comma.fullmatch(cell) for _, row in rows for cell in row)
-    named = [
-        f"#{place + 1}" if is_numbered[place] else _bare(name) for place, name in enumerate(names)
+    return Layout(delimiter, has_comma, line, tuple(names))
+
+
+def _named(
+    text: str, rows: Sequence[Cells], delimiter: str, mapped: Collection[str]
+) -> tuple[int, Sequence[str]]:
+    """Return the line above the states, and the names of the columns."""
+    line, names = rows[0] if rows else (1, list[str]())
+    numbers = [f"#{place}" for place in range(1, len(names) + 1)]
+    if all(map(_is_value, filter(None, names))):
+        if not set(mapped).isdisjoint(numbers):
+            return line - 1, numbers
+        line, names = _names_in_comment(text, line, len(names), delimiter)
+    elif len(rows) > 1 and _is_below_names(rows[1][1]):
+        line, units = rows[1]
+        names = _with_units(names, units)
+    return line, [
+        number if number in mapped else _bare(name)
+        for number, name in zip(numbers, names, strict=True)
     ]
-    return Layout(delimiter, has_comma, line, tuple(named))
 
 
 def is_table(text: str) -> bool:
-    """Return whether some line has two numbers or dates, or the first line names something that is
-    read.
-    """
-    lines = [line for _, line in islice(_lines(text), _LOOKED_AT)]
-    parts = [_split(line, _delimiter([line])) for line in lines]
-    is_named = any(map(quantity_of, parts[0])) if parts else False
-    return is_named or any(map(_has_values, parts))
-
-
-def with_dates_named(layout: Layout, text: str, mapped: Collection[str]) -> Layout:
-    """Return a layout whose column of times is called `timestamp` where it holds dates, unless it
-    is `mapped`.
-    """
-    _, cells = next(layout.rows(text), (0, []))
-    names = [
-        "timestamp"
-        if bare_name(name)[0] in _TIMES and name not in mapped and looks_like_date(cell)
-        else name
-        for name, cell in zip(layout.names, cells, strict=False)
-    ]
-    return evolve(layout, names=(*names, *layout.names[len(names) :]))
-
-
-def decimal(cell: str, layout: Layout) -> float:
-    """Return the number of a cell; raises `ValueError` where it is none."""
-    if "_" in cell:
-        raise ValueError
-    if "," in cell and "." in cell:
-        raise ValueError(
-            "has both a point and a comma; write numbers without separators of thousands"
-        )
-    plain = cell.replace(",", ".") if layout.has_decimal_comma else cell
-    # Fortran writes double precision as 1.5D+06.
-    return float(re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", plain))
+    """Whether some line has two numbers or dates, or the first line names a known quantity."""
+    lines = [line for _, line in islice(_lines(text), _SAMPLED_ROWS)]
+    rows = [_split(line, _delimiter([line])) for line in lines]
+    is_named = any(map(quantity_of, rows[0])) if rows else False
+    return is_named or any(map(_has_values, rows))
 
 
 def _delimiter(lines: Sequence[str]) -> str:
@@ -157,33 +165,31 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 
 def _first_of_table(lines: Sequence[str]) -> int:
-    """Return in which line the names stand: the first, or below lines about the table, whose
-    columns are others.
+    """Return the row of the names: the first, or below lines about the table, whose columns are
+    others.
 
     The names are above the first line of numbers, units or rules between them aside.
     """
     marks = [_delimiter([line]) for line in lines]
-    parts = [_split(line, mark) for line, mark in zip(lines, marks, strict=True)]
-    below = next((row for row, cells in enumerate(parts) if _has_values(cells)), 0)
+    rows = [_split(line, mark) for line, mark in zip(lines, marks, strict=True)]
+    below = next((number for number, cells in enumerate(rows) if _has_values(cells)), 0)
     names = below - 1
-    while names > 0 and _is_below_names(parts[names]):
+    while names > 0 and _is_below_names(rows[names]):
         names -= 1
-    if names <= 0 or len(parts[names]) < 2:
+    if names <= 0 or len(rows[names]) < 2:
         return 0
-    return names if (marks[0], len(parts[0])) != (marks[below], len(parts[below])) else 0
+    return names if (marks[0], len(rows[0])) != (marks[below], len(rows[below])) else 0
 
 
 def _is_rule(line: str) -> bool:
-    return all(_RULE.fullmatch(part) for part in re.split(r"[\s|,;]+", line.strip(" |")))
+    return all(_RULE.fullmatch(mark) for mark in re.split(r"[\s|,;]+", line.strip(" |")))
 
 
 def _is_below_names(cells: Sequence[str]) -> bool:
-    """Return whether the cells of a line are rules or units, as they stand between names and
-    numbers.
-    """
-    given = [_unit(cell) for cell in cells if cell.strip()]
-    return bool(given) and all(
-        cell == "-" or _RULE.fullmatch(cell) or cell.lower() in WRITTEN_UNITS for cell in given
+    """Whether the cells of a line are rules or units, as they stand between names and numbers."""
+    units = [_unit(cell) for cell in cells if cell.strip()]
+    return bool(units) and all(
+        unit == "-" or _RULE.fullmatch(unit) or _is_unit(unit) for unit in units
     )
 
 
@@ -191,11 +197,15 @@ def _unit(cell: str) -> str:
     return cell.strip().strip("()[]")
 
 
+def _is_unit(text: str) -> bool:
+    return text.lower() in published("units")["written"]
+
+
 def _with_units(names: Sequence[str], below: Sequence[str]) -> list[str]:
     """Return names with the units that stand below them, `x_ecef (km)`."""
     units = [*map(_unit, below), *[""] * len(names)]
     return [
-        f"{name} ({unit})" if unit.lower() in WRITTEN_UNITS else name
+        f"{name} ({unit})" if _is_unit(unit) else name
         for name, unit in zip(names, units, strict=False)
     ]
 
@@ -204,52 +214,43 @@ def _bare(name: str) -> str:
     return name.strip().strip('"')
 
 
-def _is_number(cell: str) -> bool:
-    return _NUMBER.fullmatch(cell) is not None
-
-
 def _has_values(cells: Sequence[str]) -> bool:
-    """Return whether two of the first cells of a line are numbers or dates."""
-    return sum(map(_is_value, cells[:_HEAD])) >= 2
+    """Whether two of the first cells of a line are numbers or dates."""
+    return sum(map(_is_value, cells[:_HEAD_LINES])) >= 2
 
 
 def _is_value(cell: str) -> bool:
-    return _is_number(_bare(cell)) or looks_like_date(_bare(cell))
+    return _NUMBER.fullmatch(_bare(cell)) is not None or looks_like_date(_bare(cell))
 
 
-def _names_in_comment(
-    text: str, line: int, count: int, delimiter: str
-) -> tuple[int, Sequence[str]]:
-    """Return the names of as many columns in the last comment above a line of numbers, and where
-    states begin.
+def _names_in_comment(text: str, line: int, count: int, delimiter: str) -> Cells:
+    """Return the names of as many columns in the last comment above a line of numbers, and the line
+    above the states.
     """
     for comment in reversed(text.split("\n")[: line - 1]):
         bare = comment.strip().lstrip("#%/").strip()
         # A sentence has as many words as any table has columns: names are parted by blanks only
         # where numbers are.
-        marks = dict.fromkeys(
-            mark for mark in (delimiter, _delimiter([bare])) if mark or not delimiter
-        )
-        for mark in marks:
+        for mark in (delimiter, _delimiter([bare])):
             names = [name.strip() for name in (bare.split(mark) if mark else bare.split())]
-            if len(names) == count and comment.strip().startswith(_COMMENTS):
+            is_named = len(names) == count and (mark or not delimiter)
+            if is_named and comment.strip().startswith(_COMMENTS):
                 return line - 1, names
     raise BadFileError(
         f"line {line}: has numbers and no line of names above it; name the columns in a first line,"
-        f" like time_s,"
-        " x_ecef_m, y_ecef_m, z_ecef_m, or by their numbers with columns: {time_s: '#1', x_ecef_m:"
-        " '#2', …}"
+        " like time_s, x_ecef_m, y_ecef_m, z_ecef_m, or by their numbers with columns:"
+        " {time_s: '#1', x_ecef_m: '#2', …}"
     )
 
 
-def _lines(text: str) -> Iterator[tuple[int, str]]:
+def _lines(text: str) -> Iterator[Line]:
     """Yield the lines that are neither empty nor comments, with their numbers."""
     for number, line in enumerate(io.StringIO(text), 1):
         if not line.isspace() and not line.lstrip().startswith(_COMMENTS):
             yield number, line.rstrip("\n")
 
 
-def _cells(text: str, delimiter: str) -> Iterator[tuple[int, list[str]]]:
+def _cells(text: str, delimiter: str) -> Iterator[Cells]:
     """Yield the cells of each line that is neither empty nor a comment, with its number."""
     if not delimiter.strip(" "):
         yield from ((number, _split(line, delimiter)) for number, line in _lines(text))

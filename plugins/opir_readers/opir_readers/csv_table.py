@@ -6,32 +6,36 @@ from collections.abc import Mapping
 from itertools import chain, islice
 
 import numpy as np
+from attrs import frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
+from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
+from opir_readers.celestial_frames import earth_rotation_m_s
 from opir_readers.columns import (
     ALTITUDE,
     BURNING,
-    CELESTIAL,
     DATE,
+    DOWNRANGE,
+    INERTIAL_VELOCITY,
+    LOCAL,
+    LOCAL_VELOCITY,
     PLACES,
     SCALES,
     TIME,
     VELOCITIES,
     Column,
+    celestial_frame,
     columns_of,
     place_group,
     unix_s_of_scale,
     unread,
 )
 from opir_readers.configs_of_sites import SiteConfig
-from opir_readers.csv_layout import Layout, decimal, layout_of, with_dates_named
+from opir_readers.csv_layout import Layout, table_layout
 from opir_readers.detections.times import unix_ns
 from opir_readers.flights.site import Site
-from opir_readers.frames import to_ecef
-from opir_readers.json_text import table_of_json
+from opir_readers.frames import along_axes, axes_at, to_ecef
 from opir_readers.states import (
     MOST_BURNS,
     LineOf,
@@ -50,8 +54,17 @@ _CLOCK = re.compile(r"T?\s*([+-]?)(\d{1,3}):(\d\d):(\d\d(?:\.\d*)?)", re.IGNOREC
 #: A date without a time, which begins its day.
 _DAY = re.compile(r"[\d./-]{8,10}")
 
-#: The most names of columns that are listed.
-_LISTED = 6
+
+@frozen
+class _Table:
+    """A text, its layout and the columns that are read, by quantity."""
+
+    text: str
+    layout: Layout
+    columns: Mapping[str, Column]
+
+    def line_of(self, row: int) -> int:
+        return next(islice(self.layout.rows(self.text), row, None))[0]
 
 
 def csv_table(
@@ -73,140 +86,107 @@ def csv_table(
     table of its records. Raises `BadFileError`.
     """
     mapped = columns or {}
-    text = table_of_json(text) or text
-    layout = with_dates_named(layout_of(text, mapped.values()), text, mapped.values())
-    known = columns_of(layout.names, layout.line, mapped)
-    values, has_dates = _with_times(_values(text, layout, known), known, layout, text)
-    values[TIME] += -epoch_us * 1e-6 if has_dates else start_s
-    count = len(values[TIME])
+    text, layout = table_layout(text, mapped.values())
+    table = _Table(text, layout, columns_of(layout.names, layout.line, mapped))
+    values = _values(table)
+    count = len(next(iter(values.values())))
     if count < 2:
         raise BadFileError(f"has {count} state{'s' if count != 1 else ''}; at least 2 are needed")
-    time_s = values[TIME]
-
-    def line_of(row: int) -> int:
-        return next(islice(layout.rows(text), row, None))[0]
-
-    require_order(time_s, line_of, may_repeat=True)
-    position = _positions(values, line_of, site)
-    require_places(position, line_of)
+    has_dates = _has_dates(table)
+    time_s = _times_s(values, has_dates) + (-epoch_us * 1e-6 if has_dates else start_s)
+    require_order(time_s, table.line_of, may_repeat=True)
+    position = _positions(values, table.line_of, site)
+    require_places(position, table.line_of)
     velocity = _velocities(values, position)
-    require_velocities(velocity, line_of)
-    group = place_group(known)
-    if group in CELESTIAL:
+    require_velocities(velocity, table.line_of)
+    place = place_group(values)
+    frame = celestial_frame(place)
+    if frame:
         if not has_dates:
             raise BadFileError(
                 f"line {layout.line}: positions along inertial axes need dates: a column timestamp"
             )
         moving = np.zeros_like(position) if velocity is None else velocity
-        position, moving = to_ecef(CELESTIAL[group], position, moving, epoch_us, time_s)
+        position, moving = to_ecef(frame, position, moving, epoch_us, time_s)
         velocity = None if velocity is None else moving
+    velocity_names = tuple(
+        table.columns[name].name for group in VELOCITIES for name in group if name in table.columns
+    )
+    return StateTable(
+        time_s,
+        position,
+        velocity,
+        _runs(time_s),
+        _burns_s(time_s, values.get(BURNING, np.ones(count))),
+        table.line_of,
+        _notes(table),
+        velocity_names,
+        has_dates,
+        PLACES[place],
+    )
+
+
+def _runs(time_s: FloatArray) -> np.ndarray:
+    """Return the numbers of the smooth runs (n,): a time that occurs twice begins one."""
     run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
     if run[-1] > MOST_BREAKS:
         raise BadFileError(
             f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth"
         )
-    burns_s = _burns_s(time_s, values.get(BURNING, np.ones(count)))
-    names = tuple(known[name].name for group in VELOCITIES for name in group if name in known)
-    frame = _FRAMES[group]
-    return StateTable(
-        time_s,
-        position,
-        velocity,
-        run,
-        burns_s,
-        line_of,
-        _notes(layout, known),
-        names,
-        has_dates,
-        frame,
-    )
+    return run
 
 
-def _notes(layout: Layout, known: Mapping[str, Column]) -> tuple[str, ...]:
-    left = unread(layout.names, known)
-    more = f" and {len(left) - _LISTED} more" if len(left) > _LISTED else ""
-    return (
-        (f"columns that are not read: {', '.join(map(repr, left[:_LISTED]))}{more}",)
-        if left
-        else ()
-    )
-
-
-_FRAMES = dict(
-    zip(
-        PLACES,
-        (
-            "ECEF",
-            "latitude, longitude, height above WGS 84",
-            "east, north and up from the launch point",
-            "distance downrange and height from the launch point",
-            "EME2000",
-            "TEME",
-        ),
-        strict=True,
-    )
-)
+def _notes(table: _Table) -> tuple[str, ...]:
+    names = unread(table.layout.names, table.columns)
+    listed = ", ".join(map(repr, names[:6]))
+    more = f" and {len(names) - 6} more" if len(names) > 6 else ""
+    return (f"columns that are not read: {listed}{more}",) if names else ()
 
 
 def _positions(
     values: Mapping[str, FloatArray], line_of: LineOf, config: SiteConfig | None
 ) -> FloatArray:
-    """Return ECEF positions (n, 3), m."""
-    group = place_group(values)
-    if group == PLACES[0] or group in CELESTIAL:
-        return np.stack([values[name] for name in group], axis=1)
-    if group == PLACES[2]:
-        return Site.of(config, "east, north and up count from the launch point").of_local(
-            *(values[name] for name in group)
-        )
+    """Return positions (n, 3), m: ECEF or along the axes of a celestial frame."""
+    place = place_group(values)
+    if place == LOCAL:
+        site = Site.of(config, "east, north and up count from the launch point")
+        return site.of_local(*(values[name] for name in place))
+    if "height" not in place:
+        return _stacked(values, place)
     height = _heights(values, config)
-    if group == PLACES[3]:
+    if place == DOWNRANGE:
         site = Site.of(config, "distances downrange count from the launch point", with_azimuth=True)
         return site.of_downrange(values["downrange"], height)
-    latitude = values["lat"]
-    longitude = values["lon"]
-    require_angles(latitude, longitude, line_of)
-    return geodetic_to_ecef(latitude, longitude, height)
+    require_angles(values["lat"], values["lon"], line_of)
+    return geodetic_to_ecef(values["lat"], values["lon"], height)
+
+
+def _stacked(values: Mapping[str, FloatArray], names: tuple[str, ...]) -> FloatArray:
+    return np.stack([values[name] for name in names], axis=1)
 
 
 def _heights(values: Mapping[str, FloatArray], config: SiteConfig | None) -> FloatArray:
     """Return heights above the ellipsoid (n,)."""
     if "height" in values:
         return values["height"]
-    is_place = "lat" in values
-    way = (
-        ", or for heights above the ellipsoid set columns: {height_m: …} with their name"
-        if is_place
-        else ""
-    )
-    return (
-        values[ALTITUDE] + Site.of(config, f"altitudes count from the launch point{way}").height_m
-    )
+    way = ""
+    if "lat" in values:
+        way = ", or for heights above the ellipsoid set columns: {height_m: …} with their name"
+    site = Site.of(config, f"altitudes count from the launch point{way}")
+    return values[ALTITUDE] + site.height_m
 
 
 def _velocities(values: Mapping[str, FloatArray], position_m: FloatArray) -> FloatArray | None:
-    """Return velocities over the rotating Earth in ECEF (n, 3), m/s, or None."""
+    """Return velocities over the rotating Earth (n, 3), m/s, along the axes of the positions, or
+    None.
+    """
     names = next((group for group in VELOCITIES if group[0] in values), None)
     if names is None:
         return None
-    velocity = np.stack([values[name] for name in names], axis=1)
-    if names == VELOCITIES[1]:
-        return over_the_ground(velocity, position_m)
-    return from_local_axes(velocity, position_m) if names == VELOCITIES[2] else velocity
-
-
-def over_the_ground(inertial_m_s: FloatArray, position_m: FloatArray) -> FloatArray:
-    """Return velocities over the rotating Earth (n, 3) of inertial ones along the axes of ECEF."""
-    x = position_m[:, 0]
-    y = position_m[:, 1]
-    return inertial_m_s - EARTH_ROTATION_RAD_S * np.stack([-y, x, np.zeros_like(x)], axis=1)
-
-
-def from_local_axes(velocity_m_s: FloatArray, position_m: FloatArray) -> FloatArray:
-    """Return velocities (n, 3) in ECEF of those towards east, north and up at each position."""
-    where = ecef_to_geodetic(position_m)
-    axes = east_north_up_axes(where.latitude_rad, where.longitude_rad)
-    return np.asarray((velocity_m_s[:, :, None] * axes).sum(axis=1))
+    velocity = _stacked(values, names)
+    if names == INERTIAL_VELOCITY:
+        return velocity - earth_rotation_m_s(position_m)
+    return along_axes(velocity, axes_at(position_m)) if names == LOCAL_VELOCITY else velocity
 
 
 def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
@@ -228,103 +208,111 @@ def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
     return burns_s
 
 
-def _with_times(
-    values: dict[str, FloatArray], known: Mapping[str, Column], layout: Layout, text: str
-) -> tuple[dict[str, FloatArray], bool]:
-    """Return the columns with their times, s since 1970 for dates and else as they count, and
-    whether they are dates.
-
-    A time of the day beside a date is added to it; other seconds beside dates count.
+def _has_dates(table: _Table) -> bool:
+    """Whether the times of a table are dates: a date, with a time of the day beside it or not, or a
+    scale that counts from one. Other seconds beside dates count.
     """
-    scale = next((name for name in SCALES if name in known), None)
-    if TIME in known:
-        _, cells = next(layout.rows(text), (0, []))
-        is_clock = (
-            DATE in known
-            and ":" in cells[known[TIME].place]
-            and ":" not in cells[known[DATE].place]
-        )
-        return (values | {TIME: values[DATE] + values[TIME]} if is_clock else values), is_clock
-    if DATE in known or scale is None:
-        return values | {TIME: values[DATE]}, True
-    return values | {
-        TIME: np.array([unix_s_of_scale(scale, since_s) for since_s in values[scale].tolist()])
-    }, True
+    columns = table.columns
+    if TIME not in columns:
+        return True
+    _, cells = next(table.layout.rows(table.text), (0, list[str]()))
+    return (
+        DATE in columns
+        and ":" in cells[columns[TIME].place]
+        and ":" not in cells[columns[DATE].place]
+    )
 
 
-def _values(text: str, layout: Layout, known: Mapping[str, Column]) -> dict[str, FloatArray]:
+def _times_s(values: Mapping[str, FloatArray], has_dates: bool) -> FloatArray:
+    """Return times (n,), s: since 1970 of dates, else as they count."""
+    if not has_dates:
+        return values[TIME]
+    if TIME in values:
+        return values[DATE] + values[TIME]
+    if DATE in values:
+        return values[DATE]
+    scale = next(name for name in SCALES if name in values)
+    return np.array([unix_s_of_scale(scale, since_s) for since_s in values[scale].tolist()])
+
+
+def _values(table: _Table) -> dict[str, FloatArray]:
     """Return the columns by quantity, in SI units and radians: read at once where all are plain
     numbers, else line by line, to say what is not."""
-    values = None if DATE in known else _plain_numbers(text, layout, known)
-    if values is not None and BURNING in known:
-        burning = values[:, list(known).index(BURNING)]
-        values = values if ((burning == 0.0) | (burning == 1.0)).all() else None
+    columns = table.columns
+    values = None if DATE in columns else _plain_numbers(table)
+    if values is not None and BURNING in columns:
+        burning = values[:, list(columns).index(BURNING)]
+        values = values if np.isin(burning, (0.0, 1.0)).all() else None
     if values is None:
-        rows = [_row(known, layout, cells, line) for line, cells in layout.rows(text)]
-        values = np.array(rows).reshape(-1, len(known))
+        rows = [_row(table, cells, line) for line, cells in table.layout.rows(table.text)]
+        values = np.array(rows).reshape(-1, len(columns))
     with np.errstate(over="ignore"):
         return {
             name: values[:, place] * column.factor
-            for place, (name, column) in enumerate(known.items())
+            for place, (name, column) in enumerate(columns.items())
         }
 
 
-def _plain_numbers(text: str, layout: Layout, known: Mapping[str, Column]) -> FloatArray | None:
+def _plain_numbers(table: _Table) -> FloatArray | None:
     """Return the numbers (n, columns) below the names, or None where something else stands
     there.
     """
-    if layout.has_decimal_comma and layout.delimiter == ",":
+    layout = table.layout
+    lines = layout.plain_lines(table.text)
+    head = next(lines, None)
+    if head is None or (layout.has_decimal_comma and layout.delimiter == ","):
         return None
-    lines = layout.plain_lines(text)
-    first = next(lines, None)
-    if first is None:
-        return None
-    places = [column.place for column in known.values()]
-    is_whole = len(places) == len(layout.names)
+    places = [column.place for column in table.columns.values()]
+    is_all = len(places) == len(layout.names)
     try:
         values = np.loadtxt(
-            chain([first], lines),
+            chain([head], lines),
             delimiter=layout.delimiter.strip(" ") or None,
             comments=None,
             quotechar='"',
             ndmin=2,
-            usecols=None if is_whole else places,
+            usecols=None if is_all else places,
         )
     except ValueError:
         return None
-    if is_whole:
+    if is_all:
         values = values[:, places] if values.shape[1] == len(places) else values[:0]
     return values if len(values) and np.isfinite(values).all() else None
 
 
-def _row(known: Mapping[str, Column], layout: Layout, cells: list[str], line: int) -> list[float]:
-    extra = cells[len(layout.names) :]
-    if len(cells) < len(layout.names) or any(cell.strip() for cell in extra):
+def _row(table: _Table, cells: list[str], line: int) -> list[float]:
+    count = len(table.layout.names)
+    if len(cells) < count or any(cell.strip() for cell in cells[count:]):
         raise BadFileError(
-            f"line {line}: has {len(cells)} values; the first line names {len(layout.names)}"
-            f" columns"
+            f"line {line}: has {len(cells)} values; the first line names {count} columns"
         )
-    return [_number(column, cells[column.place], layout, line) for column in known.values()]
+    return [
+        _number(column, cells[column.place], table.layout, line)
+        for column in table.columns.values()
+    ]
+
+
+def _clock_s(sign: str, hours: str, minutes: str, seconds: str) -> float:
+    size = 3600.0 * float(hours) + 60.0 * float(minutes) + float(seconds)
+    return -1.0 * size if sign == "-" else size
 
 
 def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
+    bare = cell.strip()
     if column.quantity == DATE:
-        moment = f"{cell.strip()} 00:00" if _DAY.fullmatch(cell.strip()) else cell
+        moment = f"{bare} 00:00" if _DAY.fullmatch(bare) else cell
         return unix_ns(moment, f"line {line}: {column.name}") * 1e-9
-    clock = _CLOCK.fullmatch(cell.strip()) if column.quantity == TIME else None
+    clock = _CLOCK.fullmatch(bare) if column.quantity == TIME else None
     if clock:
-        hours, minutes, seconds = (float(clock[number]) for number in (2, 3, 4))
-        return (-1.0 if clock[1] == "-" else 1.0) * (3600.0 * hours + 60.0 * minutes + seconds)
+        return _clock_s(*clock.groups())
     why = ""
     try:
-        value = decimal(cell, layout)
+        value = layout.number(bare)
     except ValueError as error:
         value = math.nan
         why = f": it {error}" if "separators" in str(error) else ""
     if not math.isfinite(value):
-        raise BadFileError(
-            f"line {line}: {column.name} is {cell.strip()!r}, not a finite number{why}"
-        )
+        raise BadFileError(f"line {line}: {column.name} is {bare!r}, not a finite number{why}")
     if column.quantity == BURNING and value not in (0.0, 1.0):
-        raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}; 0 or 1 is needed")
+        raise BadFileError(f"line {line}: {column.name} is {bare!r}; 0 or 1 is needed")
     return value

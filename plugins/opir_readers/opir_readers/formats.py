@@ -6,12 +6,12 @@ from typing import Any
 
 from attrs import Factory, frozen
 
-from opir_core.plugin import FileReader, NoConfig, ReaderContext, StateTable, nested, text
-from opir_readers.columns import map_complaint
+from opir_core.plugin import FileReader, nested, text
 from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
 from opir_readers.detections.formats import DETECTIONS
 from opir_readers.flights.formats import FLIGHTS
 from opir_readers.orbits.formats import ORBITS
+from opir_readers.reader_calls import later, reads
 
 #: The keyword that every Orbit Ephemeris Message begins with.
 FIRST_KEYWORD = "CCSDS_OEM_VERS"
@@ -21,19 +21,17 @@ _OTHER_HEADS = re.compile(r"\s*(CCSDS_|<|\{|\[|stk\.v\.|#[cd][PV ]|%PDF|PK\x03|[
 
 COLUMNS_HELP = (
     "columns of a text with other names, by quantity and unit: {time_s: T, lat: Latitude, lon:"
-    " Longitude,"
-    " height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s, km_s,"
-    " ft_s, km_h, kn;"
-    " velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial, vz_inertial, or v_east,"
-    " v_north, v_up. With a"
-    " site also east, north, up; downrange and height or altitude, the height above the site"
+    " Longitude, height_ft: ALT}. Times in s, ms, min, h; lengths in m, km, ft, nmi; speeds in m_s,"
+    " km_s, ft_s, km_h, kn; velocities as vx_ecef, vy_ecef, vz_ecef, vx_inertial, vy_inertial,"
+    " vz_inertial, or v_east, v_north, v_up. With a site also east, north, up; downrange and height"
+    " or altitude, the height above the site"
 )
 OBJECT_HELP = "OBJECT_NAME or OBJECT_ID, for an OEM with several objects"
 
 
 def columns_setting() -> Any:
     """Return the field of a column map."""
-    return nested(default=Factory(dict), check=map_complaint, help=COLUMNS_HELP)
+    return nested(default=Factory(dict), check=later("columns", "map_complaint"), help=COLUMNS_HELP)
 
 
 @frozen(kw_only=True)
@@ -52,38 +50,15 @@ class ReadOemConfig:
     object: str | None = text(default=None, help=OBJECT_HELP)
 
 
-def _csv(config: ReadCsvConfig, context: ReaderContext) -> StateTable:
-    from opir_readers.csv_table import csv_table
-
-    return csv_table(
-        context.text, config.start_s or 0.0, config.columns, config.site, context.epoch_us
-    )
-
-
 def _is_csv(text: str) -> bool:
     from opir_readers.csv_layout import is_table
     from opir_readers.likeness import likeness
 
-    others = (*TRAJECTORIES[1:], *DETECTIONS, *FLIGHTS, *ORBITS)
-    if (
-        _OTHER_HEADS.match(text)
-        or likeness(text)
-        or any(reader.recognises(text) for reader in others)
-    ):
+    if _OTHER_HEADS.match(text) or likeness(text):
+        return False
+    if any(reader.recognises(text) for reader in READERS if reader.name != "csv"):
         return False
     return is_table(text) or not text.strip()
-
-
-def _oem(config: ReadOemConfig, context: ReaderContext) -> StateTable:
-    from opir_readers.oem_table import oem_table
-
-    return oem_table(context.text, context.epoch_us, config.object)
-
-
-def _stk(config: NoConfig, context: ReaderContext) -> StateTable:
-    from opir_readers.stk_table import stk_table
-
-    return stk_table(context.text, context.epoch_us)
 
 
 TRAJECTORIES = (
@@ -92,7 +67,7 @@ TRAJECTORIES = (
         summary="lines of numbers below a line of names, parted by commas, semicolons, tabs or"
         " blanks, or JSON records",
         config=ReadCsvConfig,
-        build=_csv,
+        build=reads("csv_table", "csv_table", "start_s", "columns", "site", "epoch_us"),
         recognises=_is_csv,
         example="time_s,x_ecef_km,y_ecef_km,z_ecef_km\n0,-2643.878,-4579.332,3566.637\n10,-2644.469,-4580.355,3567.568\n",
     ),
@@ -100,7 +75,7 @@ TRAJECTORIES = (
         name="oem",
         summary="CCSDS Orbit Ephemeris Message, keyword form",
         config=ReadOemConfig,
-        build=_oem,
+        build=reads("oem_table", "oem_table", "epoch_us", "object"),
         recognises=lambda text: _OEM_HEAD.match(text) is not None,
         example="""CCSDS_OEM_VERS = 2.0
 CREATION_DATE = 2026-04-01T00:00:00
@@ -122,7 +97,7 @@ META_STOP
         name="stk",
         summary="STK ephemeris (.e), Earth-fixed, inertial or of date, or latitude, longitude,"
         " altitude",
-        build=_stk,
+        build=reads("stk_table", "stk_table", "epoch_us"),
         recognises=lambda text: text.lstrip().lower().startswith("stk.v."),
         example="""stk.v.4.3
 BEGIN Ephemeris

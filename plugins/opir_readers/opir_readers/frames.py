@@ -9,62 +9,43 @@ import re
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_readers.celestial_frames import ecef_state, nutation_rad
-
-#: What ephemerides call the frames, in capitals and without `_EARTH`, and what they are here. ICRF
-#: and GCRF differ from EME2000 by 0.02 arcseconds. Names as those of the SANA registry of CCSDS,
-#: and those of STK.
-FRAMES = {
-    **dict.fromkeys(
-        ("ITRF", "DTRF", "TDR", "GRC", "GTOD", "EFG", "ECEF", "FIXED", "TIRS", "WGS84"), "ITRF"
-    ),
-    **dict.fromkeys(("EME2000", "J2000", "GCRF", "GCRS", "ICRF", "INERTIAL"), "EME2000"),
-    **dict.fromkeys(("TEME", "TEMEOFDATE", "TEMEOFEPOCH"), "TEME"),
-    **dict.fromkeys(("TOD", "TRUEOFDATE", "TOE", "TRUEOFEPOCH"), "TOD"),
-    **dict.fromkeys(("MOD", "MEANOFDATE", "MOE", "MEANOFEPOCH"), "MOD"),
-    "CIRS": "CIRS",
-}
+from opir_core.geometry import dot, east_north_up_axes, ecef_to_geodetic
+from opir_readers.celestial_frames import (
+    ARCSECOND_RAD,
+    centuries_since_j2000,
+    ecef_state,
+    nutation_rad,
+    turned,
+)
+from opir_readers.published import published
 
 #: The names for messages.
-FRAME_NAMES = (
-    "ITRF",
-    "TDR",
-    "GRC",
-    "GTOD",
-    "TIRS",
-    "TEME",
-    "TOD",
-    "MOD",
-    "CIRS",
-    "EME2000",
-    "J2000",
-    "GCRF",
-    "ICRF",
-)
+FRAME_NAMES = "ITRF, TDR, GRC, GTOD, TIRS, TEME, TOD, MOD, CIRS, EME2000, J2000, GCRF, ICRF"
 
 #: Names of realisations, with a year or a number: ITRF-2014, DTRF2014, ICRF3.
 _REALISATION = re.compile(r"(ITRF|DTRF|ICRF|GCRF)[- ]?\d+")
 
-_J2000_UNIX_S = 946_728_000.0
-_CENTURY_S = 36525.0 * 86400.0
-_TT_LESS_UTC_S = 69.184
-_ARCSECOND = np.pi / 648_000.0
-
 
 def frame_of(name: str) -> str:
-    """Return the frame of a name, "" for one that is not known.
+    """Return the frame of a name, "" for an unknown one.
 
     >>> frame_of("ITRF-2014"), frame_of("TOD_EARTH")
     ('ITRF', 'TOD')
     """
-    capitals = name.upper().removesuffix("_EARTH")
+    capitals = _capitals(name)
     realisation = _REALISATION.fullmatch(capitals)
-    return FRAMES.get(realisation[1] if realisation else capitals, "")
+    bare = realisation[1] if realisation else capitals
+    frames = published("frames").items()
+    return next((frame for frame, names in frames if frame != "source" and bare in names), "")
+
+
+def _capitals(name: str) -> str:
+    return name.upper().removesuffix("_EARTH")
 
 
 def is_of_epoch(name: str) -> bool:
-    """Return whether a name is that of axes which are frozen at an epoch, and need one."""
-    capitals = name.upper().removesuffix("_EARTH")
+    """Whether a name is that of axes which are frozen at an epoch, and need one."""
+    capitals = _capitals(name)
     return capitals.endswith("OFEPOCH") or capitals in ("TOE", "MOE")
 
 
@@ -83,46 +64,46 @@ def to_ecef(
     time at which axes of date are frozen (REF_FRAME_EPOCH); None for axes of each state's own date.
     """
     if frame_s is not None and frame not in ("ITRF", "EME2000"):
-        own, equinox = (_matrix(name, epoch_us, frame_s) for name in (frame, "EME2000"))
-        # Rows of a matrix are the axes in ECEF at that time: from the frozen axes to those of
-        # J2000.
-        turn = (own[:, None, :] * equinox[None, :, :]).sum(axis=2)
-        position_m, velocity_m_s = (_times(vectors, turn) for vectors in (position_m, velocity_m_s))
+        axes, equinox = (_axes(name, epoch_us, frame_s) for name in (frame, "EME2000"))
+        # Rows are the axes in ECEF at that time: from the frozen axes to those of J2000.
+        turn = dot(axes[:, None], equinox)
+        position_m = along_axes(position_m, turn)
+        velocity_m_s = along_axes(velocity_m_s, turn)
         frame = "EME2000"
     if frame in ("TOD", "CIRS"):
-        centuries = (epoch_us * 1e-6 + time_s + _TT_LESS_UTC_S - _J2000_UNIX_S) / _CENTURY_S
+        centuries = centuries_since_j2000(epoch_us, time_s)
         angle = _equinoxes_rad(centuries) if frame == "TOD" else _origin_rad(centuries)
-        position_m, velocity_m_s = (
-            _about_z(vectors, angle) for vectors in (position_m, velocity_m_s)
-        )
+        position_m = turned(position_m, [("z", angle)])
+        velocity_m_s = turned(velocity_m_s, [("z", angle)])
         frame = "TEME"
     return ecef_state(frame, position_m, velocity_m_s, epoch_us, time_s)
 
 
-def _matrix(frame: str, epoch_us: int, time_s: float) -> FloatArray:
+def along_axes(vectors: FloatArray, axes: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) of components along axes, (3, 3) or of each vector (n, 3, 3)."""
+    return (vectors[:, :, None] * axes).sum(axis=1)
+
+
+def axes_at(position_m: FloatArray) -> FloatArray:
+    """Return the axes (n, 3, 3) towards east, north and up at positions (n, 3), as rows in ECEF."""
+    where = ecef_to_geodetic(position_m)
+    return east_north_up_axes(where.latitude_rad, where.longitude_rad)
+
+
+def _axes(frame: str, epoch_us: int, time_s: float) -> FloatArray:
     """Return the axes (3, 3) of a frame at a time, as rows in ECEF."""
     return to_ecef(frame, np.eye(3), np.zeros((3, 3)), epoch_us, np.full(3, time_s))[0]
 
 
-def _times(vectors: FloatArray, turn: FloatArray) -> FloatArray:
-    return np.asarray((vectors[:, :, None] * turn[None, :, :]).sum(axis=1))
-
-
 def _equinoxes_rad(centuries: FloatArray) -> FloatArray:
-    """Return by how much the true equinox is ahead of the mean one along the equator, rad."""
+    """Return the lead of the true equinox over the mean one along the equator, rad."""
     longitude, obliquity, _ = nutation_rad(centuries)
-    return np.asarray(longitude * np.cos(obliquity))
+    return longitude * np.cos(obliquity)
 
 
 def _origin_rad(centuries: FloatArray) -> FloatArray:
-    """Return by how much the Earth's rotation angle is ahead of mean sidereal time, rad (Capitaine
-    et al., 2003).
+    """Return the lead of the Earth's rotation angle over mean sidereal time, rad (Capitaine et al.,
+    2003).
     """
-    return np.asarray(-(0.014506 + (4612.156534 + 1.3915817 * centuries) * centuries) * _ARCSECOND)
-
-
-def _about_z(vectors: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    cosine = np.cos(angle_rad)
-    sine = np.sin(angle_rad)
-    x, y, z = vectors.T
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=1)
+    lead = 0.014506 + (4612.156534 + 1.3915817 * centuries) * centuries
+    return -lead * ARCSECOND_RAD

@@ -6,23 +6,31 @@ the two ends alone (degree 3) where states are much closer to each other than th
 extends across the end of a run.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, RowArray
+from opir_core.geometry import dot
 from opir_core.plugin import StateTable
 
+#: States through which a polynomial goes: with velocities, and positions alone.
 _WITH_VELOCITY = 4
 _WITHOUT_VELOCITY = 6
 
-#: States nearer to each other than this share of an interval amplify the rounding of times and
-#: positions.
-_EVEN = 0.125
-
 #: Coefficients of Newton's form, for all intervals.
 _TERMS = 2 * _WITH_VELOCITY
+
+
+class _Intervals(NamedTuple):
+    """Intervals in order of time: starts and lengths (m,), s, and Newton's form over them."""
+
+    start_s: FloatArray
+    length_s: FloatArray
+    nodes: FloatArray
+    coefficients: FloatArray
 
 
 @frozen(eq=False)
@@ -42,38 +50,57 @@ class Interpolant:
 
     def state(self, table: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities (k, 3) of tables (k,) at times (k,) within them."""
-        row = np.empty(len(table), dtype=np.intp)
+        interval = self._interval(table, time_s)
+        length_s = self.length_s[interval]
+        x = ((time_s - self.start_s[interval]) / length_s)[:, None]
+        position = self.coefficients[-1].take(interval, axis=0)
+        slope = np.zeros_like(position)
+        for nodes, coefficients in zip(self.nodes[-2::-1], self.coefficients[-2::-1], strict=True):
+            offset = x - nodes.take(interval)[:, None]
+            slope = slope * offset + position
+            position = position * offset + coefficients.take(interval, axis=0)
+        return position, slope / length_s[:, None]
+
+    def _interval(self, table: RowArray, time_s: FloatArray) -> RowArray:
+        """Return the intervals (k,) of tables (k,) at times (k,)."""
+        interval = np.empty(len(table), dtype=np.intp)
         for number in np.flatnonzero(np.bincount(table)).tolist():
             begin = self.first[number]
-            end = self.first[number + 1]
-            mine = table == number
-            found = np.searchsorted(self.start_s[begin:end], time_s[mine], side="right") - 1
-            row[mine] = begin + np.maximum(found, 0)
-        x = ((time_s - self.start_s[row]) / self.length_s[row])[:, None]
-        position = self.coefficients[-1].take(row, axis=0)
-        slope = np.zeros((len(row), 3))
-        for nodes, coefficients in zip(self.nodes[-2::-1], self.coefficients[-2::-1], strict=True):
-            offset = x - nodes.take(row)[:, None]
-            slope = slope * offset + position
-            position = position * offset + coefficients.take(row, axis=0)
-        return position, slope / self.length_s[row, None]
+            starts_s = self.start_s[begin : self.first[number + 1]]
+            rows = table == number
+            place = np.searchsorted(starts_s, time_s[rows], side="right") - 1
+            interval[rows] = begin + np.maximum(place, 0)
+        return interval
+
+    def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities (k, 3) of the only table at times (k,)."""
+        return self.state(np.zeros(len(time_s), dtype=np.intp), time_s)
 
 
 def interpolant(tables: Sequence[StateTable]) -> Interpolant:
     """Return the polynomials of tables."""
-    parts = [_intervals(table) for table in tables]
-    first = np.cumsum([0, *(len(part[0]) for part in parts)])
-    start, length = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    intervals = [_intervals(table) for table in tables]
+    first = np.cumsum([0, *(len(table.start_s) for table in intervals)])
+    joined = _joined(intervals)
     # Contiguous, for `take` copies the whole of what is not.
-    nodes, coefficients = (
-        np.ascontiguousarray(np.concatenate([part[k] for part in parts], axis=1)) for k in (2, 3)
+    nodes = np.ascontiguousarray(joined.nodes)
+    coefficients = np.ascontiguousarray(joined.coefficients)
+    return Interpolant(first, joined.start_s, joined.length_s, nodes, coefficients)
+
+
+def _joined(intervals: Iterable[_Intervals]) -> _Intervals:
+    start_s, length_s, nodes, coefficients = zip(*intervals, strict=True)
+    return _Intervals(
+        np.concatenate(start_s),
+        np.concatenate(length_s),
+        np.concatenate(nodes, axis=1),
+        np.concatenate(coefficients, axis=1),
     )
-    return Interpolant(first, start, length, nodes, coefficients)
 
 
 def largest_doubt_m(table: StateTable) -> float | None:
-    """Return the largest distance between a state's position and what the states about it give
-    without it.
+    """Return the largest distance between a state's position and the polynomial of the states about
+    it without it.
 
     Between states the error is smaller still, by far where the motion is smooth. None where no
     stretch has three.
@@ -81,39 +108,31 @@ def largest_doubt_m(table: StateTable) -> float | None:
     doubts = []
     for rows in runs(table):
         for parity in (0, 1):
-            is_kept = np.arange(len(rows)) % 2 == parity
-            is_kept[[0, -1]] = True
-            kept = rows[is_kept]
-            left_out = rows[~is_kept]
-            if len(kept) >= 2 and left_out.size:
-                coarse = interpolant([_thinned(table, kept)])
-                guess, _ = coarse.state(np.zeros(len(left_out), np.intp), table.time_s[left_out])
-                doubts.append(
-                    np.sqrt(((guess - table.position_m[left_out]) ** 2).sum(axis=1)).max()
-                )
-    return float(max(doubts)) if doubts else None
+            is_node = np.arange(len(rows)) % 2 == parity
+            is_node[[0, -1]] = True
+            omitted = rows[~is_node]
+            if omitted.size:
+                coarse = interpolant([_thinned(table, rows[is_node])])
+                guess, _ = coarse.at(table.time_s[omitted])
+                miss = guess - table.position_m[omitted]
+                doubts.append(float(np.sqrt(dot(miss, miss)).max()))
+    return max(doubts, default=None)
 
 
 def _thinned(table: StateTable, rows: RowArray) -> StateTable:
     velocity = None if table.velocity_m_s is None else table.velocity_m_s[rows]
-    return StateTable(
-        table.time_s[rows],
-        table.position_m[rows],
-        velocity,
-        np.zeros(len(rows), np.intp),
-        table.burns_s,
+    return evolve(
+        table,
+        time_s=table.time_s[rows],
+        position_m=table.position_m[rows],
+        velocity_m_s=velocity,
+        run=np.zeros(len(rows), np.intp),
     )
 
 
-def _intervals(table: StateTable) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the intervals of a table: starts and lengths (m,), nodes (8, m) and coefficients (8,
-    m, 3).
-    """
-    parts = [_of_run(table, rows) for rows in runs(table)]
-    parts = [part for part in parts if len(part[0])]
-    start, length = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    nodes, coefficients = (np.concatenate([part[k] for part in parts], axis=1) for k in (2, 3))
-    return start, length, nodes, coefficients
+def _intervals(table: StateTable) -> _Intervals:
+    """Return the intervals of a table."""
+    return _joined(_intervals_of_run(table, rows) for rows in runs(table) if len(rows) > 1)
 
 
 def runs(table: StateTable) -> list[RowArray]:
@@ -121,43 +140,39 @@ def runs(table: StateTable) -> list[RowArray]:
     return np.split(np.arange(len(table.run)), np.flatnonzero(np.diff(table.run)) + 1)
 
 
-def _of_run(
-    table: StateTable, rows: RowArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _intervals_of_run(table: StateTable, rows: RowArray) -> _Intervals:
     has_velocity = table.velocity_m_s is not None
     count = min(len(rows), _WITH_VELOCITY if has_velocity else _WITHOUT_VELOCITY)
-    left = np.arange(len(rows) - 1)
-    window = np.clip(left - (count // 2 - 1), 0, max(len(rows) - count, 0))
-    chosen = rows[window[:, None] + np.arange(count)]
+    window = np.clip(np.arange(len(rows) - 1) - (count // 2 - 1), 0, len(rows) - count)
+    states = rows[window[:, None] + np.arange(count)]
     start = table.time_s[rows[:-1]]
     length = table.time_s[rows[1:]] - start
-    nodes, coefficients = _newton(table, chosen, start, length)
+    nodes, coefficients = _newton(table, states, start, length)
     if has_velocity and count > 2:
-        uneven = np.flatnonzero(np.diff(table.time_s[chosen], axis=1).min(axis=1) < _EVEN * length)
+        # States nearer to each other than this share of an interval amplify the rounding of times
+        # and positions.
+        step = np.diff(table.time_s[states], axis=1).min(axis=1)
+        uneven = np.flatnonzero(step < 0.125 * length)
         ends = rows[uneven[:, None] + np.arange(2)]
         nodes[:, uneven], coefficients[:, uneven] = _newton(
             table, ends, start[uneven], length[uneven]
         )
-    return start, length, nodes, coefficients
+    return _Intervals(start, length, nodes, coefficients)
 
 
 def _newton(
-    table: StateTable, chosen: RowArray, start: FloatArray, length: FloatArray
+    table: StateTable, states: RowArray, start: FloatArray, length: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return nodes (8, m) and coefficients (8, m, 3) of polynomials through the states `chosen` (m,
-    k), each.
-    """
+    """Return nodes (8, m) and coefficients (8, m, 3) of polynomials through states (m, k), each."""
     repeats = 1 if table.velocity_m_s is None else 2
-    nodes = np.repeat((table.time_s[chosen] - start[:, None]) / length[:, None], repeats, axis=1).T
-    values = np.repeat(table.position_m[chosen], repeats, axis=1).transpose(1, 0, 2)
+    nodes = np.repeat((table.time_s[states] - start[:, None]) / length[:, None], repeats, axis=1).T
+    values = np.repeat(table.position_m[states], repeats, axis=1).transpose(1, 0, 2)
     slopes = None
     if table.velocity_m_s is not None:
-        slopes = table.velocity_m_s[chosen].transpose(1, 0, 2) * length[None, :, None]
+        slopes = table.velocity_m_s[states].transpose(1, 0, 2) * length[None, :, None]
     coefficients = _divided_differences(nodes, values, slopes)
-    lacking = _TERMS - len(nodes)
-    return np.pad(nodes, ((0, lacking), (0, 0))), np.pad(
-        coefficients, ((0, lacking), (0, 0), (0, 0))
-    )
+    lacking = (0, _TERMS - len(nodes))
+    return np.pad(nodes, (lacking, (0, 0))), np.pad(coefficients, (lacking, (0, 0), (0, 0)))
 
 
 def _divided_differences(

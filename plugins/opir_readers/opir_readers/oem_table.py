@@ -8,14 +8,17 @@ the tests, needs astropy and reports most errors without line and remedy.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from attrs import Factory, define
 
+from opir_core.arrays import FloatArray
 from opir_core.plugin import BadFileError, StateTable
 from opir_readers.frames import FRAME_NAMES, frame_of, is_of_epoch, to_ecef
-from opir_readers.states import require_order, require_places, require_velocities
+from opir_readers.states import number_or_nan, require_order, require_places, require_velocities
 from opir_readers.time_systems import SYSTEMS, unix_s
+from opir_readers.xml_nodes import XmlNode, has_message, metadata_and_data, xml_root
 
 _NEEDED = (
     "OBJECT_NAME",
@@ -26,6 +29,14 @@ _NEEDED = (
     "START_TIME",
     "STOP_TIME",
 )
+
+
+class _States(NamedTuple):
+    """Scene times (n,), s, and states (n, 3) in ECEF, m and m/s."""
+
+    time_s: FloatArray
+    position_m: FloatArray
+    velocity_m_s: FloatArray
 
 
 @define
@@ -41,7 +52,7 @@ class Segment:
 
     def take_keyword(self, line: str, number: int) -> None:
         """Add a line of metadata."""
-        key, equals, value = (part.strip() for part in line.partition("="))
+        key, equals, value = (word.strip() for word in line.partition("="))
         if not equals:
             raise BadFileError(
                 f"line {number}: {line.strip()!r} is not of the form KEYWORD = value"
@@ -58,68 +69,81 @@ class Segment:
             raise BadFileError(
                 f"line {number}: comes after the segment's covariance, where no state can be"
             )
-        state = _state(words, number, self.meta["TIME_SYSTEM"].upper())
+        state = self._state(words, number)
         self.width = self.width or len(words)
         if len(words) != self.width:
             raise BadFileError(
                 f"line {number}: has {len(words)} values, the segment's first state {self.width};"
-                f" all states of a"
-                " segment have accelerations, or none has"
+                " all states of a segment have accelerations, or none has"
             )
         self.lines.append(number)
         self.states.append(state)
 
+    def _state(self, words: list[str], number: int) -> list[float]:
+        """Return a line's time, s since 1970, and state, km and km/s; accelerations are left."""
+        if len(words) not in (7, 10):
+            raise BadFileError(
+                f"line {number}: has {len(words)} values; a state has a time and 6 (or 9) numbers"
+            )
+        numbers = list(map(number_or_nan, words[1:]))
+        for word, value in zip(words[1:], numbers, strict=True):
+            if math.isnan(value):
+                raise BadFileError(f"line {number}: {word!r} is not a finite number")
+        return [unix_s(words[0], number, self.system), *numbers[:6]]
 
-def oem_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
+    @property
+    def system(self) -> str:
+        """Return the time system."""
+        return self.meta["TIME_SYSTEM"].upper()
+
+    def scene_s(self, key: str, epoch_us: int) -> float | None:
+        """Return the scene time of a keyword, s; None where it is missing."""
+        text = self.meta.get(key)
+        if text is None or (key == "REF_FRAME_EPOCH" and not text):
+            return None
+        return unix_s(text, self.line, self.system) - epoch_us * 1e-6
+
+
+def oem_table(text: str, epoch_us: int, name: str | None) -> StateTable:
     """Return the table of a message, for a scene epoch in microseconds of UTC since 1970.
 
-    `wanted` is the OBJECT_NAME or OBJECT_ID to take where there are several objects. Each segment
-    is a run; the burn is the useable interval. Raises `BadFileError`.
+    `name` is the OBJECT_NAME or OBJECT_ID to take where there are several objects. Each segment is
+    a run; the burn is the useable interval. Raises `BadFileError`.
     """
-    return table_of_segments(segments_of_text(text), epoch_us, wanted)
+    return table_of_segments(segments_of_text(text), epoch_us, name)
 
 
-def table_of_segments(segments: list[Segment], epoch_us: int, wanted: str | None) -> StateTable:
+def table_of_segments(segments: list[Segment], epoch_us: int, name: str | None) -> StateTable:
     """Return the table of the segments of a message; as `oem_table`."""
-    segments = _of_object(segments, wanted)
-    parts = [_states(segment, epoch_us) for segment in segments]
-    for before, after, segment in zip(parts, parts[1:], segments[1:], strict=False):
-        if not before[0][-1] == after[0][0]:
+    segments = _of_object(segments, name)
+    stretches = [_states(segment, epoch_us) for segment in segments]
+    for number, segment in enumerate(segments[1:]):
+        if stretches[number].time_s[-1] != stretches[number + 1].time_s[0]:
             raise BadFileError(
                 f"line {segment.line}: this segment does not start when the one before it ends;"
-                f" split the file or"
-                " make them meet"
+                " split the file or make them meet"
             )
-    time, position, velocity = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    run = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
+    time_s, position, velocity = (np.concatenate(column) for column in zip(*stretches, strict=True))
     lines = [line for segment in segments for line in segment.lines]
-    burns_s = np.array([_useable_s(segments, epoch_us, time)])
-    notes = (
-        ("covariances are not read",) if any(segment.has_covariance for segment in segments) else ()
-    )
+    has_covariance = any(segment.has_covariance for segment in segments)
+    meta = segments[0].meta
+    frozen = f" of {meta['REF_FRAME_EPOCH']}" if meta.get("REF_FRAME_EPOCH") else ""
     return StateTable(
-        time,
+        time_s,
         position,
         velocity,
-        run,
-        burns_s,
+        np.repeat(np.arange(len(segments)), [len(segment.lines) for segment in segments]),
+        np.array([_useable_s(segments, epoch_us, time_s)]),
         lines.__getitem__,
-        notes,
+        ("covariances are not read",) if has_covariance else (),
         has_dates=True,
-        frame=_frame_text(segments[0]),
+        frame=f"{meta['REF_FRAME']}{frozen}, times in {meta['TIME_SYSTEM']}",
     )
-
-
-def _frame_text(segment: Segment) -> str:
-    """Return frame and time system, for `opir import`."""
-    meta = segment.meta
-    frozen = f" of {meta['REF_FRAME_EPOCH']}" if meta.get("REF_FRAME_EPOCH") else ""
-    return f"{meta['REF_FRAME']}{frozen}, times in {meta['TIME_SYSTEM']}"
 
 
 def segments_of_text(text: str) -> list[Segment]:
     """Return the segments of a message in the keyword form; raises `BadFileError`."""
-    segments = list[Segment]()
+    segments = []
     block = ""
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split()
@@ -137,11 +161,15 @@ def segments_of_text(text: str) -> list[Segment]:
             segments[-1].take_keyword(line, number)
         elif block == "" and segments:
             segments[-1].take_state(words, number)
+    _require_whole(segments, block)
+    return segments
+
+
+def _require_whole(segments: list[Segment], block: str) -> None:
     if block:
         raise BadFileError(f"ends within a block that began with {block}")
     if not segments:
         raise BadFileError("has no META_START, so no states")
-    return segments
 
 
 def _require_none(block: str, number: int) -> None:
@@ -150,8 +178,8 @@ def _require_none(block: str, number: int) -> None:
 
 
 def require_meta(segments: list[Segment], number: int) -> None:
-    """Raise `BadFileError` where the metadata of the last segment lack something, or are of what is
-    not read.
+    """Raise `BadFileError` where the metadata of the last segment lack something, or name a centre,
+    a frame or a time system that is not read.
     """
     if not segments:
         raise BadFileError(f"line {number}: ends a block that never began")
@@ -159,87 +187,96 @@ def require_meta(segments: list[Segment], number: int) -> None:
     missing = [key for key in _NEEDED if not meta.get(key)]
     if missing:
         raise BadFileError(f"line {number}: the metadata lack {', '.join(missing)}")
+    frame = meta["REF_FRAME"]
+    complaint = ""
     if meta["CENTER_NAME"].upper() != "EARTH":
-        raise BadFileError(
-            f"line {number}: CENTER_NAME is {meta['CENTER_NAME']!r}; only EARTH is taken"
-        )
-    if meta["TIME_SYSTEM"].upper() not in SYSTEMS:
-        words = (
-            f"TIME_SYSTEM is {meta['TIME_SYSTEM']!r}; convert the times to one of"
-            f" {', '.join(SYSTEMS)}"
-        )
-        raise BadFileError(f"line {number}: {words}")
-    if not frame_of(meta["REF_FRAME"]):
-        known = ", ".join(FRAME_NAMES)
-        raise BadFileError(
-            f"line {number}: REF_FRAME is {meta['REF_FRAME']!r}; convert the states to one of"
-            f" {known}"
-        )
-    if is_of_epoch(meta["REF_FRAME"]) and not meta.get("REF_FRAME_EPOCH"):
-        raise BadFileError(
-            f"line {number}: REF_FRAME is {meta['REF_FRAME']!r} and REF_FRAME_EPOCH is missing"
-        )
+        complaint = f"CENTER_NAME is {meta['CENTER_NAME']!r}; only EARTH is taken"
+    elif segments[-1].system not in SYSTEMS:
+        known = ", ".join(SYSTEMS)
+        complaint = f"TIME_SYSTEM is {meta['TIME_SYSTEM']!r}; convert the times to one of {known}"
+    elif not frame_of(frame):
+        complaint = f"REF_FRAME is {frame!r}; convert the states to one of {FRAME_NAMES}"
+    elif is_of_epoch(frame) and not meta.get("REF_FRAME_EPOCH"):
+        complaint = f"REF_FRAME is {frame!r} and REF_FRAME_EPOCH is missing"
+    if complaint:
+        raise BadFileError(f"line {number}: {complaint}")
 
 
-def _state(words: list[str], number: int, system: str) -> list[float]:
-    """Return a line's time, s since 1970, and state, km and km/s; accelerations are left."""
-    if len(words) not in (7, 10):
-        raise BadFileError(
-            f"line {number}: has {len(words)} values; a state has a time and 6 (or 9) numbers"
-        )
-    numbers = []
-    for word in words[1:]:
-        try:
-            numbers.append(float(word))
-        except ValueError:
-            numbers.append(math.nan)
-        if not math.isfinite(numbers[-1]):
-            raise BadFileError(f"line {number}: {word!r} is not a finite number")
-    return [unix_s(words[0], number, system), *numbers[:6]]
-
-
-def _of_object(segments: list[Segment], wanted: str | None) -> list[Segment]:
-    names = list(dict.fromkeys(segment.meta["OBJECT_NAME"] for segment in segments))
-    found = [
-        s
-        for s in segments
-        if wanted is None or wanted in (s.meta["OBJECT_NAME"], s.meta["OBJECT_ID"])
-    ]
-    if not found:
-        raise BadFileError(f"has no object {wanted!r}; it has {', '.join(names)}")
-    if len({segment.meta["OBJECT_NAME"] for segment in found}) > 1:
+def _of_object(segments: list[Segment], name: str | None) -> list[Segment]:
+    names = dict.fromkeys(segment.meta["OBJECT_NAME"] for segment in segments)
+    if name is not None:
+        keys = ("OBJECT_NAME", "OBJECT_ID")
+        segments = [s for s in segments if name in (s.meta[key] for key in keys)]
+    if not segments:
+        raise BadFileError(f"has no object {name!r}; it has {', '.join(names)}")
+    if len({segment.meta["OBJECT_NAME"] for segment in segments}) > 1:
         raise BadFileError(f"has several objects; say which with object: {', '.join(names)}")
-    return found
+    return segments
 
 
-def _states(segment: Segment, epoch_us: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return scene times, s, and states in ECEF, m and m/s."""
+def _states(segment: Segment, epoch_us: int) -> _States:
     if len(segment.states) < 2:
         raise BadFileError(f"line {segment.line}: this segment has fewer than 2 states")
+    line_of = segment.lines.__getitem__
     rows = np.array(segment.states)
     time_s = rows[:, 0] - epoch_us * 1e-6
-    require_order(time_s, segment.lines.__getitem__, may_repeat=False)
+    require_order(time_s, line_of, may_repeat=False)
     with np.errstate(over="ignore"):
         rows[:, 1:] *= 1e3
-    require_places(rows[:, 1:4], segment.lines.__getitem__)
-    require_velocities(rows[:, 4:7], segment.lines.__getitem__)
-    text = segment.meta.get("REF_FRAME_EPOCH")
-    system = segment.meta["TIME_SYSTEM"].upper()
-    frame_s = unix_s(text, segment.line, system) - epoch_us * 1e-6 if text else None
+    position = rows[:, 1:4]
+    velocity = rows[:, 4:7]
+    require_places(position, line_of)
+    require_velocities(velocity, line_of)
     frame = frame_of(segment.meta["REF_FRAME"])
-    return time_s, *to_ecef(frame, rows[:, 1:4], rows[:, 4:7], epoch_us, time_s, frame_s)
+    frame_s = segment.scene_s("REF_FRAME_EPOCH", epoch_us)
+    return _States(time_s, *to_ecef(frame, position, velocity, epoch_us, time_s, frame_s))
 
 
-def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tuple[float, float]:
+def _useable_s(segments: list[Segment], epoch_us: int, time_s: FloatArray) -> tuple[float, float]:
     """Return the first and last useable scene times of the message."""
-    ends = []
-    for segment, key, other in (
-        (segments[0], "USEABLE_START_TIME", time_s[0]),
-        (segments[-1], "USEABLE_STOP_TIME", time_s[-1]),
-    ):
-        text = segment.meta.get(key)
-        system = segment.meta["TIME_SYSTEM"].upper()
-        ends.append(
-            float(other) if text is None else unix_s(text, segment.line, system) - epoch_us * 1e-6
-        )
-    return max(ends[0], float(time_s[0])), min(ends[1], float(time_s[-1]))
+    start = segments[0].scene_s("USEABLE_START_TIME", epoch_us)
+    stop = segments[-1].scene_s("USEABLE_STOP_TIME", epoch_us)
+    begin = float(time_s[0])
+    end = float(time_s[-1])
+    return (begin if start is None else max(start, begin)), (
+        end if stop is None else min(stop, end)
+    )
+
+
+_STATE = ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+
+
+def is_oem_xml(text: str) -> bool:
+    """Whether a text is an OEM in XML, or a message of several that has one."""
+    return has_message(text, "oem")
+
+
+def oem_xml_table(text: str, epoch_us: int, name: str | None) -> StateTable:
+    """Return the table of a message, as `oem_table` does of the keyword form."""
+    segments = [_segment(node) for node in xml_root(text).all("segment")]
+    if not segments:
+        raise BadFileError("has no segment, so no states")
+    return table_of_segments(segments, epoch_us, name)
+
+
+def _segment(node: XmlNode) -> Segment:
+    meta, data = metadata_and_data(node)
+    segment = Segment(node.line, meta.texts())
+    require_meta([segment], meta.line)
+    for state in data.all("stateVector"):
+        words = [state.text_of(name) for name in _STATE]
+        missing = [name for name, word in zip(_STATE, words, strict=True) if not word]
+        if missing:
+            raise BadFileError(f"line {state.line}: this state lacks {', '.join(missing)}")
+        _require_units(state)
+        segment.take_state(words, state.line)
+    segment.has_covariance = any(True for _ in data.all("covarianceMatrix"))
+    return segment
+
+
+def _require_units(state: XmlNode) -> None:
+    for node in state.children:
+        unit = node.attributes.get("units", "")
+        needed = "km/s" if node.name.endswith("_DOT") else "km"
+        if node.name in _STATE[1:] and unit and unit != needed:
+            raise BadFileError(f"line {node.line}: {node.name} is in {unit}; {needed} is due")

@@ -14,10 +14,7 @@ MAGIC = b"PAR1"
 #: The most cells of a table: a small file may hold endless repetitions.
 _MOST_CELLS = 20_000_000
 
-#: The length of an id that is no text.
-_UUID_BYTES = 16
-
-#: Columns of vectors, and those of their parts.
+#: Columns of vectors, and those of their components.
 _VECTORS = {
     "sensor_position_ecef_m": [f"sensor_{axis}_ecef_m" for axis in "xyz"],
     "line_of_sight_ecef": [f"los_{axis}_ecef" for axis in "xyz"],
@@ -56,42 +53,53 @@ def _require_size(rows: int, columns: int) -> None:
     if rows * columns > _MOST_CELLS:
         raise BadFileError(
             f"has {rows} rows of {columns} columns; at most {_MOST_CELLS} values are read: keep the"
-            f" burn, or fewer"
-            " columns"
+            " burn, or fewer columns"
         )
 
 
 def _columns(table: Any) -> Iterator[tuple[str, Any]]:
     """Yield the columns that text can hold: NaN as a missing number, truth values as 1 and 0,
-    vectors by parts.
+    vectors by components.
     """
-    import pyarrow
     from pyarrow import compute, types
 
     for name, column in zip(table.column_names, table.columns, strict=True):
-        kind = column.type
-        if types.is_dictionary(kind):
-            column = column.cast(kind.value_type)
-            kind = kind.value_type
-        if types.is_floating(kind):
-            wide = column.cast(pyarrow.float64())
-            yield name, compute.if_else(compute.is_nan(wide), None, wide)
-        elif types.is_boolean(kind):
-            yield name, column.cast(pyarrow.int8())
-        elif name in _VECTORS and (types.is_list(kind) or types.is_fixed_size_list(kind)):
-            yield from zip(
-                _VECTORS[name],
-                (compute.list_element(column, part) for part in range(3)),
-                strict=True,
-            )
-        elif any(
-            is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)
+        if types.is_dictionary(column.type):
+            column = column.cast(column.type.value_type)
+        if name in _VECTORS and (
+            types.is_list(column.type) or types.is_fixed_size_list(column.type)
         ):
-            yield name, column
-        elif types.is_fixed_size_binary(kind) and kind.byte_width == _UUID_BYTES:
-            yield name, pyarrow.array(list(map(_uuid_text, column.to_pylist())), pyarrow.string())
-        elif types.is_timestamp(kind) or types.is_date(kind):
-            yield name, column.cast(pyarrow.timestamp("ns", tz="UTC"))
+            for axis, component in enumerate(_VECTORS[name]):
+                yield component, compute.list_element(column, axis)
+        else:
+            plain = _plain(column)
+            if plain is not None:
+                yield name, plain
+
+
+def _plain(column: Any) -> Any:
+    """Return a column of numbers, texts or times as text can hold it, None for others."""
+    import pyarrow
+    from pyarrow import types
+
+    kind = column.type
+    if types.is_floating(kind):
+        return _without_nan(column.cast(pyarrow.float64()))
+    if types.is_boolean(kind):
+        return column.cast(pyarrow.int8())
+    if any(is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)):
+        return column
+    if types.is_fixed_size_binary(kind) and kind.byte_width == 16:
+        return pyarrow.array(list(map(_uuid_text, column.to_pylist())), pyarrow.string())
+    if types.is_timestamp(kind) or types.is_date(kind):
+        return column.cast(pyarrow.timestamp("ns", tz="UTC"))
+    return None
+
+
+def _without_nan(column: Any) -> Any:
+    from pyarrow import compute
+
+    return compute.if_else(compute.is_nan(column), None, column)
 
 
 def _uuid_text(content: bytes | None) -> str | None:

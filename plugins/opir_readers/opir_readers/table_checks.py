@@ -1,7 +1,7 @@
 """The plausibility of a table in its scene: times, speeds, accelerations, heights, and velocities
 against positions.
 
-What cannot be meant is refused; what may be meant gives a warning. Each finding has its line, its
+An impossible table is refused, an unlikely one gives a warning. Each finding has its line, its
 figure, the likely cause and the way out.
 """
 
@@ -12,39 +12,40 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry import ecef_to_geodetic
+from opir_core.geometry import dot, ecef_to_geodetic
 from opir_core.plugin import StateTable
 from opir_readers.interpolation import interpolant, runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
-#: Velocities that differ systematically from positions by this, m/s, are refused; by less,
-#: reported.
-_REFUSED_M_S = 5.0
 
-#: No launch leaves the Earth faster than it takes to leave it for good, m/s.
-_FASTEST_M_S = 11_200.0
+@frozen
+class PlausibleLimits:
+    """The bounds of a flight; beyond them a table is refused, or reported."""
 
-#: What never moves faster than this over the ground, m/s, and comes below this height, m, was not
-#: launched; a geosynchronous satellite stands as still.
-_SLOWEST_M_S = 5.0
-_STILL_ABOVE_M = 3e7
+    #: Velocities that differ systematically from positions by this, m/s, are refused; by less,
+    #: reported.
+    refused_m_s: float = 5.0
+    #: No launch leaves the Earth faster than it takes to leave it for good, m/s.
+    fastest_m_s: float = 11_200.0
+    #: A target that never moves faster than this over the ground, m/s,
+    slowest_m_s: float = 5.0
+    #: and comes nearer to the Earth's centre than this, m, was not launched; a geosynchronous
+    #: satellite stands as still.
+    still_above_m: float = 3e7
+    #: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout;
+    acceleration_m_s2: float = 250.0
+    #: bends of a path below this, m, are the rounding of positions.
+    least_bend_m: float = 20.0
+    #: A step that goes farther around the Earth than this, rad, cannot be interpolated: there, the
+    #: polynomials of states with velocities are some 60 m off a low orbit,
+    step_rad: float = 1.0
+    #: those of positions alone some 500 m, and ten times more at 1.3 times.
+    step_without_velocities_rad: float = 0.5
+    #: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
+    least_height_m: float = -1000.0
 
-#: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout; bends
-#: of a path below this, m, are the rounding of positions.
-_MOST_ACCELERATION_M_S2 = 250.0
-_LEAST_BEND_M = 20.0
 
-#: Parts of an interval over which accelerations are averaged.
-_PARTS = 4
-
-#: A step that goes farther around the Earth than this, rad, cannot be interpolated: at these, the
-#: polynomials of states with velocities are some 60 m off a low orbit, those of positions alone
-#: some 500 m, and ten times more at 1.3 times.
-_WIDEST_STEP_RAD = 1.0
-_WIDEST_WITHOUT_VELOCITIES_RAD = 0.5
-
-#: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
-_LEAST_HEIGHT_M = -1000.0
+_LIMITS = PlausibleLimits()
 
 _DAY_S = 86_400.0
 
@@ -67,10 +68,14 @@ class SceneTimes:
     epoch_us: int
     duration_s: float
 
+    def text(self, time_s: float) -> str:
+        """Return a scene time as a time in UTC."""
+        return moment_text(self.epoch_us * 1e-6 + time_s)
+
 
 @frozen
 class Findings:
-    """What of a table cannot be meant, and what may be an error."""
+    """Reasons to refuse a table, and warnings."""
 
     refused: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -79,30 +84,29 @@ class Findings:
 def findings_of(
     table: StateTable, times: SceneTimes | None = None, start_s: float | None = None
 ) -> Findings:
-    """Return what of a table is wrong in itself and, with the times of a scene, in that scene.
+    """Return the findings of a table in itself and, with the times of a scene, in that scene.
 
     `start_s` is the scene time of the table's time 0, None where its times are dates.
     """
     refused = [] if times is None else [*_no_overlap(table, times, start_s)]
     coarse = _coarse_steps(table)
+    warnings = [*table.notes]
     # Differences of positions that are far apart say nothing of velocities.
     slip = None if coarse else velocity_slip(table)
-    is_refused = slip is not None and slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S
-    slips = [] if slip is None else [_slip_text(slip)]
-    warnings = [
-        *table.notes,
-        *([] if is_refused else slips),
-        *_doubts_of_motion(table),
-        *_doubts_of_heights(table),
-    ]
-    return Findings((*refused, *coarse, *(slips if is_refused else ())), tuple(warnings))
+    refused += coarse
+    if slip is not None:
+        is_refused = slip.is_systematic and slip.difference_m_s >= _LIMITS.refused_m_s
+        (refused if is_refused else warnings).append(_slip_text(slip))
+    warnings += [*_doubts_of_motion(table), *_doubts_of_heights(table)]
+    return Findings(tuple(refused), tuple(warnings))
 
 
 def _coarse_steps(table: StateTable) -> list[str]:
-    """Return that steps are too long to interpolate, if one is."""
-    widest_rad = _WIDEST_WITHOUT_VELOCITIES_RAD if table.velocity_m_s is None else _WIDEST_STEP_RAD
+    """Return the reason to refuse steps that are too long to interpolate."""
+    has_velocity = table.velocity_m_s is not None
+    widest_rad = _LIMITS.step_rad if has_velocity else _LIMITS.step_without_velocities_rad
     direction = table.position_m / _length(table.position_m)[:, None]
-    swept_rad = np.arccos(np.clip((direction[:-1] * direction[1:]).sum(axis=-1), -1.0, 1.0))
+    swept_rad = np.arccos(np.clip(dot(direction[:-1], direction[1:]), -1.0, 1.0))
     swept_rad[np.diff(table.run) != 0] = 0.0
     row = int(swept_rad.argmax())
     if swept_rad[row] <= widest_rad:
@@ -111,32 +115,29 @@ def _coarse_steps(table: StateTable) -> list[str]:
     swept_deg = float(np.degrees(swept_rad[row]))
     words = (
         f"line {table.line_of(row + 1)}: {swept_deg:.3g}° around the Earth from the state before"
-        f" it, in a step of"
-        f" {step_s:g} s; that cannot be interpolated: take states at most"
+        f" it, in a step of {step_s:g} s; that cannot be interpolated: take states at most"
         f" {np.degrees(widest_rad):.0f}° apart"
     )
     return [words]
 
 
 def _no_overlap(table: StateTable, times: SceneTimes, start_s: float | None) -> Iterator[str]:
-    """Yield that a table has no time in common with its scene, if so."""
-    first = float(table.time_s[0])
-    last = float(table.time_s[-1])
-    if first < times.duration_s and last > 0.0:
+    """Yield the reason to refuse a table that has no time in common with its scene."""
+    start = float(table.time_s[0])
+    end = float(table.time_s[-1])
+    if start < times.duration_s and end > 0.0:
         return
-    begin, end = (moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (0.0, times.duration_s))
+    line = f"line {table.line_of(0)}"
     if start_s is None:
-        own = " to ".join(moment_text(times.epoch_us * 1e-6 + time_s) for time_s in (first, last))
         yield (
-            f"line {table.line_of(0)}: its states, {own}, and the scene, {begin} to {end}, have no"
-            f" time in common;"
-            f" set the scene's epoch, or take the ephemeris of that day"
+            f"{line}: its states, {times.text(start)} to {times.text(end)}, and the scene,"
+            f" {times.text(0.0)} to {times.text(times.duration_s)}, have no time in common;"
+            " set the scene's epoch, or take the ephemeris of that day"
         )
     else:
         yield (
-            f"line {table.line_of(0)}: its times, {first:.12g} to {last:.12g} s of the scene, and"
-            f" the scene, 0 to"
-            f" {times.duration_s:g} s, have nothing in common{scale_text(first - start_s, times)}"
+            f"{line}: its times, {start:.12g} to {end:.12g} s of the scene, and the scene, 0 to"
+            f" {times.duration_s:g} s, have nothing in common{scale_text(start - start_s, times)}"
         )
 
 
@@ -151,15 +152,12 @@ def scale_text(time: float, times: SceneTimes) -> str:
             earliest_s = -1.0
             latest_s = times.duration_s
         if earliest_s < after_s < latest_s:
-            way = f"subtract {time:.12g} from them" + (
-                f", or set start_s: {after_s - time:.12g}"
-                if "days" not in scale and "milli" not in scale
-                else ""
-            )
-            moment = moment_text(times.epoch_us * 1e-6 + after_s)
+            way = f"subtract {time:.12g} from them"
+            if "days" not in scale and "milli" not in scale:
+                way += f", or set start_s: {after_s - time:.12g}"
             return (
-                f"; they look like {scale}: the first is {moment}, {after_s:g} s after the scene's"
-                f" start; {way}"
+                f"; they look like {scale}: the first is {times.text(after_s)}, {after_s:g} s after"
+                f" the scene's start; {way}"
             )
     hint = f" ({moment_text(time)} if they are Unix seconds)" if 1e8 < time < 4e9 else ""
     return f"; times count from start_s of the scene{hint}: set start_s, or a longer duration_s"
@@ -175,84 +173,87 @@ def moment_text(unix_s: float) -> str:
 
 
 def _slip_text(slip: VelocitySlip) -> str:
-    seen = (
+    difference = (
         f"line {slip.line}: its velocity is {slip.difference_m_s:.3g} m/s off the change of the"
-        f" positions around it"
+        " positions around it"
     )
     if not slip.is_systematic:
-        return f"{seen}; is it a slip of the pen?"
+        return f"{difference}; is it a slip of the pen?"
     out = "or leave the velocities out: positions are enough"
     if not slip.cause:
         return (
-            f"{seen}, and others are too, for none of the usual causes; mend the velocities, {out}"
+            f"{difference}, and others are too, for none of the usual causes; mend the velocities,"
+            f" {out}"
         )
-    left = max(slip.residual_m_s, 0.01)
+    residual = max(slip.residual_m_s, 0.01)
     way = slip.remedy or "mend the velocities"
-    return f"{seen}; all look {slip.cause}: so read, they agree to {left:.2g} m/s; {way}, {out}"
+    return (
+        f"{difference}; all look {slip.cause}: so read, they agree to {residual:.2g} m/s; {way},"
+        f" {out}"
+    )
 
 
 def _doubts_of_motion(table: StateTable) -> Iterator[str]:
     row, speed = _fastest(table)
-    if speed > _FASTEST_M_S + EARTH_ROTATION_RAD_S * float(
-        _length(table.position_m[row : row + 1, :2])[0]
-    ):
+    rotation_m_s = EARTH_ROTATION_RAD_S * float(np.hypot(*table.position_m[row, :2]))
+    if speed > _LIMITS.fastest_m_s + rotation_m_s:
         yield (
             f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the"
-            f" Earth; are times or"
-            " lengths in other units?"
+            " Earth; are times or lengths in other units?"
         )
-    if speed < _SLOWEST_M_S and _length(table.position_m).min() < _STILL_ABOVE_M:
-        yield f"line {table.line_of(row)}: nothing moves faster than {speed:.3g} m/s; are its times in other units?"
+    if speed < _LIMITS.slowest_m_s and _length(table.position_m).min() < _LIMITS.still_above_m:
+        yield (
+            f"line {table.line_of(row)}: nothing moves faster than {speed:.3g} m/s; are its times"
+            " in other units?"
+        )
     row, acceleration = _hardest(table)
-    if acceleration > _MOST_ACCELERATION_M_S2:
+    if acceleration > _LIMITS.acceleration_m_s2:
         yield (
             f"line {table.line_of(row)}: the path turns with {acceleration:.4g} m/s² there,"
             f" {acceleration / 9.80665:.0f} g; a wrong state, or positions coarser than their"
-            f" steps: leave the state"
-            " out, smooth them, or take fewer"
+            " steps: leave the state out, smooth them, or take fewer"
         )
 
 
 def _fastest(table: StateTable) -> tuple[int, float]:
     """Return the row that is reached fastest, and at which mean speed, m/s."""
-    found = [(0.0, 0)]
+    reached = [(0.0, 0)]
     for rows in runs(table):
         if len(rows) > 1:
             chord = np.diff(table.position_m[rows], axis=0) / np.diff(table.time_s[rows])[:, None]
             speeds = _length(chord)
-            found.append((float(speeds.max()), int(rows[1:][speeds.argmax()])))
-    speed, row = max(found)
+            reached.append((float(speeds.max()), int(rows[1:][speeds.argmax()])))
+    speed, row = max(reached)
     return row, speed
 
 
 def _hardest(table: StateTable) -> tuple[int, float]:
     """Return the row after which the path as it is flown turns hardest, and its mean acceleration
     over a quarter of the interval, m/s²; bends of a few metres, of rounded positions, do not
-    count."""
-    start_s = table.time_s[:-1]
-    length_s = np.diff(table.time_s)
-    rows = np.flatnonzero(length_s > 0.0)
+    count.
+    """
+    rows = np.flatnonzero(np.diff(table.time_s) > 0.0)
+    length_s = np.diff(table.time_s)[rows]
     # Times at whole states belong to the interval that follows them: these stay within their own.
-    share = np.linspace(0.02, 0.98, _PARTS + 1)
-    time_s = start_s[rows, None] + length_s[rows, None] * share
-    _, velocity = interpolant([table]).state(np.zeros(time_s.size, np.intp), time_s.ravel())
+    share = np.linspace(0.02, 0.98, 5)
+    time_s = table.time_s[rows, None] + length_s[:, None] * share
+    _, velocity = interpolant([table]).at(time_s.ravel())
     turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / np.diff(time_s, axis=1)[..., None]
-    hardest = np.sqrt((turn * turn).sum(axis=2)).max(axis=1)
-    hardest[hardest * length_s[rows] ** 2 < _LEAST_BEND_M] = 0.0
-    row = int(hardest.argmax())
+    hardest = _length(turn).max(axis=1)
+    hardest[hardest * length_s**2 < _LIMITS.least_bend_m] = 0.0
+    row = hardest.argmax()
     return int(rows[row]), float(hardest[row])
 
 
 def _doubts_of_heights(table: StateTable) -> Iterator[str]:
     height_m = ecef_to_geodetic(table.position_m).height_m
     row = int(height_m.argmin())
-    if height_m[row] < _LEAST_HEIGHT_M:
+    if height_m[row] < _LIMITS.least_height_m:
         yield (
             f"line {table.line_of(row)}: {-height_m[row]:.6g} m below the WGS 84 ellipsoid; are"
-            f" latitudes geocentric,"
-            " or heights above something else?"
+            " latitudes geocentric, or heights above something else?"
         )
 
 
 def _length(vectors: FloatArray) -> FloatArray:
-    return np.sqrt((vectors * vectors).sum(axis=1))
+    return np.sqrt(dot(vectors, vectors))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from attrs import define, evolve
+from attrs import define, evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
@@ -14,18 +14,15 @@ from opir_core.errors import Problem, SceneError
 from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import BadFileError, StateTable, TargetContext, Trajectories
-from opir_readers.configs import TableConfig
+from opir_readers.configs import AscentConfig, TableConfig
 from opir_readers.flights.refining import refined
 from opir_readers.formats import READERS
-from opir_readers.interpolation import interpolant, largest_doubt_m
+from opir_readers.interpolation import Interpolant, interpolant, largest_doubt_m
 from opir_readers.reading import content_of, file_text, reader_of
 from opir_readers.table_checks import SceneTimes, findings_of
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01
-
-#: States below this height, m, at the ends of a table are its launch point and its impact.
-_NEAR_GROUND_M = 1000.0
 
 
 @define(eq=False)
@@ -71,52 +68,85 @@ class TableTargets(Trajectories):
         return self.records
 
 
+@frozen(eq=False)
+class Flights:
+    """Flights through the states of tables: their curve, and scene times (n,) of ignition, burnout
+    and end, s.
+    """
+
+    tables: Sequence[StateTable]
+    curve: Interpolant
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    end_s: FloatArray
+
+    def ephemeris(self, start_s: FloatArray, end_s: FloatArray) -> Ephemeris:
+        """Return the ephemeris of a span of each flight (n,).
+
+        At the times of the states one polynomial gives way to the next.
+        """
+        longest = max(len(table.time_s) for table in self.tables)
+        breakpoints_s = [
+            np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge")
+            for table in self.tables
+        ]
+        return Ephemeris.build(
+            self.curve.state, start_s, end_s, np.stack(breakpoints_s), EPHEMERIS_TOLERANCE_M
+        )
+
+    def columns(
+        self, configs: Sequence[TableConfig | AscentConfig], context: TargetContext
+    ) -> dict[str, Any]:
+        """Return the columns of targets, by the names of their fields."""
+        codes = [context.target_class(config.type).type_code for config in configs]
+        return {
+            "type_code": np.array(codes, dtype=np.uint8),
+            "ignition_s": self.ignition_s,
+            "burnout_s": self.burnout_s,
+            "end_s": self.end_s,
+            "burns_s": joined_burns_s([table.burns_s[None] for table in self.tables]),
+        }
+
+
+def flights_of(tables: Sequence[StateTable], context: TargetContext) -> Flights:
+    """Return the flights of tables: to burnout, or to the last state where a sensor follows
+    them.
+    """
+    ignition_s = np.array([table.burns_s[0, 0] for table in tables])
+    burnout_s = np.array([table.burns_s[-1, 1] for table in tables])
+    end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burnout_s
+    return Flights(tables, interpolant(tables), ignition_s, burnout_s, end_s)
+
+
 def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Trajectories:
     """Return the trajectories of all targets of the model.
 
     Raises `SceneError` with a problem for each target whose file cannot be taken.
     """
-    problems = list[Problem]()
-    warnings = list[Problem]()
-    tables = list[StateTable]()
-    hashes = list[str]()
+    problems = []
+    warnings = []
+    tables = []
+    hashes = []
     times = SceneTimes(context.epoch_us, context.duration_s)
     for config, path in zip(configs, context.paths, strict=True):
         place = f"{path}.file"
         try:
             table, digest = _table(config, context)
-            found = findings_of(table, times, None if table.has_dates else config.start_s or 0.0)
-            warnings += [Problem(place, f"{config.file}: {words}") for words in found.warnings]
-            if found.refused:
-                problems += [Problem(place, f"{config.file}: {words}") for words in found.refused]
-                continue
-            tables.append(_with_burn(table, config))
-            hashes.append(digest)
+            findings = findings_of(table, times, None if table.has_dates else config.start_s or 0.0)
+            warnings += [Problem(place, f"{config.file}: {words}") for words in findings.warnings]
+            problems += [Problem(place, f"{config.file}: {words}") for words in findings.refused]
+            if not findings.refused:
+                tables.append(_with_burn(table, config))
+                hashes.append(digest)
         except BadFileError as error:
             problems.append(Problem(place, f"{config.file}: {error.args[0]}".removeprefix(": ")))
     if problems:
         raise SceneError(problems)
-    ignition_s = np.array([table.burns_s[0, 0] for table in tables])
-    burnout_s = np.array([table.burns_s[-1, 1] for table in tables])
-    end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burnout_s
+    flights = flights_of(tables, context)
     return TableTargets(
-        type_code=np.array(
-            [context.target_class(config.type).type_code for config in configs], dtype=np.uint8
-        ),
-        ignition_s=ignition_s,
-        burnout_s=burnout_s,
-        end_s=end_s,
-        burns_s=joined_burns_s([table.burns_s[None] for table in tables]),
-        flight=Ephemeris.build(
-            interpolant(tables).state,
-            ignition_s,
-            end_s,
-            _breakpoints_s(tables),
-            EPHEMERIS_TOLERANCE_M,
-        ),
-        records=tuple(
-            _record(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)
-        ),
+        **flights.columns(configs, context),
+        flight=flights.ephemeris(flights.ignition_s, flights.end_s),
+        records=tuple(map(_record, context.ids, configs, tables, hashes)),
         warnings=tuple(warnings),
     )
 
@@ -137,67 +167,53 @@ def _with_burn(table: StateTable, config: TableConfig) -> StateTable:
 
     Raises `BadFileError` where the states do not cover them.
     """
-    ends = float(table.burns_s[0, 0]), float(table.burns_s[-1, 1])
-    ignition, burnout = (
-        own if asked is None else asked
-        for own, asked in zip(ends, (config.ignition_s, config.burnout_s), strict=True)
-    )
-    first = float(table.time_s[0])
-    last = float(table.time_s[-1])
-    if not max(first, 0.0) <= ignition < burnout <= last:
+    ignition, *_, burnout = table.burns_s.ravel().tolist()
+    ignition = ignition if config.ignition_s is None else config.ignition_s
+    burnout = burnout if config.burnout_s is None else config.burnout_s
+    begin, end = table.time_s[[0, -1]].tolist()
+    burn = f"a burn from {ignition:.12g} to {burnout:.12g} s"
+    if not max(begin, 0.0) <= ignition < burnout <= end:
         raise BadFileError(
-            f"a burn from {ignition:.12g} to {burnout:.12g} s does not fit: states go from"
-            f" {first:.12g} to"
-            f" {last:.12g} s of the scene, whose times start at 0; set ignition_s and burnout_s"
+            f"{burn} does not fit: states go from {begin:.12g} to {end:.12g} s of the scene, whose"
+            " times start at 0; set ignition_s and burnout_s"
         )
     burns_s = table.burns_s[(table.burns_s[:, 0] < burnout) & (table.burns_s[:, 1] > ignition)]
     if not len(burns_s):
-        raise BadFileError(
-            f"a burn from {ignition:.12g} to {burnout:.12g} s is within a dark gap of the file"
-        )
+        raise BadFileError(f"{burn} is within a dark gap of the file")
     burns_s[0, 0] = ignition
     burns_s[-1, 1] = burnout
     return evolve(table, burns_s=burns_s)
 
 
-def _breakpoints_s(tables: Sequence[StateTable]) -> FloatArray:
-    """Return the times of the states (n, k), where one polynomial gives way to the next; short rows
-    are filled up.
-    """
-    longest = max(len(table.time_s) for table in tables)
-    return np.stack(
-        [np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables]
-    )
-
-
-def _place(position_m: FloatArray) -> dict[str, float]:
+def place_of(position_m: FloatArray) -> dict[str, float]:
     """Return a position (3,) as a plain geodetic place, with its height above the WGS 84
     ellipsoid.
     """
     where = ecef_to_geodetic(position_m[None])
-    latitude, longitude = (
-        float(np.degrees(angle[0])) for angle in (where.latitude_rad, where.longitude_rad)
-    )
-    return {"lat_deg": latitude, "lon_deg": longitude, "height_m": float(where.height_m[0])}
+    return {
+        "lat_deg": float(np.degrees(where.latitude_rad[0])),
+        "lon_deg": float(np.degrees(where.longitude_rad[0])),
+        "height_m": float(where.height_m[0]),
+    }
 
 
 def _points(table: StateTable) -> Mapping[str, Any]:
-    """Return launch and impact of a table: its first and last states, where these are near the
-    ground.
-    """
-    first = _place(table.position_m[0])
-    last = _place(table.position_m[-1])
-    is_launch = first["height_m"] < _NEAR_GROUND_M and table.burns_s[0, 0] == table.time_s[0]
-    is_impact = last["height_m"] < _NEAR_GROUND_M and table.burns_s[-1, 1] < table.time_s[-1]
-    launch = {"launch": first} if is_launch else {}
-    return (
-        {**launch, "impact": {**last, "time_s": float(table.time_s[-1])}} if is_impact else launch
-    )
+    """Return launch and impact of a table: its first and last states, where these are below 1000 m."""
+    launch = place_of(table.position_m[0])
+    impact = place_of(table.position_m[-1])
+    points = {}
+    if launch["height_m"] < 1000.0 and table.burns_s[0, 0] == table.time_s[0]:
+        points["launch"] = launch
+    if impact["height_m"] < 1000.0 and table.burns_s[-1, 1] < table.time_s[-1]:
+        points["impact"] = {**impact, "time_s": float(table.time_s[-1])}
+    return points
 
 
-def _record(own_id: str, config: TableConfig, table: StateTable, digest: str) -> Mapping[str, Any]:
+def _record(
+    target_id: str, config: TableConfig, table: StateTable, digest: str
+) -> Mapping[str, Any]:
     return {
-        "id": own_id,
+        "id": target_id,
         "type": config.type,
         "file": config.file,
         "sha256": digest,

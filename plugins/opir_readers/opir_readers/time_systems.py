@@ -1,49 +1,12 @@
 """Times in other systems than UTC, to seconds of UTC since 1970."""
 
-from datetime import datetime, timedelta
+from datetime import datetime
+from functools import cache
+
+import numpy as np
 
 from opir_core.plugin import BadFileError
-
-_UNIX = datetime(1970, 1, 1)
-
-#: TAI less UTC at 1972-01-01, s, and the days from which it is a second more (IERS Bulletin C 70).
-_FIRST_S = 10.0
-_LEAP_DAYS = (
-    *(
-        "1972-07-01",
-        "1973-01-01",
-        "1974-01-01",
-        "1975-01-01",
-        "1976-01-01",
-        "1977-01-01",
-        "1978-01-01",
-        "1979-01-01",
-    ),
-    *(
-        "1980-01-01",
-        "1981-07-01",
-        "1982-07-01",
-        "1983-07-01",
-        "1985-07-01",
-        "1988-01-01",
-        "1990-01-01",
-        "1991-01-01",
-    ),
-    *(
-        "1992-07-01",
-        "1993-07-01",
-        "1994-07-01",
-        "1996-01-01",
-        "1997-07-01",
-        "1999-01-01",
-        "2006-01-01",
-        "2009-01-01",
-    ),
-    *("2012-07-01", "2015-07-01", "2017-01-01"),
-)
-_LEAPS_S = tuple(
-    (datetime.fromisoformat(day) - _UNIX) // timedelta(seconds=1) for day in _LEAP_DAYS
-)
+from opir_readers.published import published
 
 #: Time systems, by how much they are ahead of TAI, s. UT1 is within 0.9 s of UTC, and taken for it.
 _AHEAD_OF_TAI_S = {"TAI": 0.0, "GPS": -19.0, "TT": 32.184, "TDB": 32.184}
@@ -51,9 +14,16 @@ UTC_SYSTEMS = ("UTC", "UT1")
 SYSTEMS = (*UTC_SYSTEMS, *_AHEAD_OF_TAI_S)
 
 
+@cache
+def _leaps_s() -> list[int]:
+    """Return the Unix times from which TAI is a second more ahead of UTC, s."""
+    days = np.array(published("leap_seconds")["days"], dtype="datetime64[s]")
+    return days.astype(np.int64).tolist()
+
+
 def tai_less_utc_s(unix_s: float) -> float:
     """Return TAI less UTC at a time of UTC from 1972 on, seconds since 1970."""
-    return _FIRST_S + sum(unix_s >= leap_s for leap_s in _LEAPS_S)
+    return 10.0 + sum(unix_s >= leap_s for leap_s in _leaps_s())
 
 
 def utc_s(seconds: float, system: str) -> float:
@@ -77,15 +47,15 @@ def unix_s(text: str, number: int, system: str = "UTC") -> float:
 
     `number` is the line of the text, for the `BadFileError` about what is no time.
     """
-    whole, _, fraction = text.removesuffix("Z").partition(".")
+    minute, _, fraction = text.removesuffix("Z").partition(".")
     for form in ("%Y-%m-%dT%H:%M:%S", "%Y-%jT%H:%M:%S"):
         try:
-            seconds = (datetime.strptime(whole, form) - _UNIX) // timedelta(seconds=1)
+            seconds = (datetime.strptime(minute, form) - datetime(1970, 1, 1)).total_seconds()
         except ValueError:
             continue
         if not fraction or (fraction.isascii() and fraction.isdecimal()):
-            return utc_s(float(seconds), system) + float(f"0.{fraction or 0}")
+            return utc_s(seconds, system) + float(f"0.{fraction or 0}")
     raise BadFileError(
         f"line {number}: {text!r} is no time like 2026-04-01T12:00:00.000 (a leap second is none"
-        f" here)"
+        " here)"
     )

@@ -1,5 +1,5 @@
-"""Velocities of a table against the differences of its positions, and the slip that explains what
-they differ by.
+"""Velocities of a table against the differences of its positions, and the slip that explains the
+differences.
 
 Velocities are compared with the rates of positions at each state: the slope there of the parabola
 through it and its neighbours. Rates of a boost sampled every 30 s are wrong by tens of metres a
@@ -11,47 +11,54 @@ what happened.
 
 from collections.abc import Iterator
 from itertools import permutations, product
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry import east_north_up_axes, ecef_to_geodetic
+from opir_core.geometry import dot
 from opir_core.plugin import StateTable
+from opir_readers.celestial_frames import earth_rotation_m_s, turned
+from opir_readers.columns import INERTIAL_VELOCITY, LOCAL_VELOCITY, SPEEDS, xyz
+from opir_readers.frames import along_axes, axes_at
 from opir_readers.interpolation import runs
 
-#: A slip explains what velocities and positions differ by if it leaves at most this share of it.
-_EXPLAINED = 0.3
 
-#: Slips fit alike if what they leave differs by this share of what there was to explain.
-_ALIKE = 0.01
+@frozen
+class SlipLimits:
+    """When velocities are reported, and a slip explains them."""
 
-#: Median differences below this, m/s, are not reported: they move a target by metres between
-#: states.
-_LEAST_M_S = 0.2
+    #: A slip explains the difference of velocities and positions if it leaves at most this share.
+    explained: float = 0.3
+    #: Slips fit alike if their residuals differ by this share of the difference to explain.
+    alike: float = 0.01
+    #: Median differences below this, m/s, are not reported: they move a target by metres between
+    #: states.
+    least_m_s: float = 0.2
+    #: Unexplained medians are reported above this share of the median speed, and above the median
+    #: change of rates from state to state.
+    unexplained: float = 0.2
+    #: One state is reported if its velocity is off by this multiple of the change of rates around
+    #: it,
+    outlier: float = 3.0
+    #: and by this, m/s.
+    least_outlier_m_s: float = 100.0
+    #: States nearer to one another than this, s, are thinned out: rounding of positions hides rates
+    #: between them.
+    least_step_s: float = 1.0
+    #: The most states that are compared: slips show in all.
+    most_states: int = 2000
 
-#: Unexplained medians are reported above this share of the median speed, and above the median
-#: change of rates from state to state.
-_UNEXPLAINED = 0.2
 
-#: One state is reported if its velocity is off by this multiple of what rates change by around it,
-#: and by this, m/s.
-_OUTLIER = 3.0
-_LEAST_OUTLIER_M_S = 100.0
-
-#: States nearer to one another than this, s, are thinned out: rounding of positions hides rates
-#: between them.
-_LEAST_STEP_S = 1.0
-
-#: The most states that are compared: slips show in all.
-_MOST_STATES = 2000
+_LIMITS = SlipLimits()
 
 
 @frozen
 class VelocitySlip:
-    """What velocities differ from positions by: at a line, the figures in m/s, and the likely
-    cause, "" for none.
+    """The difference of velocities from positions at a line, m/s, and the likely cause, "" for
+    none.
 
     `residual_m_s` is the median difference that is left once the cause is mended; `is_systematic`
     is for a slip of the whole table, not of a few lines.
@@ -65,6 +72,24 @@ class VelocitySlip:
     is_systematic: bool = True
 
 
+class _Rates(NamedTuple):
+    """Rows (n,), the rates of their positions (n, 3), m/s, and the change of rates around them
+    (n,).
+    """
+
+    rows: RowArray
+    rates: FloatArray
+    turns: FloatArray
+
+
+class _Mended(NamedTuple):
+    """Velocities (n, 3), m/s, without a slip: its cause and remedy."""
+
+    cause: str
+    remedy: str
+    velocity_m_s: FloatArray
+
+
 def velocity_slip(table: StateTable) -> VelocitySlip | None:
     """Return how the velocities of a table contradict its positions, or None where they agree."""
     if table.velocity_m_s is None:
@@ -72,172 +97,139 @@ def velocity_slip(table: StateTable) -> VelocitySlip | None:
     rows, rates, turns = _rates(table)
     if len(rows) < 2:
         return None
-    off = _length(table.velocity_m_s[rows] - rates)
-    worst = int(np.argmax(off))
-    median = float(np.median(off))
-    if median >= _LEAST_M_S:
-        cause, remedy, left = _best(table, rows, rates, _ALIKE * median)
-        if left <= _EXPLAINED * median:
-            return VelocitySlip(
-                table.line_of(int(rows[worst])), float(off[worst]), cause, remedy, left
-            )
-    speed = float(np.median(_length(rates)))
-    if median > max(_UNEXPLAINED * speed, float(np.median(turns)), _LEAST_OUTLIER_M_S):
-        return VelocitySlip(table.line_of(int(rows[worst])), float(off[worst]))
-    excess = off - np.maximum(_OUTLIER * turns, _LEAST_OUTLIER_M_S)
-    if excess.max() > 0.0:
-        row = int(np.argmax(excess))
-        return VelocitySlip(table.line_of(int(rows[row])), float(off[row]), is_systematic=False)
-    return None
+    difference = _length(table.velocity_m_s[rows] - rates)
+
+    def slip_at(row: np.intp, **described: Any) -> VelocitySlip:
+        return VelocitySlip(table.line_of(int(rows[row])), float(difference[row]), **described)
+
+    worst = np.argmax(difference)
+    median = float(np.median(difference))
+    if median >= _LIMITS.least_m_s:
+        slip, residual = _best(table, rows, rates, _LIMITS.alike * median)
+        if residual <= _LIMITS.explained * median:
+            return slip_at(worst, cause=slip.cause, remedy=slip.remedy, residual_m_s=residual)
+    share_m_s = _LIMITS.unexplained * float(np.median(_length(rates)))
+    if median > max(share_m_s, float(np.median(turns)), _LIMITS.least_outlier_m_s):
+        return slip_at(worst)
+    excess = difference - np.maximum(_LIMITS.outlier * turns, _LIMITS.least_outlier_m_s)
+    outlier = np.argmax(excess)
+    return slip_at(outlier, is_systematic=False) if excess[outlier] > 0.0 else None
 
 
-def _rates(table: StateTable) -> tuple[RowArray, FloatArray, FloatArray]:
-    """Return rows (n,), the rates of their positions (n, 3), m/s, and how much rates change around
-    them (n,).
-    """
-    parts = [_rates_of_run(table, _thinned(table.time_s, rows)) for rows in runs(table)]
-    rows, rates, turns = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    stride = -(-len(rows) // _MOST_STATES) or 1
-    return rows[::stride], rates[::stride], turns[::stride]
+def _rates(table: StateTable) -> _Rates:
+    parted = [_rates_of_run(table, _thinned(table.time_s, rows)) for rows in runs(table)]
+    rows, rates, turns = (np.concatenate(columns) for columns in zip(*parted, strict=True))
+    stride = -(-len(rows) // _LIMITS.most_states) or 1
+    return _Rates(rows[::stride], rates[::stride], turns[::stride])
 
 
-def _rates_of_run(table: StateTable, rows: RowArray) -> tuple[RowArray, FloatArray, FloatArray]:
+def _rates_of_run(table: StateTable, rows: RowArray) -> _Rates:
     if len(rows) < 3:
-        return rows[:0], np.empty((0, 3)), np.empty(0)
+        return _Rates(rows[:0], np.empty((0, 3)), np.empty(0))
     step = np.diff(table.time_s[rows])[:, None]
     chord = np.diff(table.position_m[rows], axis=0) / step
-    before = step[:-1]
-    after = step[1:]
-    rates = (chord[:-1] * after + chord[1:] * before) / (before + after)
-    return rows[1:-1], rates, _length(np.diff(chord, axis=0))
+    rates = (chord[:-1] * step[1:] + chord[1:] * step[:-1]) / (step[:-1] + step[1:])
+    return _Rates(rows[1:-1], rates, _length(np.diff(chord, axis=0)))
 
 
 def _thinned(time_s: FloatArray, rows: RowArray) -> RowArray:
     """Return some of the rows, a second apart or more where there are enough."""
     step_s = (time_s[rows[-1]] - time_s[rows[0]]) / max(len(rows) - 1, 1)
-    stride = int(np.ceil(_LEAST_STEP_S / step_s)) if 0.0 < step_s < _LEAST_STEP_S else 1
+    least_s = _LIMITS.least_step_s
+    stride = int(np.ceil(least_s / step_s)) if 0.0 < step_s < least_s else 1
     return rows[:: max(min(stride, len(rows) // 8), 1)]
 
 
 def _best(
     table: StateTable, rows: RowArray, rates: FloatArray, alike_m_s: float
-) -> tuple[str, str, float]:
-    """Return the slip that explains best, its remedy, and the median difference that it leaves,
-    m/s.
+) -> tuple[_Mended, float]:
+    """Return the slip that explains best, and the median difference without it, m/s.
 
-    Slips that leave as little to within `alike_m_s` fit alike.
+    Slips whose differences are within `alike_m_s` fit alike.
     """
-    found = [
-        (float(np.median(_length(mended - rates))), order, cause, remedy)
-        for order, (cause, remedy, mended) in enumerate(_mended(table, rows, rates))
-    ]
-    least = min(found)[0]
+    slips = list(_mended(table, rows, rates))
+    residuals = [float(np.median(_length(slip.velocity_m_s - rates))) for slip in slips]
     # Of slips that fit alike the plainest counts, which comes first: an axis of a flat flight may
     # have either sign.
-    left, _, cause, remedy = next(row for row in found if row[0] <= 1.2 * least + alike_m_s)
-    return cause, remedy, left
+    limit = 1.2 * min(residuals) + alike_m_s
+    row = next(row for row, residual in enumerate(residuals) if residual <= limit)
+    return slips[row], residuals[row]
 
 
-_UNITS = {"": 1.0, "km_s": 1e3, "ft_s": 0.3048, "km_h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
-_IN_UNITS = {"km_s": "km/s", "ft_s": "ft/s", "km_h": "km/h", "kn": "knots"}
-
-
-def _mended(
-    table: StateTable, rows: RowArray, rates: FloatArray
-) -> Iterator[tuple[str, str, FloatArray]]:
-    """Yield the usual slips, the plainest first: cause, remedy, and the velocities without it."""
+def _mended(table: StateTable, rows: RowArray, rates: FloatArray) -> Iterator[_Mended]:
+    """Yield the velocities of rows without the usual slips, the plainest first."""
     assert table.velocity_m_s is not None
-    given = table.velocity_m_s[rows]
-    place_m = table.position_m[rows]
-    time_s = table.time_s[rows]
-    where = ecef_to_geodetic(place_m)
-    local = east_north_up_axes(where.latitude_rad, where.longitude_rad)
-    turning = EARTH_ROTATION_RAD_S * np.stack(
-        [-place_m[:, 1], place_m[:, 0], 0.0 * place_m[:, 0]], axis=1
-    )
-    angle = EARTH_ROTATION_RAD_S * (time_s - time_s[0])
-    cosine = np.cos(angle)[:, None]
-    sine = np.sin(angle)[:, None]
-    for unit, factor in _UNITS.items():
-        v = factor * given
-        still = np.concatenate(
-            [cosine * v[:, :1] + sine * v[:, 1:2], cosine * v[:, 1:2] - sine * v[:, :1], v[:, 2:]],
-            1,
-        )
-        swapped = np.stack([v[:, 1], v[:, 0], -v[:, 2]], axis=1)
-        for cause, names, mended in (
-            ("", ("vx_ecef", "vy_ecef", "vz_ecef"), v),
-            (
-                "inertial (with the Earth's rotation)",
-                ("vx_inertial", "vy_inertial", "vz_inertial"),
-                v - turning,
-            ),
-            ("inertial, in axes that do not turn with the Earth", (), still - turning),
-            ("without the Earth's rotation twice over", (), v + turning),
-            ("towards east, north and up", ("v_east", "v_north", "v_up"), _along(v, local)),
-            ("towards north, east and down", (), _along(swapped, local)),
-            (
-                "towards east, north and up of the first place",
-                (),
-                _along(v, np.broadcast_to(local[:1], local.shape)),
-            ),
-        ):
-            if cause or unit:
-                words = " and ".join(filter(None, [cause, f"in {_IN_UNITS[unit]}" if unit else ""]))
-                yield words, _renamed(table, names, unit), mended
-    yield "of the wrong sign", "", -given
+    velocity = table.velocity_m_s[rows]
+    for unit, factor in SPEEDS.items():
+        for cause, names, mended in _frames(table, rows, factor * velocity):
+            text = {"kn": "knots"}.get(unit, unit.replace("_", "/"))
+            words = [cause, "" if unit == "m_s" else f"in {text}"]
+            if any(words):
+                remedy = _renamed(table, names, unit)
+                yield _Mended(" and ".join(filter(None, words)), remedy, mended)
+    yield _Mended("of the wrong sign", "", -velocity)
+    yield from _other_axes(velocity)
+    # Rows are within their runs, so that each has a line above and one below.
+    for shift, side in ((1, "above"), (-1, "below")):
+        neighbours = table.velocity_m_s[rows + shift]
+        yield _Mended(f"of the line {side}", "move the velocities by one line", neighbours)
+    yield _lagged(velocity, rates, table.time_s[rows])
+
+
+def _frames(
+    table: StateTable, rows: RowArray, velocity: FloatArray
+) -> Iterator[tuple[str, tuple[str, ...], FloatArray]]:
+    """Yield the velocities of rows in ECEF from each usual frame: its words, "" for ECEF, and the
+    quantities of its columns.
+    """
+    axes = axes_at(table.position_m[rows])
+    rotation = earth_rotation_m_s(table.position_m[rows])
+    angle = EARTH_ROTATION_RAD_S * (table.time_s[rows] - table.time_s[rows[0]])
+    north_east_down = velocity[:, [1, 0, 2]] * (1.0, 1.0, -1.0)
+    yield "", xyz("v{}_ecef"), velocity
+    yield "inertial (with the Earth's rotation)", INERTIAL_VELOCITY, velocity - rotation
+    still = turned(velocity, [("z", angle)])
+    yield "inertial, in axes that do not turn with the Earth", (), still - rotation
+    yield "without the Earth's rotation twice over", (), velocity + rotation
+    yield "towards east, north and up", LOCAL_VELOCITY, along_axes(velocity, axes)
+    yield "towards north, east and down", (), along_axes(north_east_down, axes)
+    mended = along_axes(velocity, axes[:1])
+    yield "towards east, north and up of the first place", (), mended
+
+
+def _other_axes(velocity: FloatArray) -> Iterator[_Mended]:
+    """Yield velocities with axes in another order or sign."""
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         if order != (0, 1, 2) or sum(signs) not in (3.0, -3.0):
             axes = ", ".join(
                 f"{'-' if sign < 0.0 else ''}v{'xyz'[axis]}"
                 for axis, sign in zip(order, signs, strict=True)
             )
-            yield (
-                f"with axes in another order or sign ({axes} is vx, vy, vz)",
-                "",
-                given[:, order] * np.array(signs),
-            )
-    # Rows are within their runs, so that each has a line above and one below.
-    for shift, words in ((1, "above"), (-1, "below")):
-        yield (
-            f"of the line {words}",
-            "move the velocities by one line",
-            table.velocity_m_s[rows + shift],
-        )
-    yield from _lagged(given, rates, time_s)
+            words = f"with axes in another order or sign ({axes} is vx, vy, vz)"
+            yield _Mended(words, "", velocity[:, order] * np.array(signs))
 
 
-def _lagged(
-    given: FloatArray, rates: FloatArray, time_s: FloatArray
-) -> Iterator[tuple[str, str, FloatArray]]:
-    """Yield velocities of another time: the lag that fits best, by least squares on the rates of
+def _lagged(velocity: FloatArray, rates: FloatArray, time_s: FloatArray) -> _Mended:
+    """Return velocities of another time: the lag that fits best, by least squares on the rates of
     the rates.
     """
-    change = (
-        np.gradient(rates, time_s, axis=0)
-        if len(rates) > 2 and (np.diff(time_s) > 0.0).all()
-        else 0.0 * rates
-    )
+    change = 0.0 * rates
+    if len(rates) > 2 and (np.diff(time_s) > 0.0).all():
+        change = np.gradient(rates, time_s, axis=0)
     weight = float((change * change).sum())
-    lag_s = float(((rates - given) * change).sum()) / weight if weight > 0.0 else 0.0
-    when = np.clip(time_s + lag_s, time_s[0], time_s[-1])
-    mended = np.stack([np.interp(when, time_s, axis) for axis in given.T], axis=1)
-    words = (
-        f"of a time {abs(lag_s):.2g} s {'earlier' if lag_s > 0.0 else 'later'} than their positions"
-    )
-    yield words, "", mended
+    lag_s = float(((rates - velocity) * change).sum()) / weight if weight > 0.0 else 0.0
+    lagged_s = np.clip(time_s + lag_s, time_s[0], time_s[-1])
+    mended = np.stack([np.interp(lagged_s, time_s, axis) for axis in velocity.T], axis=1)
+    side = "earlier" if lag_s > 0.0 else "later"
+    return _Mended(f"of a time {abs(lag_s):.2g} s {side} than their positions", "", mended)
 
 
 def _renamed(table: StateTable, quantities: tuple[str, ...], unit: str) -> str:
     """Return the column map that reads the velocities rightly, "" where none does."""
     pairs = zip(quantities, table.velocity_names, strict=False)
-    mapped = ", ".join(f"{quantity}_{unit or 'm_s'}: {name}" for quantity, name in pairs)
+    mapped = ", ".join(f"{quantity}_{unit}: {name}" for quantity, name in pairs)
     return f"set columns: {{{mapped}}}" if mapped else ""
 
 
-def _along(velocity_m_s: FloatArray, axes: FloatArray) -> FloatArray:
-    return np.asarray((velocity_m_s[:, :, None] * axes).sum(axis=1))
-
-
 def _length(vectors: FloatArray) -> FloatArray:
-    return np.sqrt((vectors * vectors).sum(axis=1))
+    return np.sqrt(dot(vectors, vectors))

@@ -104,7 +104,7 @@ def _marked_global_states() -> Iterator[tuple[object, ...]]:
 
 @contextmanager
 def _monitored() -> Iterator[list[str]]:
-    uses: list[str] = []
+    uses = []
 
     def note(frame: FrameType, event: str, argument: Any) -> None:
         use = _outside_input(argument) if event == "c_call" else ""

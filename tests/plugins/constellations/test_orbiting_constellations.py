@@ -15,11 +15,10 @@ from sgp4.api import Satrec
 
 from opir_core import simulate
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.contexts import SensorContext
 from opir_core.orbits import OrbitConfig
+from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, SensorContext
 from opir_core.reading import scene_from_mapping
 from opir_core.scene.fields import field_infos
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 
 PACKAGES = ("opir_heo", "opir_leo")
 DAY_S = 86164.1
@@ -224,7 +223,7 @@ def test_mean_elements_go_through_a_whole_scene():
     assert len(run.detections) > 100
 
 
-def test_warm_bodies_are_seen_in_long_waves_against_space_and_by_no_sensor_of_short_waves():
+def test_warm_bodies_are_seen_in_long_waves_alone():
     sensors = [
         {"constellation": "LEO-MEDIUM"},
         {"constellation": "LEO-WIDE", "follows_bodies": True},

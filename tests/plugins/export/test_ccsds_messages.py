@@ -12,7 +12,7 @@ from attrs import evolve
 from ccsds_ndm.ndm_io import NdmIo
 from exported_runs import exported, short_run
 from oem import OrbitEphemerisMessage
-from opir_readers.oem_table import oem_table
+from read_files import read
 from repository import EXAMPLES
 
 import opir_core
@@ -32,8 +32,8 @@ def ephemerides(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def first_seconds() -> opir_core.Run:
     """Return a run with few detections: the reader takes a millisecond for each line."""
     run = short_run()
-    few = slice(0, 900)
-    return evolve(run, detections=run.detections.take(few), truth=run.truth.take(few))
+    limit = slice(0, 900)
+    return evolve(run, detections=run.detections.take(limit), truth=run.truth.take(limit))
 
 
 def tracking_data(tmp_path: Path, *settings: str) -> list[Any]:
@@ -55,9 +55,9 @@ def test_sensors_and_flights_have_their_messages(ephemerides: Path) -> None:
         (targets[0], 2),
         (sensors[0], 1),
     ):  # a target has its burn, and the flight after it
-        found = list(OrbitEphemerisMessage.open(ephemerides / name))
-        assert len(found) == segments
-        for segment in found:
+        stretches = list(OrbitEphemerisMessage.open(ephemerides / name))
+        assert len(stretches) == segments
+        for segment in stretches:
             assert segment.metadata["OBJECT_NAME"] == name.partition("-")[2].removesuffix(".oem")
             assert segment.metadata["REF_FRAME"] == "ITRF2000"
             assert np.isfinite([state.position for state in segment]).all()
@@ -80,27 +80,28 @@ def test_ranges_between_the_states_are_those_of_the_truth(ephemerides: Path) -> 
 def test_states_at_burnout_are_those_of_the_truth(ephemerides: Path) -> None:
     truth = short_run().plan.targets.truth()[0]
     burn, _ = OrbitEphemerisMessage.open(ephemerides / f"target-{truth['id']}.oem")
-    last = list(burn)[-1]
-    np.testing.assert_allclose(last.position * 1e3, truth["burnout"]["position_ecef_m"], atol=1e-2)
+    final = list(burn)[-1]
+    np.testing.assert_allclose(final.position * 1e3, truth["burnout"]["position_ecef_m"], atol=1e-2)
     np.testing.assert_allclose(
-        last.velocity * 1e3, truth["burnout"]["velocity_ecef_m_s"], atol=1e-2
+        final.velocity * 1e3, truth["burnout"]["velocity_ecef_m_s"], atol=1e-2
     )
 
 
 def test_opir_flies_its_own_ephemerides(ephemerides: Path) -> None:
     run = short_run()
     target = run.plan.scene.targets[0].id
-    table = oem_table(
-        (ephemerides / f"target-{target}.oem").read_text(), run.plan.scene.epoch_us, None
+    text = (ephemerides / f"target-{target}.oem").read_text()
+    table = read("oem", text, run.plan.scene.epoch_us)
+    truth = next(
+        target_truth for target_truth in run.plan.targets.truth() if target_truth["id"] == target
     )
-    truth = next(each for each in run.plan.targets.truth() if each["id"] == target)
     assert table.time_s[0] == pytest.approx(truth["ignition_s"], abs=1e-6)
     assert table.time_s[-1] == pytest.approx(truth["impact"]["time_s"], abs=2e-6)
     in_burn = table.time_s <= truth["burnout_s"]
-    own = run.plan.targets.position_ecef_m(
+    expected = run.plan.targets.position_ecef_m(
         np.zeros(in_burn.sum(), dtype=np.int32), table.time_s[in_burn]
     )
-    np.testing.assert_allclose(table.position_m[in_burn], own, atol=1e-2)
+    np.testing.assert_allclose(table.position_m[in_burn], expected, atol=1e-2)
 
 
 @pytest.mark.slow
@@ -113,9 +114,8 @@ def test_stages_and_dark_gaps_are_segments_that_meet(tmp_path: Path) -> None:
     counts = []
     for truth, burns_s in zip(run.plan.targets.truth(), run.plan.targets.burns_s, strict=True):
         path = files[truth["id"]]
-        table = oem_table(
-            path.read_text(), scene.epoch_us, None
-        )  # opir refuses segments that do not meet
+        # The reader refuses segments that do not meet.
+        table = read("oem", path.read_text(), scene.epoch_us)
         assert np.isfinite(table.position_m).all()
         edges_s = np.array(
             [table.time_s[table.run == number][[0, -1]] for number in np.unique(table.run)]
@@ -135,9 +135,9 @@ def test_objects_and_steps_can_be_chosen(tmp_path: Path) -> None:
     )
     assert {path.stem.removeprefix("target-") for path in files} == set(short_run().target_ids)
     burn, flight = OrbitEphemerisMessage.open(files[0])
-    assert {each.metadata["REF_FRAME"] for each in (burn, flight)} == {"ITRF-97"}
-    first, second = list(burn)[:2]
-    assert (second.epoch - first.epoch).sec == pytest.approx(5.0, abs=1e-6)
+    assert {stretch.metadata["REF_FRAME"] for stretch in (burn, flight)} == {"ITRF-97"}
+    start, second = list(burn)[:2]
+    assert (second.epoch - start.epoch).sec == pytest.approx(5.0, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -145,31 +145,33 @@ def test_measured_angles_are_those_of_the_detections(tmp_path: Path) -> None:
     rows = first_seconds().detections
     run = first_seconds()
     angles = rows.angles()
-    found = 0
+    count = 0
     for segment in tracking_data(tmp_path):
         meta = segment.metadata
-        sensor = [each.id for each in run.sensors].index(meta.participant_1)
+        sensor = [candidate.id for candidate in run.sensors].index(meta.participant_1)
         track = (
             -1
             if meta.participant_2 == "UNCORRELATED"
             else int(meta.participant_2.removeprefix("TRACK-"))
         )
-        mine = np.flatnonzero((rows.sensor == sensor) & (rows.track == track))
-        mine = mine[np.argsort(rows.time_ns[mine], kind="stable")]
-        first = observations(segment, "angle_1")
-        second = observations(segment, "angle_2")
-        np.testing.assert_allclose(first[0], rows.time_s[mine], atol=6e-7)
-        np.testing.assert_allclose(first[1], np.degrees(angles.azimuth_rad[mine]), atol=1e-9)
-        np.testing.assert_allclose(second[1], np.degrees(angles.elevation_rad[mine]), atol=1e-9)
-        found += len(mine)
-    assert found == len(rows)
+        members = np.flatnonzero((rows.sensor == sensor) & (rows.track == track))
+        members = members[np.argsort(rows.time_ns[members], kind="stable")]
+        azimuth = observations(segment, "angle_1")
+        elevation = observations(segment, "angle_2")
+        np.testing.assert_allclose(azimuth[0], rows.time_s[members], atol=6e-7)
+        np.testing.assert_allclose(azimuth[1], np.degrees(angles.azimuth_rad[members]), atol=1e-9)
+        np.testing.assert_allclose(
+            elevation[1], np.degrees(angles.elevation_rad[members]), atol=1e-9
+        )
+        count += len(members)
+    assert count == len(rows)
 
 
 def observations(segment: Any, name: str) -> tuple[np.ndarray[Any, Any], list[float]]:
     """Return times, scene seconds, and values, degrees, of one kind of observation of a segment."""
-    given = [each for each in segment.data.observation if getattr(each, name) is not None]
-    return scene_seconds([each.epoch for each in given]), [
-        getattr(each, name).value for each in given
+    values = [value for value in segment.data.observation if getattr(value, name) is not None]
+    return scene_seconds([value.epoch for value in values]), [
+        getattr(value, name).value for value in values
     ]
 
 
@@ -179,20 +181,20 @@ def test_right_ascension_is_that_of_erfa(tmp_path: Path) -> None:
     rows = run.detections
     first_sensor = None
     segments = tracking_data(tmp_path, "angles=radec", "objects=targets")
-    assert {each.metadata.participant_2 for each in segments} <= {*run.target_ids, "UNCORRELATED"}
+    assert {item.metadata.participant_2 for item in segments} <= {*run.target_ids, "UNCORRELATED"}
     for segment in segments:
         assert segment.metadata.reference_frame.value == "EME2000"
-        sensor = [each.id for each in run.sensors].index(segment.metadata.participant_1)
+        sensor = [item.id for item in run.sensors].index(segment.metadata.participant_1)
         target = run.target_ids.index(segment.metadata.participant_2)
-        mine = np.flatnonzero((rows.sensor == sensor) & (run.truth.target == target))
-        mine = mine[np.argsort(rows.time_ns[mine], kind="stable")][:20]
+        members = np.flatnonzero((rows.sensor == sensor) & (run.truth.target == target))
+        members = members[np.argsort(rows.time_ns[members], kind="stable")][:20]
         utc = erfa.dtf2d("UTC", 2026, 4, 1, 12, 0, 0.0)
-        at = utc[1] + rows.time_s[mine] / 86400.0
+        at = utc[1] + rows.time_s[members] / 86400.0
         tt = erfa.taitt(*erfa.utctai(utc[0], at))
         # Equinox of 1976 and 1980, as EME2000 is defined; UT1 is UTC in opir.
         celestial = erfa.pnm80(*tt)
         sidereal = erfa.gst94(utc[0], at)
-        line = rows.line_of_sight_ecef[mine]
+        line = rows.line_of_sight_ecef[members]
         turned = np.stack(
             [spun(angle, vector) for angle, vector in zip(sidereal, line, strict=True)]
         )
@@ -200,8 +202,8 @@ def test_right_ascension_is_that_of_erfa(tmp_path: Path) -> None:
         ra, dec = (
             np.radians(observations(segment, name)[1][:20]) for name in ("angle_1", "angle_2")
         )
-        found = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
-        assert np.degrees(np.abs(found - expected).max()) * 3600.0 < 2.0
+        sight = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
+        assert np.degrees(np.abs(sight - expected).max()) * 3600.0 < 2.0
         first_sensor = sensor
     assert first_sensor is not None
 

@@ -4,35 +4,21 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from command_line import main, run_command
 from repository import EXAMPLES
-
-from opir_core.cli.main import main
 
 
 @pytest.fixture(scope="module")
 def events(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("run") / "events.jsonl"
-    assert (
-        main(
-            [
-                "run",
-                str(EXAMPLES / "first_light.yaml"),
-                "--set",
-                "duration_s=40",
-                "--out",
-                str(path),
-                "--quiet",
-            ]
-        )
-        == 0
-    )
+    run_command("run {} --set duration_s=40 --out {} --quiet", EXAMPLES / "first_light.yaml", path)
     return path
 
 
 def test_a_run_is_written_beside_it_by_default(
     events: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["export", str(events), "--to", "parquet"]) == 0
+    run_command("export {} --to parquet", events)
     listed = [Path(line) for line in capsys.readouterr().out.splitlines()]
     assert listed[0] == events.parent / "first-light-parquet" / "detections.parquet"
     assert pl.read_parquet(listed[0]).height == len(events.read_text().splitlines()) > 0
@@ -41,26 +27,12 @@ def test_a_run_is_written_beside_it_by_default(
 
 def test_a_folder_is_a_run_and_a_path_and_settings_are_taken(events: Path, tmp_path: Path) -> None:
     out = tmp_path / "tables"
-    assert (
-        main(
-            [
-                "export",
-                str(events.parent),
-                "--to",
-                "csv",
-                "--out",
-                str(out),
-                "--set",
-                "tables=targets",
-            ]
-        )
-        == 0
-    )
+    run_command("export {} --to csv --out {} --set tables=targets", events.parent, out)
     assert [path.name for path in out.iterdir()] == ["targets.csv"]
 
 
 def test_formats_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["export", "--list"]) == 0
+    run_command("export --list")
     lines = capsys.readouterr().out.splitlines()
     assert {"arrow", "csv", "parquet"} <= {line.split()[0] for line in lines[1:]}
 
@@ -89,9 +61,9 @@ def test_formats_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
 def test_errors_name_the_place_and_the_remedy(
     events: Path, words: list[str], code: int, shown: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given = [str(events) if word == "EVENTS" else word for word in words]
-    assert main(["export", *given]) == code
+    command = [str(events) if word == "EVENTS" else word for word in words]
+    assert main(["export", *command]) == code
     message = capsys.readouterr().err
     assert message.startswith("opir: ")
-    assert all(part in message for part in shown), message
+    assert all(text in message for text in shown), message
     assert "Traceback" not in message

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from exported_runs import SCENE, exported
-from opir_testing.doubles import stub_estimates, stub_regions
+from opir_testing import stub_estimates, stub_regions
 
 import opir_core
 
@@ -64,7 +64,7 @@ def test_the_table_of_tracks_has_a_column_for_each_hypothesis(run: opir_core.Run
     assert regions["effective_samples"].to_pylist() == [500.0] * 3 + [None] * 3
 
 
-def test_a_tracker_that_weighs_nothing_adds_no_columns_of_hypotheses(run: opir_core.Run) -> None:
+def test_without_hypotheses_there_are_no_columns_of_them(run: opir_core.Run) -> None:
     table = evolve(run, tracks=stub_estimates(1)).tables()["tracks"]
     assert not [name for name in table.column_names if name.startswith("hypothesis_")]
     assert table["probability_launch"].to_pylist() == table["end"].to_pylist() == [None]
@@ -75,9 +75,11 @@ def test_maps_say_what_regions_presume(run: opir_core.Run, tmp_path: Path) -> No
         exported(run, "geojson", tmp_path / "run.geojson")[0].read_text(encoding="utf-8")
     )["features"]
     regions = [
-        each["properties"] for each in features if each["properties"]["kind"] == "impact region"
+        feature["properties"]
+        for feature in features
+        if feature["properties"]["kind"] == "impact region"
     ]
-    assert [(each["condition"], each["probability"], each["effective_samples"]) for each in regions] == [
+    assert [(feature["condition"], feature["probability"], feature["effective_samples"]) for feature in regions] == [
         *[("burn over", 0.75, 500.0)] * 3, *[("relights", 0.125, None)] * 3,
     ]  # fmt: skip
     text = exported(run, "kml", tmp_path / "run.kml")[0].read_text(encoding="utf-8")

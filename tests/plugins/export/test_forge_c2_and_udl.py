@@ -10,26 +10,20 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
+from command_line import run_command
 from forge_events import refuse_constant
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from opir_export.encoders.forge_c2 import ForgeC2Encoder
-from opir_export.encoders.udl import UdlEncoder
-from opir_export.plugin import opir_event_encoders
-from opir_testing import stub_sensor
-from opir_testing.doubles import stub_estimates, stub_window
+from opir_testing import stub_estimates, stub_sensor, stub_window
 
 from examples import examples
-from opir_core.cli.main import main
+from opir_core import Tracks, Window
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, grazing_height_m
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Tracks, Window
+from opir_core.output import timestamp_text, unix_microseconds
 from opir_core.output.events.encoder_input import window_blocks
-from opir_core.output.events.text import timestamp_text, unix_microseconds
-from opir_core.plugin import Band
-from opir_core.random_streams.detection_ids import uuid_text
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.plugin import REPORTED_TYPES, Band, EncoderContext, EventEncoder, Host
+from opir_core.random_streams import uuid_text
 
 EPOCH_US = 1_775_044_800_000_000
 SENSORS = (
@@ -37,17 +31,13 @@ SENSORS = (
     stub_sensor('"quoted"\n\\ \u00c4\u2028', orbital_slot_deg=None, type="H\tEO", bands=()),
 )
 CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US)
-C2 = ForgeC2Encoder(CONTEXT)
-UDL = UdlEncoder(CONTEXT)
+MODELS = {name: Host.discover().component(EventEncoder, name) for name in ("forge-c2", "udl")}
+C2, UDL = (model.build(model.config(), CONTEXT) for model in MODELS.values())
 FORMATS = jsonschema.Draft202012Validator.FORMAT_CHECKER
-SCHEMAS = {
-    each.name: json.loads(each.schema())
-    for each in opir_event_encoders()
-    if each.schema is not None
-}
+SCHEMAS = {name: json.loads(model.schema()) for name, model in MODELS.items()}
 VALIDATORS = {
-    name: jsonschema.Draft202012Validator(each, format_checker=FORMATS)
-    for name, each in SCHEMAS.items()
+    name: jsonschema.Draft202012Validator(schema, format_checker=FORMATS)
+    for name, schema in SCHEMAS.items()
 }
 #: The stub's sensor stands over the equator at longitude 0, and looks straight down.
 DOWN = np.array([-1.0, 0.0, 0.0])
@@ -85,7 +75,7 @@ def estimates(draw: st.DrawFn) -> Tracks:
 @st.composite
 def windows(draw: st.DrawFn) -> Window:
     count = draw(st.integers(0, 8))
-    known = draw(estimates())
+    tracks = draw(estimates())
     sensor = draw(arrays(np.int32, count, elements=st.integers(0, 1)))
     aside = draw(
         arrays(np.float64, (count, 3), elements=st.floats(-0.3, 0.3) | st.floats(-3.0, 3.0))
@@ -94,7 +84,7 @@ def windows(draw: st.DrawFn) -> Window:
     length = np.linalg.norm(looks, axis=1, keepdims=True)
     return stub_window(
         count,
-        estimates=known,
+        estimates=tracks,
         sensor=sensor,
         reported_ns=draw(arrays(np.int64, count, elements=st.integers(0, 2**62))),
         bands=draw(arrays(np.uint8, count, elements=st.integers(0, 3))) * (sensor == 0),
@@ -103,7 +93,7 @@ def windows(draw: st.DrawFn) -> Window:
         line_of_sight_ecef=np.where(length > 1e-3, looks / np.maximum(length, 1e-3), DOWN),
         snr=draw(arrays(np.float64, count, elements=st.floats())),
         track=draw(arrays(np.int64, count, elements=st.integers(-1, 2**63 - 1))),
-        estimate=draw(arrays(np.int64, count, elements=st.integers(-1, len(known) - 1))),
+        estimate=draw(arrays(np.int64, count, elements=st.integers(-1, len(tracks) - 1))),
     )
 
 
@@ -113,7 +103,7 @@ def time_text(time_ns: int) -> str:
 
 
 @given(windows())
-def test_every_flat_event_fits_its_schema_and_says_what_its_row_says(window: Window) -> None:
+def test_flat_events_fit_their_schema_and_rows(window: Window) -> None:
     rows = np.flatnonzero(C2.encodable(window)) if len(window.detections) else []
     events = events_of(C2, window)
     assert len(events) == len(rows)
@@ -131,7 +121,7 @@ def test_every_flat_event_fits_its_schema_and_says_what_its_row_says(window: Win
 
 
 @given(windows())
-def test_every_missile_track_fits_its_schema_and_says_what_its_row_says(window: Window) -> None:
+def test_missile_tracks_fit_their_schema_and_rows(window: Window) -> None:
     events = events_of(UDL, window)
     d = window.detections
     assert len(events) == len(d)
@@ -150,22 +140,24 @@ def test_every_missile_track_fits_its_schema_and_says_what_its_row_says(window: 
 @pytest.mark.parametrize("encoder", [C2, UDL])
 @given(data=st.data())
 @examples(40)
-def test_bytes_do_not_depend_on_windows(
-    encoder: Any, data: st.DataObject
-) -> None:
+def test_bytes_do_not_depend_on_the_windows(encoder: Any, data: st.DataObject) -> None:
     window = data.draw(windows())
-    parts = [encoder.encode(part) for part in window_blocks(window, data.draw(st.integers(1, 4)))]
-    assert b"".join(parts) == encoder.encode(window)
+    pieces = [
+        encoder.encode(piece) for piece in window_blocks(window, data.draw(st.integers(1, 4)))
+    ]
+    assert b"".join(pieces) == encoder.encode(window)
 
 
 def looking(*directions: Any) -> Window:
     return stub_window(
         len(directions),
-        line_of_sight_ecef=[np.divide(each, np.linalg.norm(each)) for each in directions],
+        line_of_sight_ecef=[
+            np.divide(direction, np.linalg.norm(direction)) for direction in directions
+        ],
     )
 
 
-def test_without_a_track_an_event_is_where_its_line_of_sight_meets_the_earth() -> None:
+def test_without_a_track_an_event_is_on_the_ground() -> None:
     place = geodetic_to_ecef(np.radians(35.0), np.radians(-20.0), 0.0)
     sensor = stub_window(1).detections.sensor_ecef_m[0]
     (event,) = events_of(C2, looking(place - sensor))
@@ -207,10 +199,10 @@ def test_no_flat_event_is_where_nothing_is_known(window: Window) -> None:
 
 
 @pytest.mark.parametrize("state", [np.nan, 0.0, 1e200, np.inf])
-def test_an_estimate_that_is_no_place_gives_way_to_the_line_of_sight(state: float) -> None:
-    known = stub_estimates(1, state=np.full(6, state))
+def test_an_invalid_estimate_gives_way_to_the_line_of_sight(state: float) -> None:
+    tracks = stub_estimates(1, state=np.full(6, state))
     aside = np.array([-1.0, 0.05, 0.1]) / np.linalg.norm([-1.0, 0.05, 0.1])
-    window = stub_window(1, estimates=known, estimate=0, track=1, line_of_sight_ecef=aside)
+    window = stub_window(1, estimates=tracks, estimate=0, track=1, line_of_sight_ecef=aside)
     (event,) = events_of(C2, window)
     assert event["altitude"] == 0.0
     assert event["latitude"] > 1.0
@@ -218,31 +210,35 @@ def test_an_estimate_that_is_no_place_gives_way_to_the_line_of_sight(state: floa
     assert record["vectors"][0]["type"] == "LOS"
 
 
-def test_a_track_s_estimate_is_carried_to_the_time_of_the_detection() -> None:
+def test_estimates_are_carried_to_the_detections_time() -> None:
     start = geodetic_to_ecef(np.radians(28.5), np.radians(-80.6), 90_000.0)
     up = start / np.linalg.norm(start)
-    known = stub_estimates(1, tick_s=5.0, state=np.concatenate([start, 2000.0 * up]))
-    window = stub_window(10, first_scan=5, estimates=known, estimate=0, track=4)
-    first, *_, last = events_of(C2, window)
-    assert (first["latitude"], first["longitude"], first["altitude"]) == (28.5, -80.6, 90_000.0)
-    there = ecef_to_geodetic(start + 9.0 * 2000.0 * up)
-    assert last["altitude"] == pytest.approx(there.height_m, abs=1e-3)
-    early, *_, late = events_of(UDL, window)
-    assert (early["env"], late["env"]) == ("AIR", "SPACE")
-    vector = late["vectors"][0]
+    tracks = stub_estimates(1, tick_s=5.0, state=np.concatenate([start, 2000.0 * up]))
+    window = stub_window(10, first_scan=5, estimates=tracks, estimate=0, track=4)
+    start_event, *_, end_event = events_of(C2, window)
+    assert (start_event["latitude"], start_event["longitude"], start_event["altitude"]) == (
+        28.5,
+        -80.6,
+        90_000.0,
+    )
+    end_place = ecef_to_geodetic(start + 9.0 * 2000.0 * up)
+    assert end_event["altitude"] == pytest.approx(end_place.height_m, abs=1e-3)
+    start_record, *_, end_record = events_of(UDL, window)
+    assert (start_record["env"], end_record["env"]) == ("AIR", "SPACE")
+    vector = end_record["vectors"][0]
     assert vector["pos"] == pytest.approx(((start + 9.0 * 2000.0 * up) * 1e-3).tolist(), abs=1e-6)
     assert vector["vel"] == pytest.approx((2.0 * up).tolist(), abs=1e-6)
-    assert late["trackId"] == "4"
+    assert end_record["trackId"] == "4"
 
 
 def test_a_missile_track_says_where_it_comes_down_and_how_surely() -> None:
-    known = stub_estimates(
+    tracks = stub_estimates(
         1,
         launch=[np.radians(34.73), np.radians(239.43), 10.25],
         impact=[np.radians(9.0), np.radians(167.7), np.nan],
         impact_covariance=np.diag([9e6, 1e6, 1.0]),
     )
-    (record,) = events_of(UDL, stub_window(1, estimates=known, estimate=0, track=3))
+    (record,) = events_of(UDL, stub_window(1, estimates=tracks, estimate=0, track=3))
     assert record["dataMode"] == "SIMULATED"
     assert (record["launchLat"], record["launchLon"]) == (34.73, -120.57)
     assert record["launchTime"] == "2026-04-01T12:00:10.250000Z"
@@ -253,19 +249,19 @@ def test_a_missile_track_says_where_it_comes_down_and_how_surely() -> None:
         [90.0, 7.34324, 2.447747],
     )
     assert record["containment"] == 95.0
-    known = evolve(known, impact_sigmas=np.array([[1.0, 2.0, 3.0]]))
-    (record,) = events_of(UDL, stub_window(1, estimates=known, estimate=0, track=3))
+    tracks = evolve(tracks, impact_sigmas=np.array([[1.0, 2.0, 3.0]]))
+    (record,) = events_of(UDL, stub_window(1, estimates=tracks, estimate=0, track=3))
     assert record["impactAouData"] == [90.0, 9.0, 3.0]
     assert "impactTime" not in record
     (record,) = events_of(
         UDL,
-        stub_window(1, estimates=evolve(known, impact_method=np.array([1])), estimate=0, track=7),
+        stub_window(1, estimates=evolve(tracks, impact_method=np.array([1])), estimate=0, track=7),
     )
     assert (record["impactLat"], record["impactLon"]) == (9.0, 167.7)
     assert not record.keys() & {"impactAouType", "impactAouData"}
 
 
-def test_intensity_is_the_measured_irradiance_and_frequency_the_band_s() -> None:
+def test_intensity_and_frequency_are_those_of_the_bands() -> None:
     window = stub_window(3, bands=[2, 3, 0])
     measured = np.array([[1e-9, 2e-9], [np.nan, 5e-10], [np.nan, np.nan]])
     window = evolve(window, detections=evolve(window.detections, band_irradiance_w_m2=measured))
@@ -294,7 +290,7 @@ def test_a_flat_event_as_bytes() -> None:
 
 
 def test_a_missile_track_as_bytes() -> None:
-    known = stub_estimates(
+    tracks = stub_estimates(
         1,
         state=[6.5e6, 0.0, 0.0, 10.0, 20.0, 30.0],
         impact=[0.125, 0.25, 1200.0],
@@ -302,7 +298,7 @@ def test_a_missile_track_as_bytes() -> None:
     )
     line = UDL.encode(
         stub_window(
-            1, estimates=known, estimate=0, track=7, reported_type=0, line_of_sight_ecef=DOWN
+            1, estimates=tracks, estimate=0, track=7, reported_type=0, line_of_sight_ecef=DOWN
         )
     )
     assert line == (
@@ -319,7 +315,7 @@ def test_a_missile_track_as_bytes() -> None:
 
 @pytest.mark.parametrize("name", sorted(SCHEMAS))
 def test_the_command_prints_the_schema(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", name]) == 0
+    run_command("schema {}", name)
     reported = json.loads(capsys.readouterr().out)
     assert reported == SCHEMAS[name]
     jsonschema.Draft202012Validator.check_schema(reported)

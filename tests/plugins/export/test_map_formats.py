@@ -41,7 +41,7 @@ def features(run: opir_core.Run, tmp_path_factory: pytest.TempPathFactory) -> li
 
 
 def of_kind(features: list[Any], kind: str) -> list[Any]:
-    return [each for each in features if each["properties"]["kind"] == kind]
+    return [feature for feature in features if feature["properties"]["kind"] == kind]
 
 
 def at(latitude_deg: float, longitude_deg: float, radius_m: float) -> np.ndarray:
@@ -83,18 +83,20 @@ def test_footprints_on_a_sphere_have_the_area_of_their_caps(
         else np.arcsin(sine) - half_rad
     )
     ring = footprint(at(latitude_deg, longitude_deg, radius_m), half_rad, ellipsoid=SPHERE)
-    found = shape(area(ring))
-    assert found.is_valid
-    minimum = found.bounds[0]
-    maximum = found.bounds[2]
+    outline = shape(area(ring))
+    assert outline.is_valid
+    minimum = outline.bounds[0]
+    maximum = outline.bounds[2]
     assert minimum >= -180.0
     assert maximum <= 180.0
-    solid_angle = shapely.transform(shapely.segmentize(found, 0.1), cylinder).area
+    solid_angle = shapely.transform(shapely.segmentize(outline, 0.1), cylinder).area
     assert solid_angle == pytest.approx(2.0 * np.pi * (1.0 - np.cos(cap_rad)), rel=1e-4)
-    assert found.contains(shapely.Point(longitude_deg, latitude_deg)) or abs(longitude_deg) == 180.0
+    assert (
+        outline.contains(shapely.Point(longitude_deg, latitude_deg)) or abs(longitude_deg) == 180.0
+    )
 
 
-def test_the_horizon_on_the_ellipsoid_is_where_lines_of_sight_touch_it() -> None:
+def test_lines_of_sight_touch_the_ellipsoid_at_the_horizon() -> None:
     position = at(20.0, -179.0, 42.164e6)
     ring = footprint(position, np.radians(30.0))
     ground = np.stack(TO_ECEF.transform(*np.degrees(ring.T[::-1]), np.zeros(len(ring))), axis=1)
@@ -124,14 +126,14 @@ def test_cone_and_least_elevation_bound_the_ellipsoid() -> None:
 
 def test_lines_are_cut_at_the_antimeridian_where_they_cross_it() -> None:
     there_and_back = np.array([[170.0, 0.0], [-170.0, 10.0], [-160.0, 12.0], [175.0, 19.0]])
-    parts = cut_line(there_and_back)
-    assert [part[[0, -1], 0].tolist() for part in parts] == [
+    pieces = cut_line(there_and_back)
+    assert [piece[[0, -1], 0].tolist() for piece in pieces] == [
         [170.0, 180.0],
         [-180.0, -180.0],
         [180.0, 175.0],
     ]
-    assert parts[0][-1, 1] == parts[1][0, 1] == 5.0
-    assert parts[1][-1, 1] == parts[2][0, 1] == pytest.approx(12.0 + 7.0 * 20.0 / 25.0)
+    assert pieces[0][-1, 1] == pieces[1][0, 1] == 5.0
+    assert pieces[1][-1, 1] == pieces[2][0, 1] == pytest.approx(12.0 + 7.0 * 20.0 / 25.0)
     assert len(cut_line(np.array([[10.0, 0.0], [20.0, 5.0]]))) == 1
 
 
@@ -159,9 +161,9 @@ def test_lines_that_touch_the_antimeridian_are_valid(
         axis=1,
     )
     geometry = line(places)
-    found = shape(geometry)
-    assert found.is_valid
-    assert (geometry["type"], len(getattr(found, "geoms", [found]))) == (kind, parts)
+    outline = shape(geometry)
+    assert outline.is_valid
+    assert (geometry["type"], len(getattr(outline, "geoms", [outline]))) == (kind, parts)
     assert not geojson_validator.validate_geometries(geometry)["invalid"]
 
 
@@ -181,55 +183,55 @@ def test_drawn_lines_about_the_antimeridian_are_valid(seed: int) -> None:
 
 
 def test_geojson_has_what_the_run_has(run: opir_core.Run, features: list[Any]) -> None:
-    kinds = Counter(each["properties"]["kind"] for each in features)
+    kinds = Counter(feature["properties"]["kind"] for feature in features)
     assert kinds["sensor"] == kinds["footprint"] == len(run.sensors)
     assert kinds["ground track"] == kinds["launch"] == kinds["impact"] == len(run.target_ids)
     reported = run.tracks.take(np.flatnonzero(run.tracks.tick_s == run.tracks.tick_s[-1]))
     assert kinds["predicted impact"] == np.isfinite(reported.impact).all(axis=1).sum() > 0
-    for each in features:
-        found = shape(each["geometry"])
-        assert found.is_valid, each["properties"]
-        assert -180.0 <= found.bounds[0] <= found.bounds[2] <= 180.0
+    for feature in features:
+        outline = shape(feature["geometry"])
+        assert outline.is_valid, feature["properties"]
+        assert -180.0 <= outline.bounds[0] <= outline.bounds[2] <= 180.0
 
 
 def test_launches_and_impacts_are_the_truth(run: opir_core.Run, features: list[Any]) -> None:
     truths = {truth["id"]: truth for truth in run.plan.targets.truth()}
     for kind in ("launch", "impact"):
-        for each in of_kind(features, kind):
-            due = truths[each["properties"]["target_id"]][kind]
-            assert each["geometry"]["coordinates"] == pytest.approx(
-                [due["lon_deg"], due["lat_deg"], 0.0], abs=1e-4
+        for feature in of_kind(features, kind):
+            expected = truths[feature["properties"]["target_id"]][kind]
+            assert feature["geometry"]["coordinates"] == pytest.approx(
+                [expected["lon_deg"], expected["lat_deg"], 0.0], abs=1e-4
             )
     track = next(
-        each
-        for each in of_kind(features, "ground track")
-        if each["properties"]["target_id"] == "T1"
+        feature
+        for feature in of_kind(features, "ground track")
+        if feature["properties"]["target_id"] == "T1"
     )
-    last = track["geometry"]["coordinates"][-1][-1]
-    assert last[:2] == pytest.approx([167.7, 9.0], abs=1e-4)
+    end_place = track["geometry"]["coordinates"][-1][-1]
+    assert end_place[:2] == pytest.approx([167.7, 9.0], abs=1e-4)
 
 
 def test_regions_and_satellites_are_those_of_the_run(
     run: opir_core.Run, features: list[Any]
 ) -> None:
     tracks = run.tracks
-    last = {
+    regions_of = {
         track: tracks.impact_regions[np.flatnonzero(tracks.track == track)[-1]]
         for track in (0, 1, 2)
     }
     regions = of_kind(features, "impact region")
-    assert len(regions) == sum(map(len, last.values()))
-    for each in regions:
-        properties = each["properties"]
-        own = {region.containment: region for region in last[properties["track_id"]]}[
-            properties["containment"]
-        ]
+    assert len(regions) == sum(map(len, regions_of.values()))
+    for feature in regions:
+        properties = feature["properties"]
+        flown_region = {
+            region.containment: region for region in regions_of[properties["track_id"]]
+        }[properties["containment"]]
         solid_angle = shapely.transform(
-            shapely.segmentize(shape(each["geometry"]), 0.1), cylinder
+            shapely.segmentize(shape(feature["geometry"]), 0.1), cylinder
         ).area
-        assert solid_angle * 6371.0088**2 == pytest.approx(own.area_km2, rel=0.02)
-    for each, sensor in zip(of_kind(features, "sensor"), run.sensors, strict=True):
-        position = TO_ECEF.transform(*each["geometry"]["coordinates"])
+        assert solid_angle * 6371.0088**2 == pytest.approx(flown_region.area_km2, rel=0.02)
+    for feature, sensor in zip(of_kind(features, "sensor"), run.sensors, strict=True):
+        position = TO_ECEF.transform(*feature["geometry"]["coordinates"])
         assert np.allclose(
             position, sensor.orbit.position_ecef_m(np.zeros(1))[0], atol=6.0
         )  # 1e-6 degrees
@@ -242,7 +244,7 @@ def test_kml_is_valid_and_read_back_with_times_and_places(
     document = KML.parse(path).features[0]  # checks the schema too
     sensors, targets, predicted = document.features
     assert len(sensors.features) == 2 * len(run.sensors)
-    flight = next(each for each in targets.features if each.name == "T1")
+    flight = next(feature for feature in targets.features if feature.name == "T1")
     items = flight.kml_geometry.track_items
     epoch = datetime.fromisoformat(str(np.datetime64(run.plan.scene.epoch_us, "us")) + "+00:00")
     truth = run.plan.targets.truth()[0]
@@ -253,13 +255,13 @@ def test_kml_is_valid_and_read_back_with_times_and_places(
         items[-1].when.dt - epoch - timedelta(seconds=truth["impact"]["time_s"])
     ) < timedelta(microseconds=2)
     assert (items[-1].coord.x, items[-1].coord.y) == pytest.approx((167.7, 9.0), abs=1e-5)
-    regions = [each for each in predicted.features if "%" in each.name]
+    regions = [feature for feature in predicted.features if "%" in feature.name]
     tracks = run.tracks
-    last = [
+    regions_of = [
         tracks.impact_regions[np.flatnonzero(tracks.track == track)[-1]]
         for track in np.unique(tracks.track)
     ]
-    assert len(regions) == sum(map(len, last)) > 0
+    assert len(regions) == sum(map(len, regions_of)) > 0
     for region in regions:
         assert isinstance(region, Placemark)
         assert shape(region.geometry.__geo_interface__).is_valid
@@ -278,11 +280,11 @@ def test_czml_is_read_back_with_positions_and_availability(
     assert packets[0].id == "document"
     samples = np.array(by_id["target/T2"].position.cartesian.values).reshape(-1, 4)
     targets = run.plan.targets
-    own = run.target_ids.index("T2")
-    burning = samples[:, 0] + targets.ignition_s[own] <= targets.burnout_s[own]
-    times = samples[burning, 0] + targets.ignition_s[own]
-    due = targets.position_ecef_m(np.full(len(times), own, dtype=np.int32), times)
-    assert np.allclose(samples[burning, 1:], due, atol=2e-3)
+    number = run.target_ids.index("T2")
+    burning = samples[:, 0] + targets.ignition_s[number] <= targets.burnout_s[number]
+    times = samples[burning, 0] + targets.ignition_s[number]
+    expected = targets.position_ecef_m(np.full(len(times), number, dtype=np.int32), times)
+    assert np.allclose(samples[burning, 1:], expected, atol=2e-3)
     still = by_id["sensor/DSP-1"].position.cartesian.values
     assert np.allclose(still, run.sensors[0].orbit.position_ecef_m(np.zeros(1))[0], atol=1e-3)
     regions = [packet for packet in packets if packet.polygon is not None]
@@ -309,19 +311,19 @@ def test_moving_sensors_have_tracks(tmp_path: Path) -> None:
     sensors = (
         KML.parse(exported(run, "kml", tmp_path / "run.kml")[0]).features[0].features[0].features
     )
-    assert any(hasattr(each.kml_geometry, "track_items") for each in sensors)
+    assert any(hasattr(feature.kml_geometry, "track_items") for feature in sensors)
 
 
 @pytest.mark.parametrize(
     "longitudes_deg", [[-180.0, 178.0], [180.0, -178.0], [178.0, 180.0], [-178.0, -179.0, 180.0]]
 )
-def test_a_line_that_begins_or_ends_on_the_180th_meridian_is_valid(
+def test_lines_that_end_on_the_180th_meridian_are_valid(
     longitudes_deg: list[float],
 ) -> None:
     places = np.array(
         [[longitude, -17.0 - 0.1 * row, 0.0] for row, longitude in enumerate(longitudes_deg)]
     )
-    made = shape(line(places))
-    assert made.is_valid
-    assert made.geom_type == "LineString"
-    assert len(made.coords) == len(longitudes_deg)
+    outline = shape(line(places))
+    assert outline.is_valid
+    assert outline.geom_type == "LineString"
+    assert len(outline.coords) == len(longitudes_deg)

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import main, run_command
 from exported_runs import SCENE
 from pyarrow import parquet
 from repository import EXAMPLES
 
 import opir_core
-from opir_core.cli.main import main
 from opir_core.errors import SceneError
 
 ENCODED = (
@@ -22,21 +22,21 @@ ENCODED = (
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give a folder with the same run as Parquet and, in `lines`, as JSON lines."""
-    made = tmp_path_factory.mktemp("run")
-    (made / "lines").mkdir()
+    root = tmp_path_factory.mktemp("run")
+    (root / "lines").mkdir()
     for output in ENCODED:
-        words = ("--set", "duration_s=70", "--set", f"outputs=[{{{output % made}}}]", "--quiet")
+        words = ("--set", "duration_s=70", "--set", f"outputs=[{{{output % root}}}]", "--quiet")
         assert main(["run", str(SCENE), *words]) == 0
-    return made
+    return root
 
 
 @pytest.mark.slow
 def test_both_files_give_the_same_run(folder: Path) -> None:
     columns = opir_core.load_run(folder)
     lines = opir_core.load_run(folder / "lines")
-    mine = columns.detections
-    theirs = lines.detections
-    assert len(mine) == len(theirs) > 1000
+    from_columns = columns.detections
+    from_lines = lines.detections
+    assert len(from_columns) == len(from_lines) > 1000
     exact = (
         "time_ns",
         "reported_ns",
@@ -48,7 +48,7 @@ def test_both_files_give_the_same_run(folder: Path) -> None:
         "track",
     )
     for name in exact:
-        assert np.array_equal(getattr(mine, name), getattr(theirs, name)), name
+        assert np.array_equal(getattr(from_columns, name), getattr(from_lines, name)), name
     for name, error in (
         ("line_of_sight_ecef", 1e-10),
         ("sensor_ecef_m", 1e-3),
@@ -56,13 +56,20 @@ def test_both_files_give_the_same_run(folder: Path) -> None:
         ("snr", 1e-3),
     ):
         assert np.allclose(
-            getattr(mine, name), getattr(theirs, name), rtol=1e-6, atol=error, equal_nan=True
+            getattr(from_columns, name),
+            getattr(from_lines, name),
+            rtol=1e-6,
+            atol=error,
+            equal_nan=True,
         ), name
-    assert mine.band_irradiance_w_m2.shape == theirs.band_irradiance_w_m2.shape
+    assert from_columns.band_irradiance_w_m2.shape == from_lines.band_irradiance_w_m2.shape
     assert np.allclose(
-        mine.band_irradiance_w_m2, theirs.band_irradiance_w_m2, rtol=1e-4, equal_nan=True
+        from_columns.band_irradiance_w_m2,
+        from_lines.band_irradiance_w_m2,
+        rtol=1e-4,
+        equal_nan=True,
     )
-    assert (mine.scan >= 0).all()
+    assert (from_columns.scan >= 0).all()
     assert np.array_equal(columns.truth.target, lines.truth.target)
     assert np.array_equal(columns.tracks.state, lines.tracks.state)
     assert columns.summary["counts"] == lines.summary["counts"]
@@ -72,7 +79,7 @@ def test_both_files_give_the_same_run(folder: Path) -> None:
 def test_it_is_scored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cards = []
     for path in (folder / "events.parquet", folder / "lines" / "events.jsonl"):
-        assert main(["score", str(path), "--json"]) == 0
+        run_command("score {} --json", path)
         cards.append(json.loads(capsys.readouterr().out))
     assert cards[0]["purity"] == cards[1]["purity"]
     assert cards[0]["launches_tracked"] == cards[1]["launches_tracked"]
@@ -99,14 +106,9 @@ def test_the_command_writes_columns_to_a_path_that_ends_so(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert (
-        main(
-            ["run", str(EXAMPLES / "first_light.yaml"), "--set", "duration_s=20", "-q", "-o", name]
-        )
-        == 0
-    )
+    run_command("run {} --set duration_s=20 -q -o {}", EXAMPLES / "first_light.yaml", name)
     stem = name.partition(".")[0]
-    assert sorted(each.name for each in tmp_path.iterdir()) == sorted(
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         [name, f"{stem}.manifest.json", f"{stem}.truth.parquet"]
     )
     rows = parquet.read_table(name).num_rows
@@ -118,7 +120,7 @@ def test_the_command_writes_columns_to_a_path_that_ends_so(
     )
 
 
-def test_a_run_written_over_another_of_the_same_name_is_read_with_its_own_truth(
+def test_a_run_over_another_is_read_with_its_own_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -134,20 +136,7 @@ def test_a_file_of_columns_under_another_name_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert (
-        main(
-            [
-                "run",
-                str(EXAMPLES / "first_light.yaml"),
-                "-q",
-                "--set",
-                "duration_s=20",
-                "-o",
-                "e.parquet",
-            ]
-        )
-        == 0
-    )
+    run_command("run {} -q --set duration_s=20 -o e.parquet", EXAMPLES / "first_light.yaml")
     for ending in (".parquet", ".truth.parquet", ".manifest.json"):
         Path(f"e{ending}").rename(f"f{ending}")
     assert len(opir_core.load_run("f.parquet").detections) > 10

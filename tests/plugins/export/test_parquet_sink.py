@@ -7,6 +7,7 @@ from uuid import UUID
 import numpy as np
 import polars as pl
 import pytest
+from command_line import main
 from exported_runs import SCENE, short_run
 from opir_export.parquet_sink import ParquetSink
 from opir_export.settings import ParquetSinkConfig
@@ -15,9 +16,8 @@ from pyarrow import parquet
 from repository import EXAMPLES
 
 import opir_core
-from opir_core.cli.main import main
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.simulation.run import plan_windows
+from opir_core import plan_windows
+from opir_core.plugin import EncoderContext
 
 
 class TestParquetSink(SinkContract):
@@ -27,7 +27,7 @@ class TestParquetSink(SinkContract):
 def run_into(path: Path, *settings: str, scene: Path = SCENE) -> int:
     words = [f"outputs=[{{parquet: {{path: {path}}}}}]", *settings]
     return main(
-        ["run", str(scene), "--quiet", *(word for each in words for word in ("--set", each))]
+        ["run", str(scene), "--quiet", *(word for setting in words for word in ("--set", setting))]
     )
 
 
@@ -36,11 +36,11 @@ def test_detections_are_those_of_the_run(tmp_path: Path) -> None:
     path = tmp_path / "events.parquet"
     assert run_into(path, "duration_s=90", "outputs[0].parquet.row_group_rows=3000") == 0
     read = pl.read_parquet(path)
-    due = short_run().to_polars()["detections"]
-    ids = pl.Series("detection_id", [str(UUID(bytes=each)) for each in read["detection_id"]])
+    expected = short_run().to_polars()["detections"]
+    ids = pl.Series("detection_id", [str(UUID(bytes=item)) for item in read["detection_id"]])
     # A file has times as dates alone.
-    kept = [name for name in due.columns if name not in {"time_s", "reported_s"}]
-    assert read.with_columns(ids).select(kept).equals(due.select(kept))
+    columns = [name for name in expected.columns if name not in {"time_s", "reported_s"}]
+    assert read.with_columns(ids).select(columns).equals(expected.select(columns))
     assert "time_s" not in read.columns
     assert read["probability_ICBM"].null_count() == read.height
     groups = parquet.ParquetFile(path).metadata
@@ -52,7 +52,7 @@ def test_detections_are_those_of_the_run(tmp_path: Path) -> None:
         "events.tracks.jsonl",
         "events.truth.parquet",
     ]
-    assert sorted(each.name for each in tmp_path.iterdir()) == beside
+    assert sorted(item.name for item in tmp_path.iterdir()) == beside
 
 
 @pytest.mark.slow
@@ -89,8 +89,8 @@ def test_measured_irradiances_are_columns(tmp_path: Path) -> None:
     assert read.height == len(rows) > 0
     number = int(rows.sensor[0])
     band = run.sensors[number].bands[0].name
-    mine = pl.col("sensor_id") == run.sensors[number].id
-    values = read.filter(mine)[f"irradiance_{band}_w_m2"].to_numpy()
+    is_of_sensor = pl.col("sensor_id") == run.sensors[number].id
+    values = read.filter(is_of_sensor)[f"irradiance_{band}_w_m2"].to_numpy()
     assert np.array_equal(
         values, rows.band_irradiance_w_m2[rows.sensor == number, 0], equal_nan=True
     )

@@ -10,19 +10,19 @@ from uuid import UUID
 import numpy as np
 import pyarrow as pa
 import pytest
+from command_line import main, run_command
 from exported_runs import SCENE
 from opir_export.parquet_truth import read_truth
 from pyarrow import parquet
 
 import opir_core
-from opir_core.cli.main import main
+from opir_core.output import FILES_KEY
 from opir_core.output.run_files import truth_records
-from opir_core.output.transaction import FILES_KEY
 
 
 def texts(ids: Any) -> list[str]:
     """Return the 16 bytes of ids as texts, as the standard library has them."""
-    return [str(UUID(bytes=each)) for each in ids.to_pylist()]
+    return [str(UUID(bytes=identity)) for identity in ids.to_pylist()]
 
 
 def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
@@ -39,15 +39,15 @@ def test_truth_is_that_of_the_run(tmp_path: Path) -> None:
     assert main(["run", str(SCENE), "--quiet", "--truth", str(path), *settings]) == 0
     run = opir_core.simulate(scene)
     read = parquet.read_table(path)
-    due = run.tables()["truth"]
-    assert read.column_names == due.column_names
-    assert len(read) == len(due) > 1000
-    for name in due.column_names:
-        found = texts(read[name]) if name == "detection_id" else read[name].to_pylist()
-        assert found == due[name].to_pylist(), name
+    expected = run.tables()["truth"]
+    assert read.column_names == expected.column_names
+    assert len(read) == len(expected) > 1000
+    for name in expected.column_names:
+        values = texts(read[name]) if name == "detection_id" else read[name].to_pylist()
+        assert values == expected[name].to_pylist(), name
     assert read.schema.field("detection_id").type == pa.binary(16)
     ids = [row["detection_id"] for row in read_truth(path) if row["record"] == "detection"]
-    assert ids == due["detection_id"].to_pylist()
+    assert ids == expected["detection_id"].to_pylist()
     assert json.loads(read.schema.metadata[b"opir_truth"]) == json.loads(
         json.dumps(truth_records(run.plan))
     )
@@ -129,7 +129,7 @@ def test_a_file_that_is_no_truth_is_refused_with_its_path(
     for content in (b"", (tmp_path / "events.parquet").read_bytes()):
         path.write_bytes(content)
         capsys.readouterr()
-        assert main(["score", str(tmp_path / "events.parquet")]) == 2
+        run_command("score {}", tmp_path / "events.parquet", code=2)
         reported = capsys.readouterr().err
         assert "events.truth.parquet" in reported
         assert "cannot be read" in reported
@@ -158,19 +158,8 @@ def test_without_opir_export_the_message_says_what_to_install(
 ) -> None:
     monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,trackers")
     path = tmp_path / "truth.parquet"
-    assert (
-        main(
-            [
-                "run",
-                str(SCENE),
-                "--quiet",
-                "--truth",
-                str(path),
-                "--out",
-                str(tmp_path / "events.jsonl"),
-            ]
-        )
-        == 3
+    run_command(
+        "run {} --quiet --truth {} --out {}", SCENE, path, tmp_path / "events.jsonl", code=3
     )
     reported = capsys.readouterr().err
     assert "a truth file with the ending .parquet: no sink is named 'parquet'" in reported

@@ -10,7 +10,7 @@ from opir_export.parquet_sink import ParquetSink
 
 import opir_core
 from opir_core.errors import SinkError
-from opir_core.output.delivery import RunOutcome, deliver
+from opir_core.output import RunOutcome, deliver
 from opir_core.simulation import run
 
 

@@ -62,8 +62,8 @@ class Area:
 @pytest.fixture(scope="module")
 def run() -> opir.Run:
     """A run of two tracks whose predictions are planted."""
-    whole = simulated(scene("kepler-arc", duration_s=12))
-    rows = np.arange(len(whole.tracks))
+    plain = simulated(scene("kepler-arc", duration_s=12))
+    rows = np.arange(len(plain.tracks))
     launch = np.stack(
         [np.radians(51.0 - 0.2 * rows), np.radians(12.0 + 0.3 * rows), 2.0 + 0.25 * rows], axis=1
     )
@@ -84,8 +84,8 @@ def run() -> opir.Run:
         "impact_covariance": 2.0 * spreads,
     }
     planted |= {"state": state, "state_covariance": covariance * (1.0 + rows[:, None, None])}
-    assert len(np.unique(whole.tracks.track)) == 2
-    return evolve(whole, tracks=evolve(whole.tracks, **planted, impact_regions=regions))
+    assert len(np.unique(plain.tracks.track)) == 2
+    return evolve(plain, tracks=evolve(plain.tracks, **planted, impact_regions=regions))
 
 
 def region_about(latitude_deg: float, longitude_deg: float) -> ImpactRegion:
@@ -112,9 +112,9 @@ Read = Iterator[Point | Area]
 
 def from_geojson(path: Path) -> Read:
     kinds = {"estimated launch": "launch", "predicted impact": "impact"}
-    for each in json.loads(path.read_text(encoding="utf-8"))["features"]:
-        properties = each["properties"]
-        positions = each["geometry"]["coordinates"]
+    for feature in json.loads(path.read_text(encoding="utf-8"))["features"]:
+        properties = feature["properties"]
+        positions = feature["geometry"]["coordinates"]
         if properties["kind"] in kinds:
             tick_s = since_epoch_s(properties["start"])
             of_s = since_epoch_s(properties["time"])
@@ -226,7 +226,7 @@ def read_back(files: Sequence[Path]) -> list[Point | Area]:
     """Return what files have; a format without a reader here is not tested: add one."""
     without = {path.suffix for path in files} - READERS.keys() - {".json"}
     assert not without, f"add readers for {without}"
-    return [each for path in files if path.suffix in READERS for each in READERS[path.suffix](path)]
+    return [item for path in files if path.suffix in READERS for item in READERS[path.suffix](path)]
 
 
 @pytest.mark.parametrize("name", EXPORTERS)
@@ -235,21 +235,23 @@ def test_predictions_are_where_and_when_the_run_has_them(
 ) -> None:
     files = files_of(run, name, tmp_path)
     tracks = run.tracks
-    found = read_back(files)
+    predictions = read_back(files)
     if READERS[files[0].suffix] is of_truth:
-        assert not found
+        assert not predictions
         return
     row_of = {
         (int(track), round(tick, 3)): row
         for row, (track, tick) in enumerate(zip(tracks.track, tracks.tick_s, strict=True))
     }
-    for each in found:
-        row = row_of[each.track, round(each.tick_s, 3)]
-        if isinstance(each, Point):
-            latitude, longitude, of_s = getattr(tracks, each.kind)[row]
+    for prediction in predictions:
+        row = row_of[prediction.track, round(prediction.tick_s, 3)]
+        if isinstance(prediction, Point):
+            latitude, longitude, of_s = getattr(tracks, prediction.kind)[row]
             where = np.degrees([latitude, longitude])
-            assert (each.latitude_deg, each.longitude_deg) == pytest.approx(where, abs=2e-6)
-            assert each.of_s is None or each.of_s == pytest.approx(of_s, abs=2e-6)
+            assert (prediction.latitude_deg, prediction.longitude_deg) == pytest.approx(
+                where, abs=2e-6
+            )
+            assert prediction.of_s is None or prediction.of_s == pytest.approx(of_s, abs=2e-6)
         else:
             latitude, longitude = np.degrees(tracks.impact[row, :2])
             edges = (
@@ -258,9 +260,19 @@ def test_predictions_are_where_and_when_the_run_has_them(
                 longitude - WIDE_DEG,
                 longitude + WIDE_DEG,
             )
-            assert (each.south, each.north, each.west, each.east) == pytest.approx(edges, abs=2e-6)
-    counts = [sum(isinstance(each, Point) and each.kind == "impact" for each in found)]
-    counts.append(sum(isinstance(each, Area) for each in found))
+            assert (
+                prediction.south,
+                prediction.north,
+                prediction.west,
+                prediction.east,
+            ) == pytest.approx(edges, abs=2e-6)
+    counts = [
+        sum(
+            isinstance(prediction, Point) and prediction.kind == "impact"
+            for prediction in predictions
+        )
+    ]
+    counts.append(sum(isinstance(prediction, Area) for prediction in predictions))
     assert counts == [len(tracks), len(tracks)]
 
 

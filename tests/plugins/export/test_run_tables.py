@@ -11,16 +11,15 @@ import pandas as pd
 import polars as pl
 import pytest
 import shapely
+from command_line import run_command
 from exported_runs import SCENE, exported, short_run
-from opir_export.tabular import run_tables
 from opir_export.tabular.columns import instants, nanoseconds
 from opir_testing import RunViewContract
 from pyarrow import parquet
 
 import opir_core
-from opir_core.cli.main import main
 from opir_core.errors import PluginError
-from opir_core.random_streams.detection_ids import uuid_text
+from opir_core.random_streams import uuid_text
 
 NAMES = {"detections", "truth", "tracks", "regions", "targets", "sensors"}
 
@@ -35,14 +34,14 @@ def tables(run: opir_core.Run) -> Any:
     return run.tables()
 
 
-def test_each_column_has_a_meaning_and_angles_and_times_have_units(tables: Any) -> None:
+def test_each_column_has_a_meaning_and_a_unit(tables: Any) -> None:
     assert tables.keys() == NAMES
     endings = {"_deg": b"deg", "_m": b"m", "_urad": b"urad", "_km2": b"km2", "_m_s": b"m/s"}
     for table in tables.values():
         for field in table.schema:
             assert field.metadata[b"description"], field.name
-            due = [unit for ending, unit in endings.items() if field.name.endswith(ending)]
-            assert not due or field.metadata[b"unit"] in due, field.name
+            units = [unit for ending, unit in endings.items() if field.name.endswith(ending)]
+            assert not units or field.metadata[b"unit"] in units, field.name
 
 
 def test_detections_are_those_of_the_run(run: opir_core.Run, tables: Any) -> None:
@@ -78,10 +77,10 @@ def test_tracks_have_states_and_covariances(run: opir_core.Run, tables: Any) -> 
     table = tables["tracks"]
     for place, name in enumerate(("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")):
         assert np.array_equal(table[name].to_numpy(), rows.state[:, place], equal_nan=True), name
-    known = int(np.flatnonzero(np.isfinite(rows.state_covariance[:, 0, 0]))[0])
+    row = int(np.flatnonzero(np.isfinite(rows.state_covariance[:, 0, 0]))[0])
     triangle = np.zeros((6, 6))
-    triangle[np.tril_indices(6)] = table["state_covariance"][known].as_py()
-    assert np.array_equal(triangle, np.tril(rows.state_covariance[known]))
+    triangle[np.tril_indices(6)] = table["state_covariance"][row].as_py()
+    assert np.array_equal(triangle, np.tril(rows.state_covariance[row]))
 
 
 def reach_rad(region: opir_core.ImpactRegion) -> float:
@@ -106,19 +105,19 @@ def test_regions_are_valid_polygons_of_the_right_area(run: opir_core.Run, tables
     usual = np.array([reach_rad(region) < 3.0 for region in regions])
     assert shapely.is_valid(shapes[usual]).all()
     assert usual.sum() > 100
-    last = run.tracks.impact_regions.tolist()[-1][-1]
-    assert table["containment"][-1].as_py() == last.containment == 0.95
+    largest = run.tracks.impact_regions.tolist()[-1][-1]
+    assert table["containment"][-1].as_py() == largest.containment == 0.95
     # Lambert's cylinder keeps areas.
     radians = shapely.transform(shapes[-1], np.radians)
     cylinder = shapely.transform(radians, lambda at: np.stack([at[:, 0], np.sin(at[:, 1])], axis=1))
-    assert cylinder.area * 6371.0**2 == pytest.approx(last.area_km2, rel=0.02)
+    assert cylinder.area * 6371.0**2 == pytest.approx(largest.area_km2, rel=0.02)
 
 
 def test_targets_have_launch_impact_and_first_detection(run: opir_core.Run, tables: Any) -> None:
     table = tables["targets"].to_pylist()
     truths = run.plan.targets.truth()
-    seen = run.summary["targets"]
-    for row, truth, summary in zip(table, truths, seen, strict=True):
+    summaries = run.summary["targets"]
+    for row, truth, summary in zip(table, truths, summaries, strict=True):
         assert (row["target_id"], row["launch_lat_deg"]) == (
             truth["id"],
             truth["launch"]["lat_deg"],
@@ -141,9 +140,9 @@ def test_frames_of_pandas_and_polars_have_the_same_values(run: opir_core.Run, ta
     latency = run.summary["targets"][0]["latency_s"]
     assert frames["targets"]["latency_s"].iloc[0] == lazy["targets"]["latency_s"][0] == latency
     assert str(frames["detections"]["time"].dtype) == "datetime64[ns, UTC]"
-    joined = lazy["detections"].join(lazy["truth"], on="detection_id")
+    rows = lazy["detections"].join(lazy["truth"], on="detection_id")
     assert (
-        joined.filter(pl.col("target_id") == "T1").height == run.summary["targets"][0]["detections"]
+        rows.filter(pl.col("target_id") == "T1").height == run.summary["targets"][0]["detections"]
     )
 
 
@@ -154,7 +153,7 @@ def test_a_missing_library_is_an_error_with_its_installation(
     def refuse(name: str) -> None:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
-    monkeypatch.setattr(run_tables, "import_module", refuse)
+    monkeypatch.setattr("opir_export.tabular.run_tables.import_module", refuse)
     with pytest.raises(
         PluginError, match=rf"needs {library}.*pip install './plugins/opir_export\[{library}\]'"
     ):
@@ -210,24 +209,22 @@ def test_csv_is_read_by_pandas(run: opir_core.Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_of_files_gives_the_same_tables_as_far_as_files_round(
-    run: opir_core.Run, tmp_path: Path
-) -> None:
+def test_a_run_of_files_gives_the_same_tables(run: opir_core.Run, tmp_path: Path) -> None:
     events = tmp_path / "events.jsonl"
-    assert main(["run", str(SCENE), "--set", "duration_s=90", "--out", str(events), "--quiet"]) == 0
-    mine = opir_core.load_run(events).tables()
-    theirs = run.tables()
+    run_command("run {} --set duration_s=90 --out {} --quiet", SCENE, events)
+    from_files = opir_core.load_run(events).tables()
+    in_memory = run.tables()
     for name in ("tracks", "regions", "targets", "sensors"):
-        assert mine[name].num_rows == theirs[name].num_rows
-    same = ["detection_id", "sensor_id", "target_type", "bands", "track_id"]
-    assert mine["detections"].select(same).equals(theirs["detections"].select(same))
-    assert mine["detections"]["scan"].null_count == len(run.detections)
+        assert from_files[name].num_rows == in_memory[name].num_rows
+    columns = ["detection_id", "sensor_id", "target_type", "bands", "track_id"]
+    assert from_files["detections"].select(columns).equals(in_memory["detections"].select(columns))
+    assert from_files["detections"]["scan"].null_count == len(run.detections)
 
 
 def test_a_time_that_is_unknown_is_null():
-    found = instants(nanoseconds(np.array([1.5, np.nan, np.inf, -2.0])), 1_000_000)
-    assert found.is_null().to_pylist() == [False, True, True, False]
-    assert found.cast("int64").to_pylist() == [2_500_000_000, None, None, -1_000_000_000]
+    times = instants(nanoseconds(np.array([1.5, np.nan, np.inf, -2.0])), 1_000_000)
+    assert times.is_null().to_pylist() == [False, True, True, False]
+    assert times.cast("int64").to_pylist() == [2_500_000_000, None, None, -1_000_000_000]
 
 
 class TestFramesOfPandas(RunViewContract):

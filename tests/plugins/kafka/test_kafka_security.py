@@ -12,23 +12,26 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from aiokafka import errors
+from attrs import fields_dict
 from certificates import WHY_ABSENT, Authority
+from command_line import main
 from kafka_broker import carrier, kafka_sink
-from opir_kafka.connection import connector
 from opir_kafka.failures import FATAL_CODES, is_fatal, words
-from opir_kafka.settings import KafkaConfig, SecurityConfig
 from repository import EXAMPLES
 from spool_transports import ENCODER, SENSORS, window
 from waiting import until
 
-from opir_core.cli.main import main
 from opir_core.errors import SceneError, SinkError
 from opir_core.output.spool.batches import EncodedBatcher
+from opir_core.plugin import Host, SinkModel
 from opir_core.reading import load_scene
 
+KAFKA = Host.discover().component(SinkModel, "kafka")
+SecurityConfig = fields_dict(KAFKA.config)["security"].type
 SCENE = str(EXAMPLES / "first_light.yaml")
 SECRET = "correct horse battery staple"
 LOGIN = {
@@ -72,7 +75,7 @@ def test_a_secret_that_is_not_in_the_environment_is_reported(
         with pytest.raises(
             SinkError, match=r"variable that security\.password_variable names is not set"
         ):
-            connector(KafkaConfig(security=SecurityConfig(**LOGIN)))
+            KAFKA.build(KAFKA.config(security=SecurityConfig(**LOGIN)), None)
 
 
 def test_a_secret_is_in_no_manifest_message_or_log(
@@ -184,11 +187,11 @@ def test_a_known_certificate_and_a_login_come_through(certificate: Path, secret:
         key_password_variable="OPIR_TEST_PASSWORD",
     )
     with door(29, certificate) as address:
-        made = carrier(address.replace("127.0.0.1", "localhost"), "topic", security=security)
-        future = made.send(next(EncodedBatcher(ENCODER, SENSORS).batches(window(5))))
+        transport = carrier(address.replace("127.0.0.1", "localhost"), "topic", security=security)
+        future = transport.send(next(EncodedBatcher(ENCODER, SENSORS).batches(window(5))))
         with pytest.raises(SinkError, match="code 29"):
             future.result(10.0)
-        made.close(5.0)
+        transport.close(5.0)
 
 
 @pytest.mark.parametrize("password", ["", "wrong"])
@@ -203,12 +206,14 @@ def test_a_key_that_cannot_be_read_is_reported(
         key_password_variable="OPIR_TEST_PASSWORD" if password else None,
     )
     with pytest.raises(SinkError, match="the certificates of security cannot be used"):
-        connector(KafkaConfig(security=security))
+        KAFKA.build(KAFKA.config(security=security), None)
 
 
 def test_missing_certificates_are_reported() -> None:
     with pytest.raises(SinkError, match="no such file or directory"):
-        connector(KafkaConfig(security=SecurityConfig(protocol="SSL", ca_file="missing.pem")))
+        KAFKA.build(
+            KAFKA.config(security=SecurityConfig(protocol="SSL", ca_file="missing.pem")), None
+        )
 
 
 def test_a_missing_codec_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,7 +221,7 @@ def test_a_missing_codec_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(codec, "has_zstd", lambda: False)
     with pytest.raises(SinkError, match="zstd is not installed"):
-        connector(KafkaConfig(compression="zstd"))
+        KAFKA.build(KAFKA.config(compression="zstd"), None)
 
 
 @pytest.mark.parametrize(
@@ -261,7 +266,7 @@ def test_what_is_wrong_with_a_certificate_is_in_the_message(
         ),
     ],
 )
-def test_the_command_in_the_message_mends_an_authority_that_lacks_an_extension(
+def test_the_command_in_the_message_mends_an_authority(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, extensions: tuple[str, ...], lacking: str
 ) -> None:
     if WHY_ABSENT:
@@ -270,15 +275,21 @@ def test_the_command_in_the_message_mends_an_authority_that_lacks_an_extension(
     monkeypatch.setattr(
         ssl, "create_default_context", lambda **words: verifying_strictly(usual(**words))
     )
-    own = Authority(tmp_path, "own", extensions)
-    for source, target in zip(own.signed("broker", "DNS:localhost"), ("cert", "key"), strict=True):
+    authority = Authority(tmp_path, "own", extensions)
+    for source, target in zip(
+        authority.signed("broker", "DNS:localhost"), ("cert", "key"), strict=True
+    ):
         (tmp_path / target).write_bytes(source.read_bytes())
-    security = SecurityConfig(protocol="SSL", ca_file=str(own.certificate))
+    security = SecurityConfig(protocol="SSL", ca_file=str(authority.certificate))
     with door(29, tmp_path) as address:
         address = address.replace("127.0.0.1", "localhost")
         reported = refusal(address, security)
         assert lacking in reported
-        files = {"CA.key": str(own.key), "CA.pem": str(own.certificate), "/CN=NAME": "/CN=own"}
+        files = {
+            "CA.key": str(authority.key),
+            "CA.pem": str(authority.certificate),
+            "/CN=NAME": "/CN=own",
+        }
         command = reported.partition("openssl ")[2].split(" (")[0].split()
         subprocess.run(
             ["openssl", *(files.get(word, word) for word in command)],
@@ -294,7 +305,7 @@ def verifying_strictly(context: ssl.SSLContext) -> ssl.SSLContext:
     return context
 
 
-def test_a_broker_that_asks_for_a_certificate_of_the_client_is_in_the_message(
+def test_a_missing_client_certificate_is_in_the_message(
     certificate: Path,
 ) -> None:
     security = SecurityConfig(protocol="SSL", ca_file=str(certificate / "cert"))
@@ -304,7 +315,7 @@ def test_a_broker_that_asks_for_a_certificate_of_the_client_is_in_the_message(
     assert "see security.certificate_file and security.key_file" in reported
 
 
-def refusal(address: str, security: SecurityConfig) -> str:
+def refusal(address: str, security: Any) -> str:
     """Return the complaint of a sink whose events do not arrive."""
     sink = kafka_sink(address, "topic", None, security=security)
     sink.write(window(5))
@@ -368,9 +379,9 @@ def talk(caller: socket.socket, tls: ssl.SSLContext | None, code: int, port: int
 
 def answer(api: int, version: int, code: int, port: int) -> bytes:
     if api == 18:
-        known = ((0, 0, 7), (3, 0, 1), (17, 0, 1), (18, 0, 2), (22, 0, 0), (36, 0, 0))
-        rows = b"".join(struct.pack(">hhh", *each) for each in known)
-        return struct.pack(">hi", 0, len(known)) + rows + (b"" if version == 0 else bytes(4))
+        versions = ((0, 0, 7), (3, 0, 1), (17, 0, 1), (18, 0, 2), (22, 0, 0), (36, 0, 0))
+        rows = b"".join(struct.pack(">hhh", *version_range) for version_range in versions)
+        return struct.pack(">hi", 0, len(versions)) + rows + (b"" if version == 0 else bytes(4))
     if api == 17:
         return struct.pack(">hih", 0, 1, 5) + b"PLAIN"
     if api == 36:

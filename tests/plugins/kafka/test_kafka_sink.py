@@ -17,24 +17,24 @@ import opir_kafka
 import pytest
 import yaml
 from aiokafka import errors
+from command_line import main, run_command
 from kafka_broker import PERMANENT_CODES, carrier, config, dead_address, kafka_sink, messages
 from opir_kafka.document import asyncapi_document, asyncapi_text
 from opir_kafka.failures import is_fatal
 from opir_kafka.lanes import Shipment
-from opir_kafka.settings import KafkaConfig
 from opir_kafka.transport import KafkaTransport
 from repository import EXAMPLES
 from spool_transports import ENCODER, SENSORS, window
 
-from opir_core.cli.main import main
+from opir_core import compile_plan
 from opir_core.errors import SceneError
-from opir_core.interfaces.outputs import Transport
-from opir_core.output.delivery import deliver
+from opir_core.output import deliver
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.transport_sink import Policy
-from opir_core.planning.plan import compile_plan
+from opir_core.plugin import Host, SinkModel, Transport
 from opir_core.reading import load_scene
 
+KAFKA = Host.discover().component(SinkModel, "kafka")
 SCENE = str(EXAMPLES / "first_light.yaml")
 
 
@@ -87,7 +87,7 @@ def test_without_a_broker_the_command_line_says_so_and_fails(
 ) -> None:
     spool = f"outputs[0].kafka.spool={{path: {tmp_path / 'spool'}}}"
     servers = f"outputs[0].kafka.bootstrap_servers={dead_address()}"
-    assert main(["run", SCENE, "--sink", "kafka", "--set", servers, "--set", spool]) == 0
+    run_command("run {} --sink kafka --set {} --set {}", SCENE, servers, spool)
     assert "kafka: 0 events, 750 spooled" in capsys.readouterr().out
 
 
@@ -116,7 +116,7 @@ def test_small_batches_keep_the_order(broker: Any) -> None:
     assert len(scans) == 20
 
 
-def test_a_sensor_goes_to_the_partition_that_kafka_s_own_rule_gives(broker: Any) -> None:
+def test_partitions_of_sensors_follow_kafkas_rule(broker: Any) -> None:
     """librdkafka's murmur2 partitioner is the oracle: the one that Java clients use."""
     import confluent_kafka
 
@@ -169,7 +169,7 @@ def test_what_is_wrong_with_the_settings_is_reported(settings: str, message: str
 @pytest.mark.parametrize("encoder", ["forge", "forge-c2", "udl"])
 def test_a_message_is_what_the_document_of_the_topic_says(broker: Any, encoder: str) -> None:
     document = asyncapi_document()
-    assert document["channels"]["detections"]["address"] == KafkaConfig().topic
+    assert document["channels"]["detections"]["address"] == KAFKA.config().topic
     reported = document["components"]["messages"][encoder]
     topic = broker.topic()
     settings = f"bootstrap_servers: '{broker.address}', topic: {topic}, encoder: {encoder}"
@@ -216,9 +216,9 @@ def references(node: Any, left_out: set[int]) -> Iterator[str]:
 
 
 def test_pauses_grow_to_the_longest() -> None:
-    pauses_s = KafkaConfig(longest_pause_s=0.3).pauses_s()
+    pauses_s = KAFKA.config(longest_pause_s=0.3).pauses_s()
     assert pauses_s == [0.05, 0.1, 0.2, 0.3]
-    assert KafkaConfig(longest_pause_s=0.05).pauses_s() == [0.05]
+    assert KAFKA.config(longest_pause_s=0.05).pauses_s() == [0.05]
 
 
 def test_a_shipment_is_done_when_every_row_is() -> None:
@@ -252,7 +252,7 @@ def test_closing_is_quick_whatever_the_state() -> None:
     assert time.monotonic() - began < 50.0  # of 60 s for each connection
 
 
-def test_closing_while_a_producer_is_being_closed_ends_its_thread_in_peace() -> None:
+def test_closing_twice_ends_the_thread_in_peace() -> None:
     is_closing = threading.Event()
 
     class Lost:
@@ -276,8 +276,8 @@ def test_closing_while_a_producer_is_being_closed_ends_its_thread_in_peace() -> 
     assert not carrier._thread.is_alive()
 
 
-def test_the_bare_configuration_is_the_paper_s_topic_on_this_machine() -> None:
-    bare = KafkaConfig()
+def test_the_default_is_the_papers_topic_on_this_machine() -> None:
+    bare = KAFKA.config()
     assert (bare.topic, bare.servers) == ("forge.sensors.raw", ("localhost:9092",))
     assert config("a:1, [::1]:2", "t").servers == ("a:1", "[::1]:2")
     assert Policy().when_full == "wait"
@@ -307,8 +307,8 @@ AWAITS_THAT_END_THEMSELVES = {
     "asyncio.gather(*tasks, return_exceptions=True)",  # cancelled tasks
     "close_producer(producer)",
     "asyncio.shield(asyncio.create_task(_close(producer), name=f'{OURS} closing'))",  # three steps with deadlines
-    "_by(_CLOSE_STEP_S, producer.stop())",
-    "_by(_CLOSE_STEP_S, producer.client.close())",
+    "_ended(producer.stop())",
+    "_ended(producer.client.close())",
     "probe(config)",
     "probe(self._config)",
     "self._probe()",

@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
+from command_line import run_command
 from spool_transports import filled_spool, ids_of, window
-
-from opir_core.cli.main import main
 
 BATCHES = 20
 ROWS = 100
@@ -26,10 +25,10 @@ def flip_body(path: Path, *events: int) -> None:
 
 
 def test_the_command_checks_and_salvages(spool: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["spool", "check", str(spool)]) == 0
+    run_command("spool check {}", spool)
     assert "2000 events in 20 batches are whole" in capsys.readouterr().out
     flip_body(spool, 350, 1500)
-    assert main(["spool", "check", str(spool), "--json"]) == 5
+    run_command("spool check {} --json", spool, code=5)
     reported = json.loads(capsys.readouterr().out)
     assert (
         reported["whole"],
@@ -42,12 +41,12 @@ def test_the_command_checks_and_salvages(spool: Path, capsys: pytest.CaptureFixt
         1800,
         200,
     )
-    assert main(["spool", "salvage", str(spool)]) == 0
+    run_command("spool salvage {}", spool)
     assert "1800 events are salvaged" in capsys.readouterr().out
-    assert main(["spool", "salvage", str(spool)]) == 0
+    run_command("spool salvage {}", spool)
     assert "nothing was changed" in capsys.readouterr().out
-    assert main(["spool", "check", str(spool) + ".no"]) == 5
+    run_command("spool check {}", str(spool) + ".no", code=5)
     assert "there is no spool" in capsys.readouterr().err
     (spool.parent / "text").write_text("text", encoding="utf-8")
-    assert main(["spool", "salvage", str(spool.parent / "text")]) == 5
+    run_command("spool salvage {}", spool.parent / "text", code=5)
     assert "is not a spool" in capsys.readouterr().err

@@ -8,28 +8,28 @@ from typing import Any
 
 import pytest
 import yaml
+from command_line import run_command
 from opir_paper import checks, simulated
 from opir_paper.printed import above, rounded
 from opir_paper.simulated import Simulated
 
 import opir_core as opir
-from opir_core.cli.main import main
 
 #: The figures that contradict the paper's own formulas, by section:
 #: docs/explanation/paper-errata.md.
 CORRECTED = {"2.1": 1, "2.4": 1, "4.2": 1, "4.3": 1, "5.1": 2, "5.3": 1, "8.2": 1}
 
 
-def verdicts(found: Any, verdict: str) -> dict[str, int]:
-    sections = [check.section for check in found if check.verdict == verdict]
+def verdicts(figures: Any, verdict: str) -> dict[str, int]:
+    sections = [check.section for check in figures if check.verdict == verdict]
     return {section: sections.count(section) for section in sections}
 
 
 def test_each_figure_holds_or_is_corrected_where_the_errata_say() -> None:
-    found = checks(5)
-    assert len(found) > 55
-    assert verdicts(found, "NOT REPRODUCED") == {}
-    assert verdicts(found, "corrected") == CORRECTED
+    figures = checks(5)
+    assert len(figures) > 55
+    assert verdicts(figures, "NOT REPRODUCED") == {}
+    assert verdicts(figures, "corrected") == CORRECTED
 
 
 def test_a_notional_level_corrects_nothing() -> None:
@@ -38,12 +38,12 @@ def test_a_notional_level_corrects_nothing() -> None:
 
 def test_oblateness_and_drag_are_tested_each_and_together() -> None:
     """Drag, as the paper says, is more of a short range than of a long one; J2 by itself is not."""
-    found = {
+    verdict_of = {
         check.quantity.partition(":")[0]: check.verdict
         for check in checks(5)
         if check.section == "5.3"
     }
-    assert found == {"J2": "corrected", "drag": "holds", "J2 and drag": "holds"}
+    assert verdict_of == {"J2": "corrected", "drag": "holds", "J2 and drag": "holds"}
 
 
 def test_a_ratio_of_printed_figures_that_is_rounded_holds() -> None:
@@ -59,16 +59,16 @@ def test_a_sensor_that_is_not_the_papers_is_found_out(monkeypatch: pytest.Monkey
     def wrong(*arguments: Any, **settings: Any) -> dict[str, Any]:
         plain = dict(right(*arguments, **settings))
         plain["sensors"] = [
-            {**each, "detection_probability": {"ICBM": 0.7}} for each in plain["sensors"]
+            {**sensor, "detection_probability": {"ICBM": 0.7}} for sensor in plain["sensors"]
         ]
         return plain
 
     for module in ("simulated", "figure_checks"):
         monkeypatch.setattr(f"opir_paper.{module}.scene", wrong)
-    found = verdicts(checks(5), "NOT REPRODUCED")
-    assert found["4.2"] >= 3  # shares of looks that detect
-    assert found["5.1"] >= 3  # latencies
-    assert {"3.1", "3.2", "3.3"} <= set(found)  # stated probabilities
+    sections = verdicts(checks(5), "NOT REPRODUCED")
+    assert sections["4.2"] >= 3  # shares of looks that detect
+    assert sections["5.1"] >= 3  # latencies
+    assert {"3.1", "3.2", "3.3"} <= set(sections)  # stated probabilities
 
 
 def test_printed_figures_stand_for_what_rounds_to_them() -> None:
@@ -94,15 +94,15 @@ def test_the_interval_of_a_share_is_wilsons(hits: int, trials: int) -> None:
 def test_the_scene_that_is_printed_is_the_one_that_is_simulated(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(["paper", "--scene", "--seed", "3"]) == 0
+    run_command("paper --scene --seed 3")
     scene = opir.scene_from_mapping(yaml.safe_load(capsys.readouterr().out))
     assert scene == opir.scene_from_mapping(dict(simulated.scene(3)))
 
 
 def test_plain_data_and_the_page_have_all_figures(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["paper", "--json"]) == 0
+    run_command("paper --json")
     plain = json.loads(capsys.readouterr().out)
-    assert main(["paper", "--html"]) == 0
+    run_command("paper --html")
     page = capsys.readouterr().out
     assert len(re.findall("<tr class=", page)) == len(plain) > 40
     assert "](" not in page  # no links of Markdown
@@ -110,5 +110,5 @@ def test_plain_data_and_the_page_have_all_figures(capsys: pytest.CaptureFixture[
 
 
 def test_a_seed_out_of_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["paper", "--seed", "-1"]) == 2
+    run_command("paper --seed -1", code=2)
     assert "--seed" in capsys.readouterr().err

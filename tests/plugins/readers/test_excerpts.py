@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import main
 from drawn_flights import SLOTS_RAD, Flown, Seeing, flown, seen
 
 from opir_core import load_run
-from opir_core.cli.main import main
 
 FLIGHTS = 4
 
@@ -41,8 +41,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, flights: Flown) -> Path:
     (where / "sensors.yaml").write_text(SENSORS)
     owner, rays = seen(flights, LOOKS, 57)
     for flight in range(FLIGHTS):
-        own = rays.take(np.flatnonzero(owner == flight))
-        columns = (own.time_s, own.sensor, *own.direction_ecef.T, own.sigma_rad * 1e6)
+        sights = rays.take(np.flatnonzero(owner == flight))
+        columns = (sights.time_s, sights.sensor, *sights.direction_ecef.T, sights.sigma_rad * 1e6)
         rows = [
             f"{row[0]:.9f},S{row[1]},{row[2]:.12f},{row[3]:.12f},{row[4]:.12f},{row[5]}"
             for row in zip(*columns, strict=True)
@@ -55,10 +55,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory, flights: Flown) -> Path:
 def excerpt(folder: Path, flight: int, cut_s: float) -> tuple[Path, float]:
     """Return a file with the lines of a burn up to a time, and the time of the last."""
     head, *lines = (folder / f"{flight}.csv").read_text().splitlines()
-    early = [line for line in lines if float(line.split(",")[0]) <= cut_s]
+    selected = [line for line in lines if float(line.split(",")[0]) <= cut_s]
     path = folder / f"{flight}-{cut_s:.0f}.csv"
-    path.write_text("\n".join([head, *early, ""]))
-    return path, float(early[-1].split(",")[0])
+    path.write_text("\n".join([head, *selected, ""]))
+    return path, float(selected[-1].split(",")[0])
 
 
 def tracked(path: Path, *words: str) -> dict[str, Any]:
@@ -72,8 +72,8 @@ def tracked(path: Path, *words: str) -> dict[str, Any]:
     records = [
         json.loads(line) for line in out.with_suffix(".tracks.jsonl").read_text().splitlines()
     ]
-    (last,) = [each for each in records if each["time_s"] == records[-1]["time_s"]]
-    return last
+    (final,) = [record for record in records if record["time_s"] == records[-1]["time_s"]]
+    return final
 
 
 def is_inside(path: Path, place: Any) -> bool:
@@ -119,8 +119,8 @@ def test_an_excerpt_says_what_a_run_says_that_ends_there(folder: Path, flights: 
         path, last_s = excerpt(
             folder, flight, float(flights.start_s[flight] + share * flights.burn_s[flight])
         )
-        whole = tracked(folder / f"{flight}.csv", "--set", f"duration_s={last_s!r}")
-        assert tracked(path) == whole
+        expected = tracked(folder / f"{flight}.csv", "--set", f"duration_s={last_s!r}")
+        assert tracked(path) == expected
 
 
 @pytest.mark.slow

@@ -9,8 +9,6 @@ from satellite_elements import OMM, OTHER, TLE, omm_texts
 
 from opir_core import compile_plan, scene_from_mapping
 from opir_core.errors import SceneError
-from opir_core.host import core_sources
-from opir_core.host.discovery import Selection
 from opir_core.plugin import Host
 from opir_core.reading import scene_mapping
 
@@ -107,8 +105,8 @@ def test_two_patterns_in_one_scene_need_prefixes():
     ring = {"model": "LEO-WIDE", "fleet": {"slots": RING}}
     with pytest.raises(SceneError, match="GEO-1"):
         scene_from_mapping({**SCENE, "sensors": [ring, ring]})
-    other = {"model": "LEO-WIDE", "fleet": {"slots": {**RING, "prefix": "B"}}}
-    assert len(scene_from_mapping({**SCENE, "sensors": [ring, other]}).sensors) == 8
+    prefixed = {"model": "LEO-WIDE", "fleet": {"slots": {**RING, "prefix": "B"}}}
+    assert len(scene_from_mapping({**SCENE, "sensors": [ring, prefixed]}).sensors) == 8
 
 
 @pytest.mark.parametrize("form", ["json", "csv", "kvn", "xml"])
@@ -117,11 +115,11 @@ def test_satellites_of_each_form_fly_as_by_their_own_elements(form):
     plan = compile_plan(scene({"file": "fleet"}, scan_period_ms=500))
     single = compile_plan(scene_from_mapping({**SCENE, "sensors": singles(OMM, OTHER)}))
     time_s = np.array([0.0, 200.0])
-    for own, other in zip(plan.sensors, single.sensors, strict=True):
+    for sensor, expected in zip(plan.sensors, single.sensors, strict=True):
         np.testing.assert_array_equal(
-            own.orbit.position_ecef_m(time_s), other.orbit.position_ecef_m(time_s)
+            sensor.orbit.position_ecef_m(time_s), expected.orbit.position_ecef_m(time_s)
         )
-        assert own.scan.period_ns == 500_000_000
+        assert sensor.scan.period_ns == 500_000_000
 
 
 def singles(*rows):
@@ -131,10 +129,10 @@ def singles(*rows):
 
 
 def test_a_scene_with_a_fleet_is_written_without_its_file():
-    given = scene({"file": "fleet.tle"})
-    written = json.loads(json.dumps(scene_mapping(given)))
+    loaded = scene({"file": "fleet.tle"})
+    written = json.loads(json.dumps(scene_mapping(loaded)))
     Path("fleet.tle").unlink()
-    assert scene_from_mapping(written).sensors[1].model.config == given.sensors[1].model.config
+    assert scene_from_mapping(written).sensors[1].model.config == loaded.sensors[1].model.config
 
 
 @pytest.mark.parametrize(
@@ -164,7 +162,7 @@ def test_what_is_wrong_is_refused_with_its_place(fleet, more, reported):
 
 
 @pytest.mark.parametrize("broken", [json.dumps([OMM, {**OTHER, "BSTAR": None}]), TLE[:-2] + "x\n"])
-def test_elements_with_errors_are_refused_by_name_unless_filtered_out(broken):
+def test_wrong_elements_are_refused_unless_filtered_out(broken):
     Path("fleet").write_text(broken)
     with pytest.raises(
         SceneError, match=r"fleet: the elements of TWO: .*; mend them, or leave them out by name"
@@ -175,7 +173,7 @@ def test_elements_with_errors_are_refused_by_name_unless_filtered_out(broken):
     ]
 
 
-def test_satellites_of_one_number_are_one_sensor_with_the_latest_elements():
+def test_of_one_number_the_latest_elements_count():
     Path("fleet.json").write_text(json.dumps([OTHER, {**OTHER, "EPOCH": "2026-03-31T00:00:00"}]))
     (sensor,) = scene({"file": "fleet.json"}).sensors
     assert sensor.model.config.orbit.omm["EPOCH"] == "2026-03-31T00:00:00"
@@ -201,4 +199,4 @@ def test_without_a_reader_of_fleets_the_remedy_is_given():
         SceneError,
         match=r"sensors\[0\].fleet: no installed plugin reads fleets .* install \./plugins/opir_readers",
     ):
-        scene_from_mapping({**SCENE, "sensors": sensors}, host=Host(Selection(core_sources())))
+        scene_from_mapping({**SCENE, "sensors": sensors}, host=Host.of())

@@ -2,18 +2,16 @@
 
 import random
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from opir_readers.formats import READERS
-from opir_readers.parquet_text import text_of_parquet
-from opir_readers.reading import content_of, file_text, reader_of
+from opir_readers.reading import file_text
 from pyarrow import parquet
+from read_files import read, recognised
 
 from opir_core.plugin import BadFileError
-
-EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
 
 
 def written(path, columns):
@@ -21,9 +19,10 @@ def written(path, columns):
     return path
 
 
-def read(path, epoch_us=EPOCH_US):
+def content_of(path):
     text = file_text(str(path)).text
-    return content_of(text, reader_of(text, READERS), {}, epoch_us)
+    (name,) = recognised(text)
+    return read(name, text)
 
 
 def moments(*seconds):
@@ -49,7 +48,7 @@ PLACE_KM = {
     ],
 )
 def test_states_have_their_places_and_times(tmp_path, times):
-    table = read(written(tmp_path / "a", {**times, **PLACE_KM, "is_burning": [True, False]}))
+    table = content_of(written(tmp_path / "a", {**times, **PLACE_KM, "is_burning": [True, False]}))
     np.testing.assert_allclose(table.time_s, [1.0, 11.0], rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(table.position_m, np.array(list(PLACE_KM.values())).T * 1e3)
     np.testing.assert_allclose(table.burns_s, [[1.0, 11.0]], rtol=0.0, atol=1e-6)
@@ -64,11 +63,11 @@ def test_lines_of_sight_keep_every_digit(tmp_path):
         "snr": [float("nan"), 7.5],
         "bands": [["SWIR"], ["SWIR"]],
     }
-    first, second = read(written(tmp_path / "a", columns))
-    assert first["line_of_sight_ecef"] == columns["line_of_sight_ecef"][0]
-    assert first["sensor_position_ecef_m"] == columns["sensor_position_ecef_m"][0]
-    assert (first["sensor_id"], second["sensor_id"]) == ("A", "B")
-    assert "snr" not in first
+    initial, second = content_of(written(tmp_path / "a", columns))
+    assert initial["line_of_sight_ecef"] == columns["line_of_sight_ecef"][0]
+    assert initial["sensor_position_ecef_m"] == columns["sensor_position_ecef_m"][0]
+    assert (initial["sensor_id"], second["sensor_id"]) == ("A", "B")
+    assert "snr" not in initial
     assert second["snr"] == 7.5
 
 
@@ -78,22 +77,16 @@ def test_dates_in_a_column_time_of_a_text_are_dates(tmp_path):
         "time,azimuth_deg,elevation_deg\n2026-04-01 12:00:01.5Z,10,-80\n2026-04-01"
         " 12:00:02.5Z,10,-80\n"
     )
-    assert [row["timestamp"] for row in read(path)] == [
+    assert [row["timestamp"] for row in content_of(path)] == [
         "2026-04-01 12:00:01.5Z",
         "2026-04-01 12:00:02.5Z",
     ]
 
 
-@pytest.mark.parametrize(
-    ("content", "reported"),
-    [
-        (b"PAR1", "is no whole Parquet file"),
-        (b"PAR1" + bytes(40) + b"PAR1", "is no whole Parquet file"),
-    ],
-)
-def test_what_is_no_parquet_is_refused(content, reported):
-    with pytest.raises(BadFileError, match=reported):
-        text_of_parquet(content)
+@pytest.mark.parametrize("content", [b"PAR1", b"PAR1" + bytes(40) + b"PAR1"])
+def test_what_is_no_parquet_is_refused(imported, content):
+    Path("file").write_bytes(content)
+    assert "is no whole Parquet file" in imported("file", code=2)
 
 
 def test_endless_repetitions_are_refused(tmp_path):
@@ -111,10 +104,10 @@ def test_broken_parquet_is_refused_whatever_is_broken(tmp_path):
         broken = bytearray(content)
         for _ in range(rng.randint(1, 4)):
             broken[rng.randrange(4, len(broken))] = rng.randrange(256)
+        length = rng.choice((len(broken), rng.randrange(4, len(broken))))
+        (tmp_path / "b").write_bytes(broken[:length])
         try:
-            text_of_parquet(
-                bytes(broken[: rng.choice((len(broken), rng.randrange(4, len(broken))))])
-            )
+            file_text(str(tmp_path / "b"))
         except BadFileError:
             refused += 1
     assert refused > 100

@@ -1,94 +1,28 @@
-"""Targets from files keep the contract of their kind."""
+"""Every reader that opir_readers offers passes the conformance tests, and so do its targets."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
-from opir_readers.configs_of_sites import SiteConfig
+import pytest
 from opir_testing import ReaderContract, TargetContract
+from read_files import READER, read
 from repository import DATA
 
-from opir_core.plugin import ReaderContext
+SITE = {"lat_deg": 34.73, "lon_deg": -120.57, "height_m": 100.0, "azimuth_deg": 270.0}
+FLIGHTS = DATA / "flights"
+
+#: Readers of local places alone, which need a launch point.
+LOCAL = ("rasaero", "webcast")
 
 
-class TestCsv(ReaderContract):
-    name = "csv"
-
-
-class TestOem(ReaderContract):
-    name = "oem"
-
-
-class TestStk(ReaderContract):
-    name = "stk"
-
-
-class TestGpx(ReaderContract):
-    name = "gpx"
-
-
-class TestKml(ReaderContract):
-    name = "kml"
-
-
-class TestOemXml(ReaderContract):
-    name = "oem-xml"
-
-
-class TestOmm(ReaderContract):
-    name = "omm"
-
-
-class TestTle(ReaderContract):
-    name = "tle"
-
-
-class TestSp3(ReaderContract):
-    name = "sp3"
-
-
-SITE = SiteConfig(lat_deg=34.73, lon_deg=-120.57, height_m=100.0, azimuth_deg=270.0)
-
-
-class TestOpenRocket(ReaderContract):
-    name = "openrocket"
-
-
-class TestRocketPy(ReaderContract):
-    name = "rocketpy"
-
-
-class AtSite:
-    """A reader of local places, with a launch point."""
-
-    component: ClassVar[Callable[[], Any]]
+class TestReaders(ReaderContract):
+    @pytest.fixture(autouse=True, params=READER)
+    def named(self, request: pytest.FixtureRequest) -> None:
+        type(self).name = request.param
 
     @classmethod
     def read(cls, text: str) -> Any:
-        config = cls.component().config(site=SITE)
-        return cls.component().build(config, ReaderContext(text=text))
-
-
-class TestRasAero(AtSite, ReaderContract):
-    name = "rasaero"
-
-
-class TestWebcast(AtSite, ReaderContract):
-    name = "webcast"
-
-
-class TestEvents(ReaderContract):
-    name = "events"
-
-
-class TestSights(ReaderContract):
-    name = "sights"
-
-
-class TestTdm(ReaderContract):
-    name = "tdm"
-
-
-FLIGHTS = DATA / "flights"
+        return read(cls.name, text, 0, **({"site": SITE} if cls.name in LOCAL else {}))
 
 
 class TestTables(TargetContract):

@@ -4,18 +4,13 @@ engine is lit.
 
 import numpy as np
 import pytest
-from opir_readers.configs_of_sites import SiteConfig
-from opir_readers.flights.rocket_exports import rocket_table
-from opir_readers.formats import READERS
-from opir_readers.reading import reader_of
 from pyproj import Geod, Transformer
-
-from opir_core.plugin import BadFileError
+from read_files import read, recognised, refusal
 
 LAT = 32.99
 LON = -106.97
 GROUND = 1400.0
-SITE = SiteConfig(lat_deg=LAT, lon_deg=LON, height_m=GROUND, azimuth_deg=60.0)
+SITE = {"lat_deg": LAT, "lon_deg": LON, "height_m": GROUND, "azimuth_deg": 60.0}
 GEOD = Geod(ellps="WGS84")
 TO_ECEF = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 FT = 0.3048
@@ -26,9 +21,11 @@ def flight():
     of 40 m/s².
     """
     time = np.arange(0.0, 40.0, 0.5)
-    lit = time < 10.0
-    climb = np.where(lit, 15.0 * time**2, 1500.0 + 300.0 * (time - 10.0) - 4.9 * (time - 10.0) ** 2)
-    return time, 8.0 * climb**0.5, climb, np.where(lit, 5000.0, 0.0)
+    is_lit = time < 10.0
+    climb = np.where(
+        is_lit, 15.0 * time**2, 1500.0 + 300.0 * (time - 10.0) - 4.9 * (time - 10.0) ** 2
+    )
+    return time, 8.0 * climb**0.5, climb, np.where(is_lit, 5000.0, 0.0)
 
 
 def true_positions():
@@ -100,9 +97,8 @@ def rocketpy(columns="solution"):
     ],
 )
 def test_the_same_flight_of_each_program(text, name):
-    assert reader_of(text, READERS).name == name
-    program = {"openrocket": "OpenRocket", "rasaero": "RASAero", "rocketpy": "RocketPy"}[name]
-    table = rocket_table(text, program, SITE, 100.0)
+    assert recognised(text) == [name]
+    table = read(name, text, site=SITE, start_s=100.0)
     np.testing.assert_allclose(table.time_s, flight()[0] + 100.0, rtol=0.0, atol=1e-9)
     # The longest way to write a place here has nine decimals of a kilometre or a degree.
     np.testing.assert_allclose(table.position_m, true_positions()[0], rtol=0.0, atol=1e-3)
@@ -113,44 +109,41 @@ def test_the_same_flight_of_each_program(text, name):
 
 @pytest.mark.parametrize("text", [openrocket(), openrocket(events=False), rasaero()])
 def test_burns_are_those_of_events_or_thrust(text):
-    program = "RASAero" if text.startswith("Time") else "OpenRocket"
-    np.testing.assert_allclose(
-        rocket_table(text, program, SITE, 0.0).burns_s, [[0.0, 10.0]], rtol=0.0, atol=1e-9
-    )
+    (name,) = recognised(text)
+    burns_s = read(name, text, site=SITE).burns_s
+    np.testing.assert_allclose(burns_s, [[0.0, 10.0]], rtol=0.0, atol=1e-9)
 
 
-def test_burns_are_those_of_the_acceleration_where_nothing_else_tells():
-    burns = rocket_table(rocketpy(), "RocketPy", SITE, 0.0).burns_s
+def test_burns_by_acceleration_without_events_or_thrust():
+    burns = read("rocketpy", rocketpy(), site=SITE).burns_s
     assert burns.shape == (1, 2)
     # The states are half a second apart, and accelerations averaged over two.
     np.testing.assert_allclose(burns, [[0.0, 10.0]], rtol=0.0, atol=1.01)
 
 
 @pytest.mark.parametrize(
-    ("text", "program", "site", "reported"),
+    ("text", "name", "site", "reported"),
     [
         (
             openrocket(places="none"),
-            "OpenRocket",
+            "openrocket",
             SITE,
             "has no places: export latitude and longitude",
         ),
         (
             openrocket(),
-            "OpenRocket",
+            "openrocket",
             None,
             "its places count from the launch point: set site: {lat_deg: …",
         ),
-        (rasaero(), "RASAero", SiteConfig(lat_deg=LAT, lon_deg=LON), "set site.azimuth_deg"),
+        (rasaero(), "rasaero", {"lat_deg": LAT, "lon_deg": LON}, "set site.azimuth_deg"),
         (
             openrocket(unit="furlong"),
-            "OpenRocket",
+            "openrocket",
             SITE,
             "'Altitude (furlong)' has the unit 'furlong'; known are",
         ),
     ],
 )
-def test_what_lacks_is_reported(text, program, site, reported):
-    with pytest.raises(BadFileError, match=" ") as refused:
-        rocket_table(text, program, site, 0.0)
-    assert reported in str(refused.value)
+def test_what_lacks_is_reported(text, name, site, reported):
+    assert reported in refusal(name, text, site=site)

@@ -7,14 +7,10 @@ import math
 import numpy as np
 import pytest
 from opir_readers.detections.columns_of_run import columns_of
-from opir_readers.detections.sights import is_of_sights, sight_rows
-from opir_readers.formats import READERS
 from opir_readers.frames import to_ecef
-from opir_readers.reading import reader_of
+from read_files import read, recognised, refusal
 
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import BadFileError
-from opir_core.reading import scene_from_mapping
+from opir_core import compile_plan, scene_from_mapping
 
 SCENE = {
     "scene": "one",
@@ -26,32 +22,29 @@ SCENE = {
 
 def only_row(names, cells, columns=None):
     text = f"{names}\n{cells}\n"
-    assert is_of_sights(text) or columns
-    (row,) = sight_rows(text, 0.0, columns or {})
+    assert columns or recognised(text) == ["sights"]
+    (row,) = read("sights", text, columns=columns or {})
     return row
 
 
 @pytest.mark.parametrize(
-    ("names", "cells", "expected"),
+    ("names", "cells"),
     [
-        ("time_s,ra_h,dec_deg", "1,12.5,-4.5", (187.5, -4.5)),
-        ("time_s,RA (hours),dec_deg", "1,12.5,-4.5", None),
-        ("time_s,right_ascension_h,declination_deg", "1,12:30:00,-04:30:00.0", (187.5, -4.5)),
-        ("time_s,right_ascension_h,declination_deg", "1,12 30 00.0,-4 30 0", (187.5, -4.5)),
+        ("time_s,ra_h,dec_deg", "1,12.5,-4.5"),
+        ("time_s,RA (hours),dec_deg", "1,12.5,-4.5"),
+        ("time_s,right_ascension_h,declination_deg", "1,12:30:00,-04:30:00.0"),
+        ("time_s,right_ascension_h,declination_deg", "1,12 30 00.0,-4 30 0"),
         (
             "time_s,Right_Ascension (rad),Declination [rad]",
             f"1,{math.radians(187.5)!r},{math.radians(-4.5)!r}",
-            (187.5, -4.5),
         ),
     ],
 )
-def test_right_ascensions_are_in_hours_or_degrees(names, cells, expected):
-    if expected is None:
-        row = only_row(names, cells, {"right_ascension_h": "RA (hours)"})
-        expected = (187.5, -4.5)
-    else:
-        row = only_row(names, cells)
-    assert (row["right_ascension_deg"], row["declination_deg"]) == pytest.approx(expected, abs=1e-9)
+def test_right_ascensions_are_in_hours_or_degrees(names, cells):
+    columns = {"right_ascension_h": "RA (hours)"} if "hours" in names else None
+    row = only_row(names, cells, columns)
+    assert row["right_ascension_deg"] == pytest.approx(187.5, abs=1e-9)
+    assert row["declination_deg"] == pytest.approx(-4.5, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -68,9 +61,7 @@ def test_right_ascensions_are_in_hours_or_degrees(names, cells, expected):
         ),
     ],
 )
-def test_azimuths_count_from_north_or_south_and_heights_from_the_horizon_or_the_zenith(
-    names, cells
-):
+def test_angles_count_from_north_or_south_horizon_or_zenith(names, cells):
     row = only_row(names, cells, {"time_s": "T"} if names[0] == "T" else None)
     assert (row["azimuth_deg"], row["elevation_deg"]) == pytest.approx((190.0, 5.0), abs=1e-9)
     assert row["time_s"] == 1.0
@@ -92,7 +83,7 @@ def test_times_count_from_other_dates(name, value):
 
 def test_a_flight_with_angles_beside_its_places_is_a_flight():
     text = "time_s,lat_deg,lon_deg,height_m,azimuth_deg,elevation_deg\n0,1,2,3,4,5\n1,1,2,3,4,5\n"
-    assert reader_of(text, READERS).name == "csv"
+    assert recognised(text) == ["csv"]
 
 
 @pytest.mark.parametrize("frame", ["EME2000", "TEME", "TOD_EARTH", "MOD", "CIRS", "ICRF"])
@@ -105,22 +96,15 @@ def test_directions_are_turned_from_the_frame_that_they_name(frame):
         "declination_deg": -20.0,
         "reference_frame": frame,
     }
-    level = np.cos(np.radians(-20.0))
-    vector = np.array(
-        [
-            [
-                level * np.cos(np.radians(30.0)),
-                level * np.sin(np.radians(30.0)),
-                np.sin(np.radians(-20.0)),
-            ]
-        ]
-    )
+    longitude, latitude = np.radians([30.0, -20.0])
+    level = np.cos(latitude)
+    vector = np.array([[level * np.cos(longitude), level * np.sin(longitude), np.sin(latitude)]])
     kind = {"TOD_EARTH": "TOD", "ICRF": "EME2000"}.get(frame, frame)
     expected, _ = to_ecef(kind, vector, np.zeros((1, 3)), plan.scene.epoch_us, np.array([10.0]))
-    found = columns_of([row], plan, {}).detections.line_of_sight_ecef
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
+    sight = columns_of([row], plan, {}).detections.line_of_sight_ecef
+    np.testing.assert_allclose(sight, expected, rtol=0.0, atol=1e-12)
 
 
 def test_an_angle_that_is_none_is_named():
-    with pytest.raises(BadFileError, match="line 2: ra_h is '12:3x:00', not a finite number"):
-        sight_rows("time_s,ra_h,dec_deg\n1,12:3x:00,2\n", 0.0, {})
+    reason = refusal("sights", "time_s,ra_h,dec_deg\n1,12:3x:00,2\n")
+    assert "line 2: ra_h is '12:3x:00', not a finite number" in reason

@@ -8,19 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from opir_readers import csv_table as csv_table_module
-from opir_readers.configs import TableConfig
-from opir_readers.table_targets import table_targets
+from opir_readers import csv_table
+from read_files import read, refusal
 from repository import TEST_SCENES
 
+from opir_core import compile_plan, load_scene, scene_from_mapping, simulate
 from opir_core.errors import SceneError
-from opir_core.flight.kepler import propagate_kepler
+from opir_core.flight import propagate_kepler
 from opir_core.geometry import eci_to_ecef_state
-from opir_core.interfaces.contexts import TargetContext
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import BadFileError
-from opir_core.reading import load_scene, scene_from_mapping
-from opir_core.simulation.run import simulate
+from opir_core.plugin import Host, TargetContext, TargetModel
 
 EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 
@@ -95,8 +91,8 @@ def flown(folder, text, **settings):
 
 def largest_error_m(targets, first_s, last_s):
     time_s = np.linspace(first_s, last_s, 5001)
-    found = targets.position_ecef_m(np.zeros(len(time_s), np.int32), time_s)
-    return np.linalg.norm(found - arc(time_s)[0], axis=1).max()
+    position = targets.position_ecef_m(np.zeros(len(time_s), np.int32), time_s)
+    return np.linalg.norm(position - arc(time_s)[0], axis=1).max()
 
 
 @pytest.mark.parametrize(("velocity", "step_s"), [(True, 20.0), (False, 5.0), (True, 60.0)])
@@ -107,7 +103,7 @@ def test_between_states_it_is_the_arc_that_they_are_of(tmp_path, velocity, step_
     assert error_m <= truth["interpolation_error_m"] + truth["tolerance_m"]
 
 
-def test_states_close_together_do_not_amplify_the_rounding_of_times(tmp_path):
+def test_close_states_do_not_amplify_the_rounding_of_times(tmp_path):
     """The last of states 5 s apart comes 0.25 s after the one before; its time is rounded to 1 ms,
     3 m of flight.
     """
@@ -147,10 +143,10 @@ def test_a_kink_between_stretches_is_kept(tmp_path):
         f"{t!r},{6.4e6 + h!r},0,0" for t, h in zip(time_s.tolist(), height.tolist(), strict=True)
     ]
     targets, _ = flown(tmp_path, "\n".join(["time_s,x_ecef_m,y_ecef_m,z_ecef_m", *rows]))
-    asked = np.array([0.0, 5.0, 19.0, 20.0, 21.0, 40.0])
-    expected = np.where(asked <= 20.0, asked * 100.0, 2000.0 + (asked - 20.0) * 5000.0)
-    found = targets.position_ecef_m(np.zeros(6, np.int32), asked)
-    np.testing.assert_allclose(found[:, 0] - 6.4e6, expected, rtol=0.0, atol=1e-6)
+    time_s = np.array([0.0, 5.0, 19.0, 20.0, 21.0, 40.0])
+    expected = np.where(time_s <= 20.0, time_s * 100.0, 2000.0 + (time_s - 20.0) * 5000.0)
+    position = targets.position_ecef_m(np.zeros(6, np.int32), time_s)
+    np.testing.assert_allclose(position[:, 0] - 6.4e6, expected, rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -170,9 +166,9 @@ def test_a_kink_between_stretches_is_kept(tmp_path):
 def test_the_burn_is_the_files_or_the_blocks(tmp_path, burning, settings, burn):
     targets, _ = flown(tmp_path, csv_text(np.linspace(0.0, 100.0, 5), burning=burning), **settings)
     assert (targets.ignition_s[0], targets.burnout_s[0]) == burn
-    asked = np.array([burn[0] - 1e-6, burn[0], 0.5 * sum(burn), burn[1], burn[1] + 1e-6])
-    found = targets.position_ecef_m(np.zeros(5, np.int32), asked)
-    assert np.isfinite(found).all(axis=1).tolist() == [False, True, True, True, False]
+    time_s = np.array([burn[0] - 1e-6, burn[0], 0.5 * sum(burn), burn[1], burn[1] + 1e-6])
+    position = targets.position_ecef_m(np.zeros(5, np.int32), time_s)
+    assert np.isfinite(position).all(axis=1).tolist() == [False, True, True, True, False]
 
 
 @pytest.mark.parametrize(("free_flight", "end_s"), [(False, 60.0), (True, 100.0)])
@@ -180,13 +176,15 @@ def test_who_follows_bodies_follows_them_to_the_last_state(tmp_path, free_flight
     path = tmp_path / "table.csv"
     path.write_text(csv_text(np.linspace(0.0, 100.0, 11)), encoding="utf-8")
     context = TargetContext(ids=("T",), paths=("targets[0]",), free_flight=free_flight)
-    targets = table_targets([TableConfig(type="SRBM", file=str(path), burnout_s=60.0)], context)
+    model = Host.discover().component(TargetModel, "table")
+    config = model.config(type="SRBM", file=str(path), burnout_s=60.0)
+    targets = model.build([config], context)
     assert (targets.burnout_s[0], targets.end_s[0]) == (60.0, end_s)
-    asked = np.array([60.0, np.nextafter(60.0, 99.0), 100.0])
-    found = targets.position_ecef_m(np.zeros(3, np.int32), asked)
-    known = asked <= end_s
-    assert np.isfinite(found).all(axis=1).tolist() == known.tolist()
-    assert np.linalg.norm(found - arc(asked)[0], axis=1)[known].max() <= 0.02
+    time_s = np.array([60.0, np.nextafter(60.0, 99.0), 100.0])
+    position = targets.position_ecef_m(np.zeros(3, np.int32), time_s)
+    is_followed = time_s <= end_s
+    assert np.isfinite(position).all(axis=1).tolist() == is_followed.tolist()
+    assert np.linalg.norm(position - arc(time_s)[0], axis=1)[is_followed].max() <= 0.02
 
 
 @pytest.mark.parametrize(
@@ -199,28 +197,17 @@ def test_who_follows_bodies_follows_them_to_the_last_state(tmp_path, free_flight
     ],
 )
 def test_ends_near_the_ground_are_launch_and_impact(tmp_path, heights_m, burning, points):
-    # On the equator, where the height is that above the equatorial radius: one degree of longitude
-    # a state.
-    angle = np.radians(np.arange(4.0))
-    radius = 6378137.0 + np.array(heights_m)
-    rows = np.column_stack(
-        [
-            10.0 * np.arange(4.0),
-            radius * np.cos(angle),
-            radius * np.sin(angle),
-            0.0 * angle,
-            burning,
-        ]
-    )
-    _, truth = flown(
-        tmp_path, BURNING + "\n".join(",".join(map(repr, row)) for row in rows.tolist())
-    )
+    # On the equator, one degree of longitude a state.
+    rows = [
+        f"{10 * k},0,{k},{height},{burns}"
+        for k, (height, burns) in enumerate(zip(heights_m, burning, strict=True))
+    ]
+    _, truth = flown(tmp_path, "\n".join(["time_s,lat,lon,height,is_burning", *rows]))
     assert points == {"launch", "impact"} & set(truth)
     for name, place in (("launch", (0.0, 0.0, 0.0)), ("impact", (0.0, 3.0, 200.0))):
         if name in points:
-            assert tuple(
-                truth[name][key] for key in ("lat_deg", "lon_deg", "height_m")
-            ) == pytest.approx(place, abs=1e-6)
+            values = [truth[name][key] for key in ("lat_deg", "lon_deg", "height_m")]
+            assert values == pytest.approx(place, abs=1e-6)
     if "impact" in points:
         assert truth["impact"]["time_s"] == 30.0
 
@@ -337,9 +324,7 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
         ("CCSDS_OEM_VERS = 2.0\nMETA_STOP\n", {}, "line 2: ends a block that never began"),
     ],
 )
-def test_bad_files_give_one_message_with_file_line_and_the_way_out(
-    tmp_path, text, settings, reported
-):
+def test_bad_files_give_a_message_with_line_and_way_out(tmp_path, text, settings, reported):
     with pytest.raises(SceneError) as caught:
         flown(tmp_path, text, **settings)
     message = str(caught.value)
@@ -348,7 +333,7 @@ def test_bad_files_give_one_message_with_file_line_and_the_way_out(
     assert caught.value.exit_code == 2
 
 
-def test_a_file_that_is_not_there_and_one_that_is_no_text_are_reported(tmp_path):
+def test_missing_files_and_files_of_bytes_are_reported(tmp_path):
     with pytest.raises(SceneError, match="cannot be read: no such file"):
         flown(tmp_path, "", file=str(tmp_path / "none.csv"))
     (tmp_path / "bytes.csv").write_bytes(b"time_s\n\x81\x8d")
@@ -356,27 +341,27 @@ def test_a_file_that_is_not_there_and_one_that_is_no_text_are_reported(tmp_path)
         flown(tmp_path, "", file=str(tmp_path / "bytes.csv"))
 
 
-def test_segments_of_an_oem_must_meet_and_days_of_the_year_are_read(tmp_path):
-    first = oem_text(np.array([0.0, 10.0, 20.0]))
+def test_segments_of_an_oem_must_meet(tmp_path):
+    head = oem_text(np.array([0.0, 10.0, 20.0]))
     second = oem_text(np.array([20.0, 30.0]))
-    joined = first + second[second.index("META_START") :]
-    targets, _ = flown(tmp_path, joined.replace("2026-04-01T", "2026-091T"))
+    text = head + second[second.index("META_START") :]
+    targets, _ = flown(tmp_path, text.replace("2026-04-01T", "2026-091T"))
     assert largest_error_m(targets, 0.0, 30.0) <= 0.02
     later = oem_text(np.array([25.0, 30.0]))
     with pytest.raises(SceneError, match="this segment does not start when the one before it ends"):
-        flown(tmp_path, first + later[later.index("META_START") :])
+        flown(tmp_path, head + later[later.index("META_START") :])
 
 
-def test_what_an_oem_says_of_use_and_of_several_objects_is_heeded(tmp_path):
+def test_useable_times_and_objects_of_an_oem_are_heeded(tmp_path):
     text = oem_text(np.array([0.0, 10.0, 20.0]))
     useable = text.replace("META_STOP", "USEABLE_START_TIME = 2026-04-01T12:00:05\nMETA_STOP")
     assert flown(tmp_path, useable)[1]["ignition_s"] == 5.0
-    other = oem_text(np.array([0.0, 10.0])).replace("ONE", "TWO").replace("001A", "001B")
-    both = text + other[other.index("META_START") :]
-    assert flown(tmp_path, both, object="2026-001A")[1]["burnout_s"] == 20.0
-    assert flown(tmp_path, both, object="TWO")[1]["burnout_s"] == 10.0
+    second = oem_text(np.array([0.0, 10.0])).replace("ONE", "TWO").replace("001A", "001B")
+    message = text + second[second.index("META_START") :]
+    assert flown(tmp_path, message, object="2026-001A")[1]["burnout_s"] == 20.0
+    assert flown(tmp_path, message, object="TWO")[1]["burnout_s"] == 10.0
     with pytest.raises(SceneError, match="has several objects; say which with object: ONE, TWO"):
-        flown(tmp_path, both)
+        flown(tmp_path, message)
 
 
 def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
@@ -386,7 +371,7 @@ def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
     overrides = ["outputs=[]", "seed=5", "tracker=none"]
     scene = load_scene(EXAMPLE, overrides=overrides)
     targets = compile_plan(scene).targets
-    asked = []
+    blocks = []
     for row, target in enumerate(scene.targets):
         ignition = float(targets.ignition_s[row])
         burnout = float(targets.burnout_s[row])
@@ -397,22 +382,22 @@ def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
         ]
         path = tmp_path / f"{target.id}.csv"
         path.write_text(HEAD + "\n".join(lines), encoding="utf-8")
-        asked.append(
+        blocks.append(
             f"{{id: {target.id}, model: table, type: {target.model.config.type}, file: '{path}'}}"
         )
-    own = simulate(scene)
-    table = simulate(load_scene(EXAMPLE, overrides=[*overrides, f"targets=[{', '.join(asked)}]"]))
-    assert own.manifest["files"] == []
+    profile = simulate(scene)
+    table = simulate(load_scene(EXAMPLE, overrides=[*overrides, f"targets=[{', '.join(blocks)}]"]))
+    assert profile.manifest["files"] == []
     assert [Path(file["path"]).name for file in table.manifest["files"]] == [
         "T1.csv",
         "T2.csv",
         "T3.csv",
     ]
-    assert len(own.detections) > 1000
-    assert table.detections.time_ns.tobytes() == own.detections.time_ns.tobytes()
-    assert table.detections.detection_id.tobytes() == own.detections.detection_id.tobytes()
-    assert table.truth.target.tobytes() == own.truth.target.tobytes()
-    sight = table.detections.line_of_sight_ecef - own.detections.line_of_sight_ecef
+    assert len(profile.detections) > 1000
+    assert table.detections.time_ns.tobytes() == profile.detections.time_ns.tobytes()
+    assert table.detections.detection_id.tobytes() == profile.detections.detection_id.tobytes()
+    assert table.truth.target.tobytes() == profile.truth.target.tobytes()
+    sight = table.detections.line_of_sight_ecef - profile.detections.line_of_sight_ecef
     assert np.abs(sight).max() <= 1e-7
 
 
@@ -433,42 +418,39 @@ class TestReadingAtOnce:
     TIMES = np.arange(0.0, 50.0, 0.25)
 
     def lines_read(self, text, monkeypatch):
-        read = []
-        row = csv_table_module._row
+        lines = []
+        row = csv_table._row
 
-        def counted(columns, layout, cells, line):
-            read.append(line)
-            return row(columns, layout, cells, line)
+        def counted(table, cells, line):
+            lines.append(line)
+            return row(table, cells, line)
 
-        monkeypatch.setattr(csv_table_module, "_row", counted)
-        return csv_table_module.csv_table(text, 0.0), read
+        monkeypatch.setattr(csv_table, "_row", counted)
+        return read("csv", text), lines
 
     def test_plain_numbers_need_no_line_of_python(self, monkeypatch):
         text = csv_text(self.TIMES, burning=np.ones(len(self.TIMES))).replace(
             "\n0.5,", "\n\n# a comment\n0.5,"
         )
-        table, read = self.lines_read(text, monkeypatch)
-        assert not read
+        table, lines = self.lines_read(text, monkeypatch)
+        assert not lines
         position, velocity = arc(self.TIMES)
         assert np.array_equal(table.position_m, position)
         assert np.array_equal(table.velocity_m_s, velocity)
 
     def test_both_ways_give_the_same_numbers(self, monkeypatch):
         at_once, _ = self.lines_read(csv_text(self.TIMES), monkeypatch)
-        monkeypatch.setattr(csv_table_module, "_plain_numbers", lambda *_: None)
-        by_line, read = self.lines_read(csv_text(self.TIMES), monkeypatch)
-        assert len(read) == len(self.TIMES)
+        monkeypatch.setattr(csv_table, "_plain_numbers", lambda *_: None)
+        by_line, lines = self.lines_read(csv_text(self.TIMES), monkeypatch)
+        assert len(lines) == len(self.TIMES)
         assert np.array_equal(at_once.time_s, by_line.time_s)
         assert np.array_equal(at_once.position_m, by_line.position_m)
 
     def test_lines_are_numbered_as_in_the_file(self):
         text = csv_text(self.TIMES).replace("\n0.5,", "\n\n# a comment\n0.1,")
-        with pytest.raises(BadFileError, match="line 7: its time does not follow that of line 4"):
-            csv_table_module.csv_table(text, 0.0)
+        assert "line 7: its time does not follow that of line 4" in refusal("csv", text)
 
     def test_points_that_are_not_smooth_are_limited(self, monkeypatch):
-        monkeypatch.setattr(csv_table_module, "MOST_BREAKS", 3)
-        with pytest.raises(BadFileError, match="has 4 times that occur twice; at most 3"):
-            csv_table_module.csv_table(
-                csv_text(np.sort([0.0, 5.0, *[1.0, 2.0, 3.0, 4.0] * 2])), 0.0
-            )
+        monkeypatch.setattr(csv_table, "MOST_BREAKS", 3)
+        text = csv_text(np.sort([0.0, 5.0, *[1.0, 2.0, 3.0, 4.0] * 2]))
+        assert "has 4 times that occur twice; at most 3" in refusal("csv", text)

@@ -3,19 +3,16 @@ them.
 """
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
-from opir_readers.csv_table import csv_table
-from opir_readers.formats import READERS
-from opir_readers.frames import to_ecef
-from opir_readers.reading import file_text, reader_of
+from opir_readers import ecef_state
 from pyproj import Transformer
+from read_files import EPOCH_US, read, refusal
 
+from opir_core import compile_plan, scene_from_mapping
 from opir_core.errors import SceneError
-from opir_core.planning.plan import compile_plan
-from opir_core.plugin import BadFileError
-from opir_core.reading import scene_from_mapping
 
 PLACES_M = np.array(
     [
@@ -78,13 +75,13 @@ def written(delimiter=",", decimal=".", end="\n", names=NAMES, head="", comment=
         "".join(json.dumps(dict(zip(NAMES, row, strict=True))) + "\n" for row in ROWS).encode(),
     ],
 )
-def test_the_same_states_written_otherwise_are_the_same(tmp_path, content):
-    (tmp_path / "states").write_bytes(content)
-    text = file_text(str(tmp_path / "states")).text
-    assert reader_of(text, READERS).name == "csv"
-    table = csv_table(text, 5.0)
-    np.testing.assert_allclose(table.position_m, PLACES_M, rtol=0.0, atol=1e-3)
-    assert table.time_s.tolist() == [5.0, 15.0, 25.0]
+def test_the_same_states_written_otherwise_are_the_same(imported, content):
+    Path("states").write_bytes(content)
+    assert "states: csv, " in imported("states", "--start-s", "5", "--out", "out.csv")
+    table = np.loadtxt("out.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(table[:, 1:4], PLACES_M, rtol=0.0, atol=1e-3)
+    assert table[:, 0].tolist() == [0.0, 10.0, 20.0]
+    assert "3 states, 5 s to 25 s," in imported("states", "--start-s", "5")
 
 
 @pytest.mark.parametrize(
@@ -97,15 +94,12 @@ def test_units_stand_in_names_and_in_maps(unit, factor):
         for row, place in enumerate(PLACES_M)
     ]
     text = "\n".join([",".join(["t", *names]), *lines])
-    table = csv_table(text, 0.0, {"time_ms": "t"})
+    table = read("csv", text, columns={"time_ms": "t"})
     np.testing.assert_allclose(table.position_m, PLACES_M, rtol=1e-12)
     assert table.time_s.tolist() == [0.0, 0.06, 0.12]
-    other = csv_table(
-        text.replace("_ecef_", "."),
-        0.0,
-        {"time_ms": "t", **{name: name.replace("_ecef_", ".") for name in names}},
-    )
-    assert np.array_equal(table.position_m, other.position_m)
+    columns = {"time_ms": "t", **{name: name.replace("_ecef_", ".") for name in names}}
+    mapped = read("csv", text.replace("_ecef_", "."), columns=columns)
+    assert np.array_equal(table.position_m, mapped.position_m)
 
 
 GEODETIC = """Time (s),Latitude (°),Longitude (°),Altitude ({unit}),Total velocity (m/s)
@@ -116,15 +110,13 @@ MAP = {"time_s": "Time (s)", "lat": "Latitude (°)", "lon": "Longitude (°)"}
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("ft", 0.3048), ("km", 1e3)])
-def test_geodetic_columns_are_read_with_a_map_to_what_proj_makes_of_them(unit, factor):
+def test_geodetic_columns_have_the_places_of_proj(unit, factor):
     text = GEODETIC.format(unit=unit, low=100.0 / factor, high=260.0 / factor)
-    with pytest.raises(BadFileError) as refused:
-        csv_table(text, 0.0)
     proposed = (
         'set columns: {time_s: "Time (s)", lat_deg: "Latitude (°)", lon_deg: "Longitude (°)", '
     )
-    assert f'{proposed}height_{unit}: "Altitude ({unit})"}}' in str(refused.value)
-    table = csv_table(text, 0.0, {**MAP, f"height_{unit}": f"Altitude ({unit})"})
+    assert f'{proposed}height_{unit}: "Altitude ({unit})"}}' in refusal("csv", text)
+    table = read("csv", text, columns={**MAP, f"height_{unit}": f"Altitude ({unit})"})
     to_ecef = Transformer.from_crs("EPSG:4979", "EPSG:4978")
     expected = np.array(
         [to_ecef.transform(34.73, -120.57, 100.0), to_ecef.transform(34.73, -120.5701, 260.0)]
@@ -211,16 +203,14 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
         ("time_s,x_ecef (furlong),y_ecef_m,z_ecef_m\n0,7e6,0,0\n", {}, "lacks the column x_ecef_m"),
     ],
 )
-def test_tables_that_are_none_are_reported_with_the_way_to_read_them(text, columns, reported):
-    with pytest.raises(BadFileError) as refused:
-        csv_table(text, 0.0, columns)
-    assert reported in str(refused.value)
+def test_other_tables_are_refused_with_the_way_to_read_them(text, columns, reported):
+    assert reported in refusal("csv", text, columns=columns)
 
 
-def test_velocities_in_local_axes_are_turned(tmp_path):
+def test_velocities_in_local_axes_are_turned():
     """At 0° N 90° E east is -x, north is z and up is y."""
     text = "time_s,lat,lon,height,v_east_m_s,v_north_ft_s,v_up_km_s\n0,0,90,0,1,10,0.003\n1,0,90,3,1,10,0.003\n"
-    table = csv_table(text, 0.0)
+    table = read("csv", text)
     np.testing.assert_allclose(table.velocity_m_s, [[-1.0, 3.0, 3.048]] * 2, rtol=0.0, atol=1e-9)
 
 
@@ -234,7 +224,7 @@ def test_velocities_in_local_axes_are_turned(tmp_path):
         ),
     ],
 )
-def test_a_map_of_unknown_quantities_is_refused(tmp_path, columns, reported):
+def test_a_map_of_unknown_quantities_is_refused(columns, reported):
     target = {"id": "T", "model": "table", "type": "IRBM", "file": "none.csv", "columns": columns}
     scene = {
         "scene": "x",
@@ -247,7 +237,12 @@ def test_a_map_of_unknown_quantities_is_refused(tmp_path, columns, reported):
     assert reported in str(refused.value)
 
 
-EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z, MJD 61131.5
+def at_places(names, times):
+    """Return the table of the places at times, whose columns have these names."""
+    rows = [
+        f"{time},{','.join(map(str, place))}" for time, place in zip(times, PLACES_M, strict=False)
+    ]
+    return read("csv", "\n".join([f"{names},x_ecef,y_ecef,z_ecef", *rows]), start_s=5.0)
 
 
 @pytest.mark.parametrize(
@@ -271,10 +266,7 @@ EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z, MJD 61131.5
     ],
 )
 def test_dates_are_read_as_they_are_written(names, times):
-    rows = [
-        f"{time},{','.join(map(str, place))}" for time, place in zip(times, PLACES_M, strict=False)
-    ]
-    table = csv_table("\n".join([f"{names},x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US)
+    table = at_places(names, times)
     assert table.has_dates
     np.testing.assert_allclose(table.time_s, [10.0, 20.0], rtol=0.0, atol=1e-3)
 
@@ -283,32 +275,24 @@ def test_dates_are_read_as_they_are_written(names, times):
     "clocks", [("00:00:10", "0:00:20.0"), ("T+00:00:10", "T+00:00:20"), ("10", "20")]
 )
 def test_elapsed_times_count_from_the_start(clocks):
-    rows = [
-        f"{time},{','.join(map(str, place))}" for time, place in zip(clocks, PLACES_M, strict=False)
-    ]
-    table = csv_table("\n".join(["time,x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US)
+    table = at_places("time", clocks)
     assert not table.has_dates
     assert table.time_s.tolist() == [15.0, 25.0]
 
 
 def test_seconds_count_where_dates_stand_beside_them():
-    rows = [
-        f"{time},2026-04-01T12:00:00Z,{','.join(map(str, place))}"
-        for time, place in enumerate(PLACES_M)
-    ]
-    table = csv_table(
-        "\n".join(["time_s,epoch,x_ecef,y_ecef,z_ecef", *rows]), 5.0, epoch_us=EPOCH_US
-    )
+    table = at_places("time_s,epoch", [f"{time},2026-04-01T12:00:00Z" for time in range(3)])
     assert table.time_s.tolist() == [5.0, 6.0, 7.0]
 
 
 @pytest.mark.parametrize("delimiter", [",", " "])
 def test_columns_without_names_are_mapped_by_their_numbers(delimiter):
     text = written(delimiter).split("\n", 1)[1]
-    table = csv_table(text, 0.0, {name: f"#{place + 1}" for place, name in enumerate(NAMES)})
+    columns = {name: f"#{number}" for number, name in enumerate(NAMES, 1)}
+    table = read("csv", text, columns=columns)
     np.testing.assert_allclose(table.position_m, PLACES_M, rtol=0.0, atol=1e-3)
     assert table.line_of(0) == 1
-    named = csv_table(written(delimiter), 0.0, {"x_ecef_km": "#2"})
+    named = read("csv", written(delimiter), columns={"x_ecef_km": "#2"})
     np.testing.assert_array_equal(named.position_m, table.position_m)
 
 
@@ -327,12 +311,9 @@ SHIP = """Sat.UTCGregorian           Sat.EarthFixed.X        Sat.EarthFixed.Y   
 def test_reports_whose_columns_stand_two_blanks_apart(text, form):
     axes = "xyz" if "km" in form else "XYZ"
     mapped = {f"{axis.lower()}_ecef_km": form.format(axis) for axis in axes}
-    with pytest.raises(BadFileError) as refused:
-        csv_table(text, 0.0)
-    assert f'x_ecef_km: "{mapped["x_ecef_km"]}"' in str(refused.value) or "x_ecef_m" in str(
-        refused.value
-    )
-    table = csv_table(text, 0.0, mapped, epoch_us=EPOCH_US)
+    reason = refusal("csv", text)
+    assert f'x_ecef_km: "{mapped["x_ecef_km"]}"' in reason or "x_ecef_m" in reason
+    table = read("csv", text, columns=mapped)
     np.testing.assert_allclose(table.position_m, PLACES_M[:2], rtol=0.0, atol=1e-3)
     assert table.time_s.tolist() == [0.0, 10.0]
 
@@ -347,8 +328,8 @@ def test_inertial_columns_are_turned_as_an_oem_in_their_frame(name, frame):
         f"2026-04-01T12:00:{10 * row:02d}Z,{','.join(map(repr, values))}"
         for row, values in enumerate(state.tolist())
     ]
-    table = csv_table("\n".join([",".join(["time", *names]), *rows]), 0.0, epoch_us=EPOCH_US)
-    place, velocity = to_ecef(frame, state[:, :3], state[:, 3:], EPOCH_US, np.array([0.0, 10.0]))
+    table = read("csv", "\n".join([",".join(["time", *names]), *rows]))
+    place, velocity = ecef_state(frame, state[:, :3], state[:, 3:], EPOCH_US, np.array([0.0, 10.0]))
     np.testing.assert_allclose(table.position_m, place, rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(table.velocity_m_s, velocity, rtol=0.0, atol=1e-9)
     assert table.frame == frame

@@ -4,28 +4,23 @@ burns.
 
 import json
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
-from opir_readers.configs_of_sites import SiteConfig
-from opir_readers.csv_table import csv_table
-from opir_readers.flights.burns import with_burns_of_acceleration
-from opir_readers.flights.refining import refined
-from opir_readers.flights.site import Site
-from opir_readers.flights.smoothing import rounding_sigma, smoothing_spline, speed_rounding_sigma
-from opir_readers.flights.webcast import is_webcast, webcast_table
-from opir_readers.formats import READERS
-from opir_readers.reading import reader_of
 from pyproj import Geod
+from read_files import read, recognised, refusal
 from scipy.integrate import solve_ivp
 
-from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
-from opir_core.plugin import BadFileError, StateTable
+from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 
 OMEGA = 7.292115e-5
 MU = 3.986004418e14
 RADIUS = 6_371_000.0
-CONFIG = SiteConfig(lat_deg=28.5, lon_deg=-80.6, height_m=5.0, azimuth_deg=60.0)
+SITE = {"lat_deg": 28.5, "lon_deg": -80.6, "height_m": 5.0, "azimuth_deg": 60.0}
+PAD_M = geodetic_to_ecef(*np.radians([28.5, -80.6]), 5.0)
+AXES = local_axes(PAD_M[None])[0]
 BURNS = [(0.0, 150.0), (162.0, 420.0)]
 
 
@@ -36,10 +31,7 @@ def states():
     Thrust is along a direction in the vertical plane of the azimuth, so that nothing but gravity
     and the rotation of the Earth acts across it.
     """
-    site = Site.of(CONFIG, "")
-    axes = site.axes()
-    start = site.position_m()
-    along = math.sin(site.azimuth_rad) * axes[0] + math.cos(site.azimuth_rad) * axes[1]
+    along = math.sin(math.radians(60.0)) * AXES[0] + math.cos(math.radians(60.0)) * AXES[1]
     omega = np.array([0.0, 0.0, OMEGA])
 
     def rates(time, state):
@@ -59,10 +51,9 @@ def states():
         return [*velocity, *(force - MU * place / np.linalg.norm(place) ** 3 + turning)]
 
     times = np.arange(0.0, 431.0)
-    found = solve_ivp(
-        rates, (0.0, 430.0), [*start, 0, 0, 0], t_eval=times, rtol=1e-9, atol=1e-6, max_step=0.5
-    )
-    return times, found.y[:3].T, found.y[3:].T
+    start = [*PAD_M, 0, 0, 0]
+    flight = solve_ivp(rates, (0.0, 430.0), start, t_eval=times, rtol=1e-9, atol=1e-6, max_step=0.5)
+    return times, flight.y[:3].T, flight.y[3:].T
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +63,7 @@ def ascent():
 
 def telemetry(ascent, form="lines", is_rounded=True):
     times, place, velocity = ascent
-    height = ecef_to_geodetic(place).height_m - CONFIG.height_m
+    height = ecef_to_geodetic(place).height_m - SITE["height_m"]
     speed = np.linalg.norm(velocity, axis=1)
     if is_rounded:
         speed = np.round(speed * 3.6) / 3.6
@@ -93,51 +84,55 @@ def telemetry(ascent, form="lines", is_rounded=True):
     )
 
 
+def flight_of(text, **settings):
+    return read("webcast", text, site=SITE, **settings)
+
+
 @pytest.mark.parametrize("form", ["lines", "arrays", "list", "csv"])
 def test_the_flight_is_that_of_the_telemetry(ascent, form):
     text = telemetry(ascent, form)
-    assert reader_of(text, READERS).name == "webcast"
-    table = webcast_table(text, Site.of(CONFIG, ""), None, None, 50.0)
+    assert recognised(text) == ["webcast"]
+    table = flight_of(text, start_s=50.0)
     times, place, velocity = ascent
     rows = np.searchsorted(table.time_s, times[::10] + 50.0)
     off = np.linalg.norm(table.position_m[rows] - place[::10], axis=1)
     # Rounding to 0.1 km and 1 km/h, and the azimuth of a path that is prescribed: a kilometre a
     # minute of flight.
     assert (off < 300.0 + 15.0 * times[::10]).all(), off
-    far = np.linalg.norm(table.velocity_m_s[rows] - velocity[::10], axis=1)[3:]
-    assert np.median(far) < 30.0
+    error_m_s = np.linalg.norm(table.velocity_m_s[rows] - velocity[::10], axis=1)[3:]
+    assert np.median(error_m_s) < 30.0
 
 
 def test_the_turn_by_the_rotation_of_the_earth_matters(ascent):
     # Along the geodesic of the azimuth it would end ten times as far off as it does.
     times, place, _ = ascent
     where = ecef_to_geodetic(place[-1:])
-    distance = None
     azimuth, _, distance = Geod(ellps="WGS84").inv(
-        CONFIG.lon_deg, CONFIG.lat_deg, *np.degrees([where.longitude_rad[0], where.latitude_rad[0]])
-    )[0:3]
-    straight = math.radians(abs(azimuth - CONFIG.azimuth_deg)) * distance
-    table = webcast_table(telemetry(ascent, is_rounded=False), Site.of(CONFIG, ""), 1.0, 0.05, 0.0)
+        -80.6, 28.5, *np.degrees([where.longitude_rad[0], where.latitude_rad[0]])
+    )
+    straight = math.radians(abs(azimuth - 60.0)) * distance
+    text = telemetry(ascent, is_rounded=False)
+    table = flight_of(text, height_noise_m=1.0, speed_noise_m_s=0.05)
     assert straight > 3.0 * np.linalg.norm(table.position_m[-1] - place[-1])
     assert times[-1] == table.time_s[-1]
 
 
 def test_burns_are_those_of_the_speed_and_those_of_events(ascent):
     text = telemetry(ascent)
-    table = webcast_table(text, Site.of(CONFIG, ""), None, None, 0.0)
+    table = flight_of(text)
     assert table.burns_s.shape == (2, 2)
     np.testing.assert_allclose(table.burns_s, BURNS, rtol=0.0, atol=4.0)
     assert table.burns_s[:, 1] == pytest.approx([150.0, 420.0], abs=2.0)
     events = json.dumps({"meco": 150, "ses1": 162, "seco1": 420, "boostback_start": None})
-    reported = webcast_table(f"{text}\n{events}", Site.of(CONFIG, ""), None, None, 10.0)
+    reported = flight_of(f"{text}\n{events}", start_s=10.0)
     np.testing.assert_allclose(reported.burns_s, np.array(BURNS) + 10.0)
 
 
 def test_what_the_splines_leave_is_reported(ascent):
-    table = webcast_table(telemetry(ascent), Site.of(CONFIG, ""), None, None, 0.0)
+    table = flight_of(telemetry(ascent))
     assert table.notes[0].startswith("speed smoothed to a noise of 0.0802 m/s of the rounding: 0.0")
     assert table.notes[1].startswith("altitude smoothed to a noise of 28.9 m of the rounding: 2")
-    stated = webcast_table(telemetry(ascent), Site.of(CONFIG, ""), 40.0, 0.5, 0.0)
+    stated = flight_of(telemetry(ascent), height_noise_m=40.0, speed_noise_m_s=0.5)
     assert "noise of 0.5 m/s as stated" in stated.notes[0]
 
 
@@ -146,9 +141,9 @@ def test_misread_digits_are_left_out(ascent):
     wrong = json.loads(rows[200])
     wrong["velocity"] += 1000.0
     rows[200] = json.dumps(wrong)
-    table = webcast_table("\n".join(rows), Site.of(CONFIG, ""), None, None, 0.0)
+    table = flight_of("\n".join(rows))
     assert "1 left out" in table.notes[0]
-    clean = webcast_table(telemetry(ascent), Site.of(CONFIG, ""), None, None, 0.0)
+    clean = flight_of(telemetry(ascent))
     assert np.abs(table.position_m - clean.position_m).max() < 200.0
 
 
@@ -169,103 +164,82 @@ def test_misread_digits_are_left_out(ascent):
     ],
 )
 def test_what_is_no_telemetry_is_reported(text, reported):
-    with pytest.raises(BadFileError, match=reported):
-        webcast_table(text, Site.of(CONFIG, ""), None, None, 0.0)
+    assert reported in refusal("webcast", text, site=SITE)
 
 
 def test_a_site_with_azimuth_is_asked_for():
-    with pytest.raises(BadFileError, match="speed and altitude alone have no place: set site"):
-        Site.of(None, "speed and altitude alone have no place", with_azimuth=True)
+    reason = refusal("webcast", '{"time": 1, "velocity": 2, "altitude": 3}')
+    assert "speed and altitude alone have no place: set site" in reason
 
 
 def test_other_json_and_tables_with_places_are_no_webcasts():
-    assert not is_webcast('{"time": 1, "lat": 2}')
-    assert not is_webcast("time,velocity,altitude,latitude\n")
-    assert is_webcast("time,velocity,altitude\n")
+    assert "webcast" not in recognised('{"time": 1, "lat": 2}')
+    assert "webcast" not in recognised("time,velocity,altitude,latitude\n")
+    assert "webcast" in recognised("time,velocity,altitude\n")
 
 
-def test_noise_of_a_table_is_smoothed_to_what_is_stated():
+def written(time_s, position_m):
+    """Write a table of positions and return its path."""
+    rows = [",".join(map(repr, row)) for row in np.column_stack([time_s, position_m]).tolist()]
+    Path("flight.csv").write_text("\n".join(["time_s,x_ecef_m,y_ecef_m,z_ecef_m", *rows]))
+    return "flight.csv"
+
+
+def test_noise_of_a_table_is_smoothed_to_what_is_stated(imported):
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 120.0, 0.5)
     height = 100.0 + 12.0 * time**2
     place = geodetic_to_ecef(np.full(240, 0.5), np.full(240, -1.4), height)
-    noisy = StateTable(
-        time,
-        place + rng.normal(0.0, 15.0, place.shape),
-        None,
-        np.zeros(240, int),
-        np.array([[0.0, 119.5]]),
-    )
-    table = refined(noisy, 15.0, None)
-    before, after = (np.sqrt(((t.position_m - place) ** 2).mean()) for t in (noisy, table))
-    assert after < 0.5 * before
-    assert table.notes[-1].startswith("smoothed to a noise of 15 m: 1")
-    residual = float(table.notes[-1].split(":")[1].split("m rms")[0])
+    noisy = place + rng.normal(0.0, 15.0, place.shape)
+    out = imported(written(time, noisy), "--noise-m", "15", "--out", "out.csv")
+    smooth = np.loadtxt("out.csv", delimiter=",", skiprows=1)
+    noisy_m, smooth_m = (np.sqrt(((p - place) ** 2).mean()) for p in (noisy, smooth[:, 1:4]))
+    assert smooth_m < 0.5 * noisy_m
+    residual = float(re.search(r"smoothed to a noise of 15 m: (\S+) m rms", out)[1])
     assert residual == pytest.approx(15.0, rel=0.1)
-    speed = np.linalg.norm(table.velocity_m_s, axis=1)[20:-20]
+    speed = np.linalg.norm(smooth[:, 4:7], axis=1)[20:-20]
     np.testing.assert_allclose(speed, 24.0 * time[20:-20], rtol=0.0, atol=30.0)
 
 
-def test_a_flight_without_thrust_shows_no_burn():
+def test_a_flight_without_thrust_shows_no_burn(imported):
     time = np.arange(0.0, 60.0)
     height = 200e3 + 800.0 * time - 0.5 * 9.2 * time**2
     place = geodetic_to_ecef(np.full(60, 0.5), np.full(60, -1.4), height)
-    table = StateTable(time, place, None, np.zeros(60, int), np.array([[0.0, 59.0]]))
-    with pytest.raises(BadFileError, match="shows no acceleration"):
-        with_burns_of_acceleration(table)
+    path = written(time, place)
+    assert "shows no acceleration" in imported(path, "--burns", "acceleration", code=2)
 
 
-def test_burns_of_all_and_by_acceleration_of_any_table(ascent):
-    times, place, velocity = ascent
-    table = StateTable(times, place, velocity, np.zeros(len(times), int), np.array([[5.0, 6.0]]))
-    np.testing.assert_array_equal(refined(table, None, "all").burns_s, [[0.0, 430.0]])
-    np.testing.assert_allclose(
-        refined(table, None, "acceleration").burns_s, BURNS, rtol=0.0, atol=2.0
-    )
-
-
-def test_a_smoothing_spline_has_the_noise_that_is_stated():
-    rng = np.random.default_rng(2)
-    time = np.linspace(0.0, 10.0, 400)
-    values = np.sin(time) + rng.normal(0.0, 0.1, 400)
-    fit = smoothing_spline(time, values, 0.1)
-    assert fit.residual == pytest.approx(0.1, rel=0.05)
-    assert np.abs(fit.at(time) - np.sin(time)).max() < 0.1
-    assert rounding_sigma(np.array([0.1, 0.2, 0.7, 1.2])) == pytest.approx(0.1 / 12**0.5)
-    assert rounding_sigma(np.ones(4)) == 0.0
-    assert speed_rounding_sigma(np.array([0.0, 0.277, 0.555, 7.222])) == pytest.approx(
-        1 / 3.6 / 12**0.5
-    )
+def test_burns_of_all_and_by_acceleration_of_any_table(ascent, imported):
+    times, place, _ = ascent
+    path = written(times, place)
+    assert "  burns 0 s to 430 s\n" in imported(path, "--burns", "all")
+    out = imported(path, "--burns", "acceleration")
+    line = next(line for line in out.splitlines() if line.startswith("  burns"))
+    burns = np.array(re.findall(r"[\d.]+", line), dtype=np.float64).reshape(-1, 2)
+    np.testing.assert_allclose(burns, BURNS, rtol=0.0, atol=2.0)
 
 
 def test_places_from_a_launch_point_in_a_table():
     text = "time_s,east_m,north_m,up_m\n0,0,0,0\n1,3,4,100\n"
-    table = csv_table(text, 0.0, {}, CONFIG)
-    site = Site.of(CONFIG, "")
-    np.testing.assert_allclose(table.position_m[0], site.position_m(), atol=1e-6)
-    np.testing.assert_allclose(
-        (table.position_m[1] - table.position_m[0]) @ site.axes().T, [3.0, 4.0, 100.0], atol=1e-6
-    )
-    flat = csv_table("time_s,downrange_km,altitude_km\n0,0,0\n60,30,20\n", 0.0, {}, CONFIG)
-    lon, lat, _ = Geod(ellps="WGS84").fwd(CONFIG.lon_deg, CONFIG.lat_deg, 60.0, 30_000.0)
+    table = read("csv", text, site=SITE)
+    np.testing.assert_allclose(table.position_m[0], PAD_M, atol=1e-6)
+    local = (table.position_m[1] - table.position_m[0]) @ AXES.T
+    np.testing.assert_allclose(local, [3.0, 4.0, 100.0], atol=1e-6)
+    flat = read("csv", "time_s,downrange_km,altitude_km\n0,0,0\n60,30,20\n", site=SITE)
+    lon, lat, _ = Geod(ellps="WGS84").fwd(-80.6, 28.5, 60.0, 30_000.0)
     np.testing.assert_allclose(
         flat.position_m[1], geodetic_to_ecef(*np.radians([lat, lon]), 20_005.0), atol=1e-3
     )
-    with pytest.raises(BadFileError, match="set site"):
-        csv_table(text, 0.0)
-    with pytest.raises(BadFileError, match=r"set site\.azimuth_deg"):
-        csv_table(
-            "time_s,downrange_km,height_km\n0,0,0\n60,30,20\n",
-            0.0,
-            {},
-            SiteConfig(lat_deg=1.0, lon_deg=2.0),
-        )
+    assert "set site" in refusal("csv", text)
+    text = "time_s,downrange_km,height_km\n0,0,0\n60,30,20\n"
+    reason = refusal("csv", text, site={"lat_deg": 1.0, "lon_deg": 2.0})
+    assert "set site.azimuth_deg" in reason
 
 
 @pytest.mark.parametrize("name", ["time", "velocity", "altitude", "meco"])
 def test_a_number_beyond_the_largest_is_none(name):
     rows = [{"time": t, "velocity": 20 * t, "altitude": t * t / 100} for t in range(30)]
     rows[9][name] = 10**400
-    table = webcast_table("\n".join(map(json.dumps, rows)), Site.of(CONFIG, ""), None, None, 0.0)
+    table = flight_of("\n".join(map(json.dumps, rows)))
     assert np.isfinite(table.position_m).all()
     assert table.burns_s[0, 1] <= table.time_s[-1]

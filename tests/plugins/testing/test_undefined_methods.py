@@ -4,7 +4,7 @@ import re
 from typing import Any
 
 import pytest
-from opir_testing.contracts.contract import Contract
+from opir_testing import Contract
 from opir_testing.contracts.radiometry import (
     EmitterContract,
     EnvironmentContract,
@@ -51,7 +51,7 @@ class BareEnvironment(EnvironmentContract):
     ],
     ids=["scene", "part", "values", "signatures", "model"],
 )
-def test_a_missing_method_is_named_with_its_class_and_what_it_returns(act: Any, said: str) -> None:
+def test_a_missing_method_is_named_with_its_class(act: Any, said: str) -> None:
     with pytest.raises(
         NotImplementedError, match=f"^{re.escape(said)}.*inherit that of your kind"
     ) as raised:

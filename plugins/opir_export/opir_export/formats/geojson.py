@@ -132,7 +132,7 @@ def cut_line(places: FloatArray) -> list[FloatArray]:
     unwrapped = places.copy()
     unwrapped[:, 0] = np.unwrap(places[:, 0], period=_TURN_DEG)
     turn = np.floor((unwrapped[:, 0] + 0.5 * _TURN_DEG) / _TURN_DEG).astype(np.int64)
-    lines = list[FloatArray]()
+    lines = []
     start = unwrapped[:0]
     ends = np.flatnonzero(np.diff(turn)) + 1
     stretches = np.split(unwrapped, ends)

@@ -90,10 +90,10 @@ def _angles_deg(rows: Detections, epoch_us: int, kind: str) -> FloatArray:
     if kind == "azel":
         angles = rows.angles()
         pair = np.stack([angles.azimuth_rad, angles.elevation_rad], axis=1)
-        return np.asarray(np.degrees(pair))
+        return np.degrees(pair)
     x, y, z = _equinox_vectors(rows.line_of_sight_ecef, epoch_us, rows.time_s).T
     pair = np.stack([np.mod(np.arctan2(y, x), 2.0 * np.pi), np.arctan2(z, np.hypot(x, y))], axis=1)
-    return np.asarray(np.degrees(pair))
+    return np.degrees(pair)
 
 
 def _equinox_vectors(vectors: FloatArray, epoch_us: int, time_s: FloatArray) -> FloatArray:

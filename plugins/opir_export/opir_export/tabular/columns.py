@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from attrs import frozen
+from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 
@@ -13,30 +13,50 @@ _NS_PER_US = 1_000
 _NS_PER_S = 1_000_000_000
 
 
+#: Units by the endings of names, the longer ones first.
+_UNITS = {
+    "_deg": "deg",
+    "_m_s": "m/s",
+    "_w_m2": "W/m2",
+    "_km2": "km2",
+    "_urad": "urad",
+    "_m": "m",
+    "_s": "s",
+}
+
+
+def _unit_of(column: "TableColumn") -> str:
+    """Return the unit that a name ends in, UTC for times, "" for others."""
+    if pa.types.is_timestamp(column.values.type):
+        return "UTC"
+    return next((unit for ending, unit in _UNITS.items() if column.name.endswith(ending)), "")
+
+
+def _arrow(values: Any) -> Any:
+    return numbers(values) if isinstance(values, np.ndarray) else values
+
+
 @frozen(eq=False)
 class TableColumn:
-    """A column of a table: its name, its Arrow array, its unit ("" for none) and its meaning."""
+    """A column of a table: its name, numbers (n,) or an Arrow array, its meaning, and its unit, by
+    default that of its name ("" for none).
+    """
 
     name: str
-    values: Any
-    unit: str
+    values: Any = field(converter=_arrow)
     meaning: str
+    unit: str = Factory(_unit_of, takes_self=True)
 
 
 def table_of(columns: Iterable[TableColumn], metadata: dict[str, str]) -> Any:
     """Return a `pyarrow.Table`; unit and meaning of a column are in the metadata of its field."""
-    listed = list(columns)
-    fields = [
-        pa.field(
-            column.name,
-            column.values.type,
-            metadata={"unit": column.unit, "description": column.meaning},
-        )
-        for column in listed
-    ]
-    return pa.table(
-        [column.values for column in listed], schema=pa.schema(fields, metadata=metadata)
-    )
+    arrays = []
+    fields = []
+    for column in columns:
+        words = {"unit": column.unit, "description": column.meaning}
+        arrays.append(column.values)
+        fields.append(pa.field(column.name, column.values.type, metadata=words))
+    return pa.table(arrays, schema=pa.schema(fields, metadata=metadata))
 
 
 def numbers(values: Any) -> Any:

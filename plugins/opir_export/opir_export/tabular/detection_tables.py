@@ -11,9 +11,8 @@ from opir_core import DetectionTruth
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.plugin import REPORTED_TYPES, Band, Detections, EncoderContext, Sensor
 from opir_core.random_streams import uuid_characters, uuid_text
-from opir_export.tabular.columns import TableColumn, instants, names, numbers, numbers_known
+from opir_export.tabular.columns import TableColumn, instants, names, numbers_known
 
-_UTC = "UTC"
 _ID_BYTES = 16
 
 
@@ -51,26 +50,16 @@ def _lines_of_sight(rows: Detections) -> Iterator[TableColumn]:
     """Yield direction and error of the line of sight, and the position of the sensor."""
     angles = rows.angles()
     yield TableColumn(
-        "azimuth_deg",
-        numbers(np.degrees(angles.azimuth_rad)),
-        "deg",
-        "clockwise from north, at the sensor",
+        "azimuth_deg", np.degrees(angles.azimuth_rad), "clockwise from north, at the sensor"
     )
     yield TableColumn(
-        "elevation_deg",
-        numbers(np.degrees(angles.elevation_rad)),
-        "deg",
-        "above the sensor's horizontal",
+        "elevation_deg", np.degrees(angles.elevation_rad), "above the sensor's horizontal"
     )
     sigma_urad = rows.line_of_sight_sigma_rad * 1e6
-    yield TableColumn(
-        "line_of_sight_sigma_urad", numbers(sigma_urad), "urad", "standard deviation per axis"
-    )
+    yield TableColumn("line_of_sight_sigma_urad", sigma_urad, "standard deviation per axis")
     for axis, letter in enumerate("xyz"):
         position_m = rows.sensor_ecef_m[:, axis]
-        yield TableColumn(
-            f"sensor_{letter}_m", numbers(position_m), "m", "position of the sensor, ECEF"
-        )
+        yield TableColumn(f"sensor_{letter}_m", position_m, "position of the sensor, ECEF")
 
 
 def _reports(rows: Detections, origin: EncoderContext, *, in_file: bool) -> Iterator[TableColumn]:
@@ -78,35 +67,29 @@ def _reports(rows: Detections, origin: EncoderContext, *, in_file: bool) -> Iter
     epoch_us = origin.epoch_us
     sensors = origin.sensors
     yield TableColumn(
-        "sensor_id", names(rows.sensor, [sensor.id for sensor in sensors]), "", "the sensor"
+        "sensor_id", names(rows.sensor, [sensor.id for sensor in sensors]), "the sensor"
     )
     if not in_file:
-        yield TableColumn("time_s", numbers(rows.time_s), "s", "scene time of the look")
-    yield TableColumn("time", instants(rows.time_ns, epoch_us), _UTC, "time of the look")
+        yield TableColumn("time_s", rows.time_s, "scene time of the look")
+    yield TableColumn("time", instants(rows.time_ns, epoch_us), "time of the look")
     if not in_file:
-        yield TableColumn(
-            "reported_s", numbers(rows.reported_ns * 1e-9), "s", "scene time of the report"
-        )
-    yield TableColumn("reported", instants(rows.reported_ns, epoch_us), _UTC, "time of the report")
+        yield TableColumn("reported_s", rows.reported_ns * 1e-9, "scene time of the report")
+    yield TableColumn("reported", instants(rows.reported_ns, epoch_us), "time of the report")
     yield TableColumn(
         "scan",
         numbers_known(rows.scan),
-        "",
         "number of the sensor's scan, null for runs read from files",
     )
     yield TableColumn(
-        "target_type", names(rows.reported_type, origin.reported_types), "", "reported type"
+        "target_type", names(rows.reported_type, origin.reported_types), "reported type"
     )
-    yield TableColumn("confidence", numbers(rows.confidence), "", "in [0, 1]")
-    yield TableColumn("bands", _bands(rows, sensors), "", "bands that confirm, joined by +")
-    yield TableColumn("snr", numbers(rows.snr), "", "signal-to-noise ratio")
+    yield TableColumn("confidence", rows.confidence, "in [0, 1]")
+    yield TableColumn("bands", _bands(rows, sensors), "bands that confirm, joined by +")
+    yield TableColumn("snr", rows.snr, "signal-to-noise ratio")
     yield TableColumn(
-        "detection_count",
-        numbers(rows.detection_count),
-        "",
-        "detections of the object by the sensor so far",
+        "detection_count", rows.detection_count, "detections of the object by the sensor so far"
     )
-    yield TableColumn("track_id", numbers_known(rows.track), "", "the track, null for none")
+    yield TableColumn("track_id", numbers_known(rows.track), "the track, null for none")
 
 
 def truth_columns(run: Any) -> Iterator[TableColumn]:
@@ -124,25 +107,17 @@ def columns_of_truth(
     """Yield the columns of the truth of detections; `in_file` as in `columns_of_detections`."""
     yield _ids(detections, in_file=in_file)
     yield TableColumn(
-        "target_id", names(rows.target, target_ids), "", "the target, null for a false alarm"
+        "target_id", names(rows.target, target_ids), "the target, null for a false alarm"
     )
     yield TableColumn(
-        "emission_s",
-        numbers(rows.emission_time_s),
-        "s",
-        "scene time at which the light was emitted",
+        "emission_s", rows.emission_time_s, "scene time at which the light was emitted"
     )
-    yield TableColumn("range_m", numbers(rows.range_m), "m", "true distance from sensor to target")
+    yield TableColumn("range_m", rows.range_m, "true distance from sensor to target")
     elevation_deg = np.degrees(rows.target_elevation_rad)
     yield TableColumn(
-        "target_elevation_deg",
-        numbers(elevation_deg),
-        "deg",
-        "of the sensor above the target's horizon",
+        "target_elevation_deg", elevation_deg, "of the sensor above the target's horizon"
     )
-    yield TableColumn(
-        "probability", numbers(rows.probability), "", "probability of detection of the look"
-    )
+    yield TableColumn("probability", rows.probability, "probability of detection of the look")
 
 
 def _ids(rows: Detections, *, in_file: bool) -> TableColumn:
@@ -150,8 +125,8 @@ def _ids(rows: Detections, *, in_file: bool) -> TableColumn:
     if in_file:
         octets = pa.py_buffer(rows.detection_id.astype(">u8"))
         values = pa.Array.from_buffers(pa.binary(_ID_BYTES), len(rows), [None, octets])
-        return TableColumn("detection_id", values, "", "UUID of the event, 16 bytes")
-    return TableColumn("detection_id", _texts_of_ids(rows), "", "UUID of the event")
+        return TableColumn("detection_id", values, "UUID of the event, 16 bytes")
+    return TableColumn("detection_id", _texts_of_ids(rows), "UUID of the event")
 
 
 def uuid_texts(column: Any) -> list[str]:
@@ -210,12 +185,10 @@ def _irradiances(
             if name in band_names and band_names.index(name) < measured.shape[1]:
                 is_of_sensor = sensor == number
                 column[is_of_sensor] = measured[is_of_sensor, band_names.index(name)]
-        yield TableColumn(
-            f"irradiance_{name}_w_m2", numbers(column), "W/m2", "measured at the aperture"
-        )
+        yield TableColumn(f"irradiance_{name}_w_m2", column, "measured at the aperture")
 
 
 def _probabilities(shares: FloatArray) -> Iterator[TableColumn]:
     for place, name in enumerate(REPORTED_TYPES):
         column = shares[:, place] if shares.shape[1] else np.full(len(shares), np.nan)
-        yield TableColumn(f"probability_{name}", numbers(column), "", "probability of the type")
+        yield TableColumn(f"probability_{name}", column, "probability of the type")

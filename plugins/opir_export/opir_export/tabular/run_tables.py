@@ -1,7 +1,9 @@
 """The tables of a run: detections, truth, tracks, regions, targets and sensors; and as data frames.
 
 Names end in units. `time` columns are UTC, `_s` columns seconds of the scene. Angles are in
-degrees.
+degrees. A column stands in one place: of detections and truth in `detection_tables`, of tracks and
+regions in `track_tables`, of targets and sensors in `scene_tables`; every format writes them from
+there.
 """
 
 import json
@@ -44,11 +46,6 @@ def table(run: Any, name: str) -> Any:
     if name == "regions":
         metadata["geo"] = json.dumps(_GEO)
     return table_of(_COLUMNS[name](run), metadata)
-
-
-def table_names() -> tuple[str, ...]:
-    """Return the names of the tables."""
-    return tuple(_COLUMNS)
 
 
 #: The metadata of GeoParquet 1.1 (https://geoparquet.org/releases/v1.1.0/); the frame is that of

@@ -38,7 +38,7 @@ def text_of_binary(shape: bytes) -> str:
     if kind == _POLYGON:
         return f"POLYGON {_rings_text(shape, 0)[0]}"
     at = _HEAD
-    polygons = list[str]()
+    polygons = []
     for _ in range(count):
         words, at = _rings_text(shape, at)
         polygons.append(words)
@@ -49,7 +49,7 @@ def _rings_text(shape: bytes, at: int) -> tuple[str, int]:
     """Return the rings of the polygon at an offset as text, and the offset of its end."""
     _, _, count = unpack_from("<BII", shape, at)
     at += _HEAD
-    rings = list[str]()
+    rings = []
     for _ in range(count):
         (length,) = unpack_from("<I", shape, at)
         points = np.frombuffer(shape, dtype="<f8", count=2 * length, offset=at + _COUNT).reshape(

@@ -2,19 +2,19 @@
 of sight lead.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from opir_core import Plan, Scene
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, IntArray
 from opir_core.errors import number_of
+from opir_core.geometry import dot
 from opir_core.plugin import BadFileError
-from opir_readers.detections.columns_of_run import Row, RunColumns
-from opir_readers.detections.numbers import place_of
-from opir_readers.table_checks import SceneTimes, moment_text, scale_text
-
-_NS = 1_000_000_000
+from opir_readers.detections.columns_of_run import RunColumns
+from opir_readers.detections.numbers import Rows, place_of
+from opir_readers.detections.times import NS_PER_S
+from opir_readers.table_checks import SceneTimes, scale_text
 
 #: Lines of sight that pass the Earth's centre farther away than this, m, meet no launch: 1 600 km
 #: of height.
@@ -23,91 +23,68 @@ _FARTHEST_M = 8.0e6
 #: Sensors farther from their orbits in the scene than this, m, are others, or of another time.
 _ASTRAY_M = 20_000.0
 
-#: The share of a sensor's detections from which a warning is worth reading.
-_MANY = 0.05
 
-
-def within_scene(rows: Sequence[Row], when_ns: IntArray, scene: Scene) -> Sequence[Row]:
-    """Return the rows whose times are those of a scene; raises `BadFileError` where none is."""
-    is_in = (when_ns >= 0) & (when_ns <= round(scene.duration_s * _NS))
-    if not is_in.any():
+def within_scene(rows: Rows, time_ns: IntArray, scene: Scene) -> Rows:
+    """Return the rows whose times are those of a scene; raises `BadFileError` without any."""
+    is_within = (time_ns >= 0) & (time_ns <= round(scene.duration_s * NS_PER_S))
+    if not is_within.any():
         times = SceneTimes(scene.epoch_us, scene.duration_s)
-        first = float(when_ns.min()) / _NS
-        last = float(when_ns.max()) / _NS
-        begin, end, own, late = (
-            moment_text(scene.epoch_us * 1e-6 + at) for at in (0.0, scene.duration_s, first, last)
-        )
-        scale = scale_text(first, times) if "time_s" in rows[0] else "; set the scene's epoch"
+        begin_s = float(time_ns.min()) / NS_PER_S
+        end_s = float(time_ns.max()) / NS_PER_S
+        scale = "; set the scene's epoch"
+        if "time_s" in rows[0]:
+            scale = scale_text(begin_s, times)
         raise BadFileError(
-            f"{place_of(rows[0])}its times, {own} to {late}, and the scene, {begin} to {end}, have"
-            f" nothing in common"
-            f"{scale}"
+            f"{place_of(rows[0])}its times, {times.text(begin_s)} to {times.text(end_s)}, and the"
+            f" scene, {times.text(0.0)} to {times.text(scene.duration_s)}, have nothing in"
+            f" common{scale}"
         )
-    return [row for row, is_due in zip(rows, is_in.tolist(), strict=True) if is_due]
+    return [rows[place] for place in np.flatnonzero(is_within).tolist()]
 
 
 def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
-    """Yield what of the detections may be an error, sensor by sensor."""
-    found = columns.detections
-    astray_m = np.zeros(len(found))
-    for number in range(len(plan.sensors)):
-        own = np.flatnonzero(found.sensor == number)
-        orbit_m = plan.sensors[number].orbit.position_ecef_m(found.time_s[own])
-        astray_m[own] = _length(found.sensor_ecef_m[own] - orbit_m)
-    nearest_m, is_ahead = _passes(found.sensor_ecef_m, found.line_of_sight_ecef)
-    yield from _many(columns, plan, ~is_ahead | (nearest_m > _FARTHEST_M), _MISSES)
-    outside = _nadir_rad(found.sensor_ecef_m, found.line_of_sight_ecef)
-    limit = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])[
-        found.sensor
-    ]
+    """Yield the likely errors of detections, sensor by sensor."""
+    detections = columns.detections
+    origin_m = detections.sensor_ecef_m
+    direction = detections.line_of_sight_ecef
+    along_m = -dot(origin_m, direction)
+    beside_m = origin_m + along_m[:, None] * direction
+    misses = np.sqrt(dot(beside_m, beside_m)) > _FARTHEST_M
     yield from _many(
-        columns, plan, outside > limit + 1e-3, "is outside of the sensor's field of regard"
+        columns,
+        plan,
+        misses | ~(along_m > 0.0),
+        "leads past the Earth; are angles in other units, from other axes, or counted from"
+        " elsewhere?",
     )
-    for number in np.unique(found.sensor[astray_m > _ASTRAY_M]).tolist():
-        own = np.flatnonzero(found.sensor == number)
-        row = own[int(astray_m[own].argmax())]
-        yield (
-            f"{place_of(columns.rows[row])}sensor {plan.sensors[number].id} is"
-            f" {astray_m[row] * 1e-3:.4g} km from its"
-            " orbit in the scene; the tracker takes the file's places, and the scene's orbit for"
-            " what it can see"
-        )
-
-
-_MISSES = (
-    "leads past the Earth; are angles in other units, from other axes, or counted from elsewhere?"
-)
-
-
-def _many(columns: RunColumns, plan: Plan, is_odd: BoolArray, words: str) -> Iterator[str]:
-    """Yield, for each sensor with many odd lines of sight, how many and the first."""
-    sensor = columns.detections.sensor
-    for number in np.unique(sensor[is_odd]).tolist():
-        own = int(np.count_nonzero(sensor == number))
-        odd = np.flatnonzero(is_odd & (sensor == number))
-        if len(odd) >= _MANY * own:
-            where = place_of(columns.rows[int(odd[0])])
-            count = (
-                f"as {len(odd) - 1} others of {number_of('detection', own)}"
-                if len(odd) > 1
-                else "alone"
+    nadir_rad = np.arccos(np.clip(along_m / np.sqrt(dot(origin_m, origin_m)), -1.0, 1.0))
+    half_angles = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])
+    is_outside = nadir_rad > half_angles[detections.sensor] + 1e-3
+    yield from _many(columns, plan, is_outside, "is outside of the sensor's field of regard")
+    for number, sensor in enumerate(plan.sensors):
+        rows = np.flatnonzero(detections.sensor == number)
+        offset = origin_m[rows] - sensor.orbit.position_ecef_m(detections.time_s[rows])
+        astray_m = np.sqrt(dot(offset, offset))
+        if astray_m.max(initial=0.0) > _ASTRAY_M:
+            worst = int(astray_m.argmax())
+            yield (
+                f"{place_of(columns.rows[rows[worst]])}sensor {sensor.id} is"
+                f" {astray_m[worst] * 1e-3:.4g} km from its orbit in the scene; the tracker takes"
+                " the file's places, and the scene's orbit for what it can see"
             )
-            yield f"{where}the line of sight of {plan.sensors[number].id} {words} ({count})"
 
 
-def _passes(origin_m: FloatArray, direction: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return how near the Earth's centre rays pass, m, and whether that is ahead of their
-    sensor.
+def _many(columns: RunColumns, plan: Plan, is_wrong: BoolArray, words: str) -> Iterator[str]:
+    """Yield, for each sensor with many wrong lines of sight, 5 % or more, how many and the first
+    one.
     """
-    along = -(origin_m * direction).sum(axis=1)
-    nearest = _length(origin_m + along[:, None] * direction)
-    return nearest, along > 0.0
-
-
-def _nadir_rad(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
-    cosine = -(origin_m * direction).sum(axis=1) / _length(origin_m)
-    return np.arccos(np.clip(cosine, -1.0, 1.0))
-
-
-def _length(vectors: FloatArray) -> FloatArray:
-    return np.sqrt((vectors * vectors).sum(axis=1))
+    for number, sensor in enumerate(plan.sensors):
+        is_of_sensor = columns.detections.sensor == number
+        count = int(np.count_nonzero(is_of_sensor))
+        wrong = np.flatnonzero(is_wrong & is_of_sensor)
+        if len(wrong) and len(wrong) >= 0.05 * count:
+            line = place_of(columns.rows[int(wrong[0])])
+            share = "alone"
+            if len(wrong) > 1:
+                share = f"as {len(wrong) - 1} others of {number_of('detection', count)}"
+            yield f"{line}the line of sight of {sensor.id} {words} ({share})"

@@ -2,29 +2,32 @@
 them.
 """
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 from uuid import UUID
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import nearest_names
-from opir_core.geometry import line_of_sight
+from opir_core.geometry import dot, line_of_sight, unit_vectors
 from opir_core.plugin import BadFileError, Sensor
 from opir_core.random_streams import id_key, uuid8_words
-from opir_readers.detections.numbers import finite, number_of_row, place_of, shown, vector_of_row
-from opir_readers.detections.times import unix_ns
+from opir_readers.detections.numbers import (
+    Row,
+    Rows,
+    finite,
+    number_of_row,
+    place_of,
+    shown,
+    vector_of_row,
+)
+from opir_readers.detections.times import NS_PER_S, unix_ns
 from opir_readers.detections.truth import truth_of
 from opir_readers.frames import frame_of, to_ecef
-
-Row = Mapping[str, Any]
-
-_NS = 1_000_000_000
-_URAD = 1e-6
 
 #: The confidence of a detection whose file says nothing of it.
 UNKNOWN_CONFIDENCE = 0.5
@@ -40,16 +43,40 @@ _DIRECTIONS: tuple[tuple[str, ...], ...] = (
 
 @frozen(eq=False)
 class RunColumns:
-    """Detections in the order of observation, their truth as far as it is known, and what a user
-    should know.
-    """
+    """Detections in the order of observation, their truth as far as it is known, and their rows."""
 
     detections: Detections
     truth: DetectionTruth
-    rows: Sequence[Row]
+    rows: Rows
 
 
-def times_ns(rows: Sequence[Row], epoch_us: int, key: str = "timestamp") -> IntArray:
+@frozen(eq=False)
+class _Sights:
+    """Rows in the order of observation, with the number of the sensor of each in a plan (n,), and
+    its scene time, ns.
+    """
+
+    rows: Rows
+    sensor: IndexArray
+    time_ns: IntArray
+    plan: Plan
+
+    def numbers(
+        self, name: str, default: float, low: float = -np.inf, high: float = np.inf
+    ) -> FloatArray:
+        """Return the numbers (n,) of a key, the default where it is missing or null."""
+        values = np.full(len(self.rows), default)
+        for place, row in enumerate(self.rows):
+            if row.get(name) is not None:
+                values[place] = finite(row[name], f"{place_of(row)}{name}")
+                if not low <= values[place] <= high:
+                    raise BadFileError(
+                        f"{place_of(row)}{name} is {shown(row[name])}, outside [{low:g}, {high:g}]"
+                    )
+        return values
+
+
+def times_ns(rows: Rows, epoch_us: int, key: str = "timestamp") -> IntArray:
     """Return the scene times (n,) of rows, ns: of dates, or of seconds of the scene (`time_s`)."""
     return np.array([_time_ns(row, epoch_us, key) for row in rows], dtype=np.int64)
 
@@ -58,135 +85,137 @@ def _time_ns(row: Row, epoch_us: int, key: str) -> int:
     if key in row:
         since_ns = unix_ns(row[key], f"{place_of(row)}{key}") - epoch_us * 1000
     else:
-        since_ns = round(min(max(number_of_row(row, "time_s"), -1e10), 1e10) * _NS)
+        since_ns = round(min(max(number_of_row(row, "time_s"), -1e10), 1e10) * NS_PER_S)
     return min(max(since_ns, -(2**62)), 2**62)
 
 
-def columns_of(rows: Sequence[Row], plan: Plan, names: Mapping[str, str]) -> RunColumns:
+def columns_of(rows: Rows, plan: Plan, names: Mapping[str, str]) -> RunColumns:
     """Return the columns of rows for the sensors of a plan; `names` are the plan's ids of ids in
     the file.
 
     Raises `BadFileError` with the line of a row that cannot be one of a sensor's detections.
     """
     sensor = _sensors(rows, plan.sensors, names)
-    when = times_ns(rows, plan.scene.epoch_us)
-    order = np.lexsort((sensor, when))
+    time_ns = times_ns(rows, plan.scene.epoch_us)
+    order = np.lexsort((sensor, time_ns))
     rows = [rows[place] for place in order.tolist()]
-    sensor = sensor[order]
-    when = when[order]
-    origin = _positions(rows, sensor, when, plan.sensors)
-    reported = _reported_ns(rows, when, plan.scene.epoch_us)
+    sights = _Sights(rows, sensor[order], time_ns[order], plan)
+    origin = _positions(sights)
+    count = len(rows)
+    periods_ns = np.array([each.scan.period_ns for each in plan.sensors], dtype=np.int64)
     detections = Detections(
-        time_ns=when,
-        sensor=sensor,
-        scan=_scans(rows, sensor, when, plan.sensors),
+        time_ns=sights.time_ns,
+        sensor=sights.sensor,
+        reported_ns=_reported_ns(sights),
+        scan=np.asarray(sights.time_ns // periods_ns[sights.sensor]),
         detection_id=_ids(rows, plan),
         reported_type=_types(rows, plan.reported_types),
-        bands=_bands(rows, sensor, plan.sensors),
-        detection_count=np.ones(len(rows), dtype=np.int32),
-        confidence=_optional(rows, "confidence", UNKNOWN_CONFIDENCE, 0.0, 1.0),
-        line_of_sight_ecef=_directions(
-            rows, origin, when.astype(np.float64) * 1e-9, plan.scene.epoch_us
-        ),
+        bands=_bands(sights),
+        detection_count=np.ones(count, dtype=np.int32),
+        confidence=sights.numbers("confidence", UNKNOWN_CONFIDENCE, 0.0, 1.0),
+        line_of_sight_ecef=_directions(sights, origin),
         sensor_ecef_m=origin,
-        snr=_optional(rows, "snr", np.nan),
-        track=np.full(len(rows), -1, dtype=np.int64),
-        estimate=np.full(len(rows), -1, dtype=np.int64),
-        line_of_sight_sigma_rad=_sigmas(rows, sensor, plan.sensors),
-        band_irradiance_w_m2=np.empty((len(rows), 0)),
-        reported_ns=when if reported is None else reported,
+        snr=sights.numbers("snr", np.nan),
+        track=np.full(count, -1, dtype=np.int64),
+        estimate=np.full(count, -1, dtype=np.int64),
+        line_of_sight_sigma_rad=_sigmas_rad(sights),
+        band_irradiance_w_m2=np.empty((count, 0)),
     )
     return RunColumns(detections.freeze(), truth_of(rows, detections, plan), rows)
 
 
-def _sensors(
-    rows: Sequence[Row], sensors: Sequence[Sensor], names: Mapping[str, str]
-) -> IndexArray:
+def _sensors(rows: Rows, sensors: Sequence[Sensor], names: Mapping[str, str]) -> IndexArray:
+    """Return the numbers (n,) of the rows' sensors."""
     number = {sensor.id: place for place, sensor in enumerate(sensors)}
     only = sensors[0].id if len(sensors) == 1 else None
-    found = []
+    numbers = []
     for row in rows:
-        own = row.get("sensor_id", only)
-        if own is None:
+        name = row.get("sensor_id", only)
+        if name is None:
             raise BadFileError(
                 f"{place_of(row)}has no sensor_id, and --sensors has several: {', '.join(number)}"
             )
-        own = names.get(str(own), str(own))
-        if own not in number:
-            near = nearest_names(own, number)
-            hint = (
-                f"did you mean {near[0]}?" if near else f"there are {', '.join(list(number)[:12])}."
-            )
-            unknown = Counter(str(each.get("sensor_id")) for each in rows)
-            count = unknown[str(row.get("sensor_id"))]
-            raise BadFileError(
-                f"{place_of(row)}its sensor {shown(own)}, of {count} of {len(rows)} detections, is"
-                f" none of --sensors;"
-                f" {hint} Use --rename THEIRS=OURS if the names differ"
-            )
-        found.append(number[own])
-    return np.array(found, dtype=np.int32)
+        name = names.get(str(name), str(name))
+        if name not in number:
+            raise _unknown_sensor(name, row, rows, list(number))
+        numbers.append(number[name])
+    return np.array(numbers, dtype=np.int32)
 
 
-def _positions(
-    rows: Sequence[Row], sensor: IndexArray, when: IntArray, sensors: Sequence[Sensor]
-) -> FloatArray:
+def _unknown_sensor(name: str, row: Row, rows: Rows, known: Sequence[str]) -> BadFileError:
+    nearest = nearest_names(name, known)
+    hint = f"did you mean {nearest[0]}?" if nearest else f"there are {', '.join(known[:12])}."
+    sensor_id = str(row.get("sensor_id"))
+    count = sum(str(other_row.get("sensor_id")) == sensor_id for other_row in rows)
+    return BadFileError(
+        f"{place_of(row)}its sensor {shown(name)}, of {count} of {len(rows)} detections, is none of"
+        f" --sensors; {hint} Use --rename THEIRS=OURS if the names differ"
+    )
+
+
+def _positions(sights: _Sights) -> FloatArray:
     """Return the sensors' positions (n, 3): those of the file, else of the scene's orbits."""
-    position = np.empty((len(rows), 3))
-    is_given = np.array([row.get("sensor_position_ecef_m") is not None for row in rows], dtype=bool)
-    for place in np.flatnonzero(is_given).tolist():
-        position[place] = vector_of_row(rows[place], "sensor_position_ecef_m")
-    for number in np.unique(sensor[~is_given]).tolist():
-        own = np.flatnonzero(~is_given & (sensor == number))
-        position[own] = sensors[number].orbit.position_ecef_m(when[own] * 1e-9)
+    position = np.empty((len(sights.rows), 3))
+    is_missing = np.ones(len(sights.rows), dtype=bool)
+    for place, row in enumerate(sights.rows):
+        if row.get("sensor_position_ecef_m") is not None:
+            position[place] = vector_of_row(row, "sensor_position_ecef_m")
+            is_missing[place] = False
+    for number in np.unique(sights.sensor[is_missing]).tolist():
+        rows = np.flatnonzero(is_missing & (sights.sensor == number))
+        orbit = sights.plan.sensors[number].orbit
+        position[rows] = orbit.position_ecef_m(sights.time_ns[rows] * 1e-9)
     return position
 
 
-def _directions(
-    rows: Sequence[Row], origin: FloatArray, time_s: FloatArray, epoch_us: int
-) -> FloatArray:
-    """Return unit vectors (n, 3) in ECEF."""
-    ways = np.array([_way(row) for row in rows], dtype=np.int64)
-    vectors = np.empty((len(rows), 3))
+def _directions(sights: _Sights, origin: FloatArray) -> FloatArray:
+    """Return unit vectors (n, 3) in ECEF of rows seen from origins (n, 3)."""
+    ways = np.array([_way(row) for row in sights.rows], dtype=np.int64)
+    vectors = np.empty((len(sights.rows), 3))
     for way in np.unique(ways).tolist():
-        own = np.flatnonzero(ways == way)
-        given = [rows[place] for place in own.tolist()]
-        if len(_DIRECTIONS[way]) == 1:
-            found = np.array([vector_of_row(row, _DIRECTIONS[way][0]) for row in given])
+        places = np.flatnonzero(ways == way)
+        rows = [sights.rows[place] for place in places.tolist()]
+        names = _DIRECTIONS[way]
+        if len(names) == 1:
+            vectors[places] = [vector_of_row(row, names[0]) for row in rows]
         else:
-            first, second = np.radians(
-                [[number_of_row(row, name) for name in _DIRECTIONS[way]] for row in given]
-            ).T
-            _require_angles(given, second, _DIRECTIONS[way][1])
-            is_local = way == 1
-            found = (
-                line_of_sight(origin[own], first, second) if is_local else _vectors(first, second)
+            angles = np.radians([[number_of_row(row, name) for name in names] for row in rows])
+            _require_angles(rows, angles[:, 1], names[1])
+            is_local = names[0] == "azimuth_deg"
+            vectors[places] = (
+                line_of_sight(origin[places], *angles.T)
+                if is_local
+                else unit_vectors(angles[:, ::-1])
             )
-        vectors[own] = _earth_fixed(given, found, epoch_us, time_s[own]) if way >= 2 else found
+        if way >= 2:
+            time_s = sights.time_ns[places].astype(np.float64) * 1e-9
+            vectors[places] = _earth_fixed(
+                rows, vectors[places], sights.plan.scene.epoch_us, time_s
+            )
     with np.errstate(over="ignore"):
-        length = np.sqrt((vectors * vectors).sum(axis=1))
+        length = np.sqrt(dot(vectors, vectors))
     for place in np.flatnonzero(~((length > 0.0) & (length < np.inf))).tolist():
-        raise BadFileError(f"{place_of(rows[place])}its line of sight has no direction")
-    return np.asarray(vectors / length[:, None])
+        raise BadFileError(f"{place_of(sights.rows[place])}its line of sight has no direction")
+    return vectors / length[:, None]
 
 
-def _earth_fixed(
-    rows: Sequence[Row], vectors: FloatArray, epoch_us: int, time_s: FloatArray
-) -> FloatArray:
+def _earth_fixed(rows: Rows, vectors: FloatArray, epoch_us: int, time_s: FloatArray) -> FloatArray:
     """Return vectors (n, 3) in ECEF of those in the frames that rows name, J2000 where they name
     none.
     """
     names = np.array([str(row.get("reference_frame", "EME2000")) for row in rows])
     turned = np.empty_like(vectors)
     for name in np.unique(names).tolist():
-        own = np.flatnonzero(names == name)
-        turned[own], _ = to_ecef(
-            frame_of(name), vectors[own], np.zeros((len(own), 3)), epoch_us, time_s[own]
+        places = np.flatnonzero(names == name)
+        still = np.zeros((len(places), 3))
+        turned[places], _ = to_ecef(
+            frame_of(name), vectors[places], still, epoch_us, time_s[places]
         )
     return turned
 
 
 def _way(row: Row) -> int:
+    """Return how a row gives its direction, a number of `_DIRECTIONS`."""
     for number, names in enumerate(_DIRECTIONS):
         if any(name in row for name in names):
             return number
@@ -194,107 +223,70 @@ def _way(row: Row) -> int:
     raise BadFileError(f"{place_of(row)}has no line of sight; give one of {known}")
 
 
-def _require_angles(rows: Sequence[Row], angle_rad: FloatArray, name: str) -> None:
+def _require_angles(rows: Rows, angle_rad: FloatArray, name: str) -> None:
     for place in np.flatnonzero(np.abs(angle_rad) > 0.5 * np.pi + 1e-9).tolist():
         raise BadFileError(
             f"{place_of(rows[place])}{name} is {rows[place][name]}, beyond 90 deg; are its units"
-            f" others?"
+            " others?"
         )
 
 
-def _vectors(longitude_rad: FloatArray, latitude_rad: FloatArray) -> FloatArray:
-    level = np.cos(latitude_rad)
-    return np.stack(
-        [level * np.cos(longitude_rad), level * np.sin(longitude_rad), np.sin(latitude_rad)], axis=1
-    )
-
-
-def _reported_ns(rows: Sequence[Row], when: IntArray, epoch_us: int) -> IntArray | None:
-    """Return the times of the reports (n,), None where none is later than its look."""
-    if not any(row.get("reported_at") not in (None, row.get("timestamp")) for row in rows):
-        return None
-    found = [
-        _time_ns(row, epoch_us, "reported_at") if row.get("reported_at") else own
-        for row, own in zip(rows, when.tolist(), strict=True)
-    ]
-    reported = np.array(found, dtype=np.int64)
-    if (reported == when).all():
-        return None
-    for place in np.flatnonzero(reported < when).tolist():
-        raise BadFileError(f"{place_of(rows[place])}is reported before it was seen")
-    return reported
-
-
-def _scans(
-    rows: Sequence[Row], sensor: IndexArray, when: IntArray, sensors: Sequence[Sensor]
-) -> IntArray:
-    """Return the numbers of the sensors' scans, by their periods."""
-    period = np.array([each.scan.period_ns for each in sensors], dtype=np.int64)
-    return np.asarray(when // period[sensor])
-
-
-def _sigmas(rows: Sequence[Row], sensor: IndexArray, sensors: Sequence[Sensor]) -> FloatArray:
-    own = np.array([each.line_of_sight_sigma_rad for each in sensors])[sensor]
-    given = _optional(rows, "line_of_sight_sigma_urad", np.nan, 0.0, 1e6) * _URAD
-    return np.where(np.isnan(given), own, given)
-
-
-def _optional(
-    rows: Sequence[Row], name: str, otherwise: float, low: float = -np.inf, high: float = np.inf
-) -> FloatArray:
-    """Return the numbers (n,) of a key, `otherwise` where it is missing or null."""
-    values = np.full(len(rows), otherwise)
+def _reported_ns(sights: _Sights) -> IntArray:
+    """Return the times of the reports (n,): the same array as those of the looks where none is
+    later.
+    """
+    rows = sights.rows
+    if all(row.get("reported_at") in (None, row.get("timestamp")) for row in rows):
+        return sights.time_ns
+    reported = sights.time_ns.copy()
     for place, row in enumerate(rows):
-        if row.get(name) is not None:
-            values[place] = finite(row[name], f"{place_of(row)}{name}")
-            if not low <= values[place] <= high:
-                raise BadFileError(
-                    f"{place_of(row)}{name} is {shown(row[name])}, outside [{low:g}, {high:g}]"
-                )
-    return values
+        if row.get("reported_at"):
+            reported[place] = _time_ns(row, sights.plan.scene.epoch_us, "reported_at")
+    for place in np.flatnonzero(reported < sights.time_ns).tolist():
+        raise BadFileError(f"{place_of(rows[place])}is reported before it was seen")
+    return reported if (reported > sights.time_ns).any() else sights.time_ns
 
 
-def _types(rows: Sequence[Row], reported_types: Sequence[str]) -> Any:
+def _sigmas_rad(sights: _Sights) -> FloatArray:
+    """Return standard deviations (n,), rad, those of the sensors where they are missing."""
+    defaults = np.array([sensor.line_of_sight_sigma_rad for sensor in sights.plan.sensors])
+    sigma = sights.numbers("line_of_sight_sigma_urad", np.nan, 0.0, 1e6) * 1e-6
+    return np.where(np.isnan(sigma), defaults[sights.sensor], sigma)
+
+
+def _types(rows: Rows, reported_types: Sequence[str]) -> NDArray[np.uint8]:
     """Return the codes of reported types; those that the scene does not know are UNKNOWN."""
     code = {name: number for number, name in enumerate(reported_types)}
-    unknown = code["UNKNOWN"]
-    return np.array(
-        [code.get(str(row.get("target_type")), unknown) for row in rows], dtype=np.uint8
-    )
+    names = (str(row.get("target_type")) for row in rows)
+    return np.array([code.get(name, code["UNKNOWN"]) for name in names], dtype=np.uint8)
 
 
-def _bands(rows: Sequence[Row], sensor: IndexArray, sensors: Sequence[Sensor]) -> Any:
+def _bands(sights: _Sights) -> NDArray[np.uint8]:
     """Return the masks of bands; a row without them has the sensor's first."""
-    names = [[band.name for band in each.bands] for each in sensors]
+    names = [[band.name for band in sensor.bands] for sensor in sights.plan.sensors]
     masks = []
-    for row, number in zip(rows, sensor.tolist(), strict=True):
-        given = row.get("bands")
-        seen = (
-            given
-            if isinstance(given, Sequence) and not isinstance(given, str)
-            else names[number][:1]
-        )
-        masks.append(sum(1 << place for place, name in enumerate(names[number]) if name in seen))
+    for row, number in zip(sights.rows, sights.sensor.tolist(), strict=True):
+        bands = row.get("bands")
+        if not isinstance(bands, Sequence) or isinstance(bands, str):
+            bands = names[number][:1]
+        masks.append(sum(1 << place for place, name in enumerate(names[number]) if name in bands))
     return np.array(masks, dtype=np.uint8)
 
 
-def _ids(rows: Sequence[Row], plan: Plan) -> WordArray:
-    """Return the ids of a file of opir's events, which are UUIDs of version 8; else ids of their
-    own.
-    """
-    given = [_uuid8(row.get("detection_id")) for row in rows]
-    if rows and all(each is not None for each in given) and len(set(given)) == len(given):
-        words = [[each >> 64, each & 0xFFFFFFFFFFFFFFFF] for each in given if each is not None]
+def _ids(rows: Rows, plan: Plan) -> WordArray:
+    """Return the ids of a file of opir's events, which are UUIDs of version 8; else new ids."""
+    ids = [_uuid8(row.get("detection_id")) for row in rows]
+    if rows and all(ids) and len(set(ids)) == len(ids):
+        words = [divmod(number, 2**64) for number in ids if number]
         return np.array(words, dtype=np.uint64)
     key = id_key(plan.scene.seed, plan.scene.name, plan.scene.epoch_us, "opir track")
-    return uuid8_words(
-        np.array([key] * len(rows), dtype=np.uint64).reshape(-1, 2), np.arange(len(rows))
-    )
+    keys = np.array([key] * len(rows), dtype=np.uint64).reshape(-1, 2)
+    return uuid8_words(keys, np.arange(len(rows)))
 
 
 def _uuid8(value: Any) -> int | None:
     try:
-        found = UUID(value)
+        uuid = UUID(value)
     except (TypeError, ValueError, AttributeError):
         return None
-    return found.int if found.version == 8 else None
+    return uuid.int if uuid.version == 8 else None

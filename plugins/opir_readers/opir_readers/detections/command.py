@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,128 +18,161 @@ from opir_core.plugin import BadFileError, FileReader, Host
 from opir_core.simulation import ReportOrder
 from opir_readers.column_maps import columns_of_text
 from opir_readers.detections.checks import warnings_of, within_scene
-from opir_readers.detections.columns_of_run import Row, RunColumns, columns_of, times_ns
+from opir_readers.detections.columns_of_run import RunColumns, columns_of, times_ns
+from opir_readers.detections.numbers import Rows
 from opir_readers.detections.sensors_scene import scene_of_sensors
-from opir_readers.reading import FileText, content_of, file_text, reader_of
+from opir_readers.detections.times import NS_PER_S
+from opir_readers.reading import FileText, content_of, file_text, reader_of, refused
 
-#: The files beside the events.
-_BESIDE = ("truth", "tracks", "manifest")
 
-_MS = 1_000_000
-_NS = 1_000_000_000
+class _Source(NamedTuple):
+    """A file, its reader, and its detections; times in seconds of a scene wait for its epoch."""
+
+    file: FileText
+    reader: FileReader
+    rows: Rows
 
 
 def track_file(arguments: argparse.Namespace) -> int:
-    """Track the detections of a file, write them with their tracks, and print what was found.
+    """Track the detections of a file, write them with their tracks, and print the answers.
 
     Raises `SceneError` for a file that cannot be taken.
     """
     host = Host.discover()
     with prints_on_standard_error():
-        file, reader, rows = _read(arguments, host)
-        scene = scene_of_sensors(arguments, rows, host)
+        source = _source(arguments, host)
+        scene = scene_of_sensors(arguments, source.rows, host)
         plan = compile_plan(scene, host)
         try:
-            given = within_scene(rows, times_ns(rows, scene.epoch_us), scene)
-            columns = columns_of(given, plan, renamed(arguments.rename))
+            rows = within_scene(source.rows, times_ns(source.rows, scene.epoch_us), scene)
+            columns = columns_of(rows, plan, renamed(arguments.rename))
         except BadFileError as error:
-            raise _refused(arguments.file, error) from error
+            raise refused(arguments.file, error) from error
     if not arguments.quiet:
-        left_out = [
-            (
-                f"{len(rows) - len(given)} of {len(rows)} detections are outside of the scene and left"
-                f" out"
-            )
-        ]
-        for words in [*(left_out if len(given) < len(rows) else ()), *warnings_of(columns, plan)]:
+        for words in _warnings(source, columns, plan):
             sys.stderr.write(f"warning: {arguments.file}: {words}\n")
+    paths = _paths(arguments)
     with prints_on_standard_error():
-        outcome, files = _tracked(arguments, plan, columns, file)
+        outcome = _tracked(arguments, plan, columns, source.file, paths)
     if not arguments.quiet:
-        sys.stdout.write(_text(arguments, plan, reader, columns, outcome, files) + "\n")
+        read = _read_text(arguments, plan, source.reader, columns)
+        paths["events"] = arguments.out
+        written = [f"{path}: {kind}" for kind, path in paths.items()]
+        parts = [
+            *read,
+            "\n".join(answers(outcome.summary)),
+            *reported_tables(outcome.summary),
+            "\n".join(written),
+        ]
+        sys.stdout.write("\n\n".join(part for part in parts if part) + "\n")
     outcome.raise_for_failures()
     return 0
 
 
-def _read(arguments: argparse.Namespace, host: Host) -> tuple[FileText, FileReader, Sequence[Row]]:
-    """Return the file, its reader, and the detections; times in seconds of a scene wait for its
-    epoch.
-    """
+def _source(arguments: argparse.Namespace, host: Host) -> _Source:
     columns = columns_of_text(arguments.columns) if arguments.columns else {}
     settings = {"columns": columns, "start_s": arguments.start_s}
     try:
         file = file_text(arguments.file)
         readers = [reader for reader in host.readers() if reader.yields == "detections"]
         reader = reader_of(file.text, readers, arguments.format)
-        return file, reader, content_of(file.text, reader, settings, 0)
+        return _Source(file, reader, content_of(file.text, reader, settings, 0))
     except BadFileError as error:
-        raise _refused(arguments.file, error) from error
-
-
-def _refused(path: str, error: BadFileError) -> SceneError:
-    return SceneError([Problem("", str(error))], source=path)
+        raise refused(arguments.file, error) from error
 
 
 def renamed(pairs: Sequence[str]) -> Mapping[str, str]:
-    """Return the ids of `THEIRS=OURS` pairs; raises `SceneError` for what is none."""
-    wrong = [pair for pair in pairs if "=" not in pair]
-    if wrong:
-        raise SceneError(
-            [Problem("--rename", f"{wrong[0]!r} is not THEIRS=OURS")], source="command line"
-        )
-    return {theirs: ours for theirs, _, ours in (pair.partition("=") for pair in pairs)}
+    """Return the ids of `THEIRS=OURS` pairs; raises `SceneError` for another text."""
+    for pair in pairs:
+        if "=" not in pair:
+            raise SceneError(
+                [Problem("--rename", f"{pair!r} is not THEIRS=OURS")], source="command line"
+            )
+    return dict(pair.split("=", 1) for pair in pairs)
+
+
+def _warnings(source: _Source, columns: RunColumns, plan: Plan) -> Iterator[str]:
+    count = len(source.rows)
+    outside = count - len(columns.rows)
+    if outside:
+        yield f"{outside} of {count} detections are outside of the scene and left out"
+    yield from warnings_of(columns, plan)
+
+
+def _paths(arguments: argparse.Namespace) -> dict[str, Path]:
+    """Return the files that are written, the events first; raises `SceneError` for one that is
+    read.
+    """
+    events = Path(arguments.out)
+    paths = {
+        "events": events,
+        "truth": events.with_suffix(".truth.jsonl"),
+        "tracks": events.with_suffix(".tracks.jsonl"),
+        "manifest": events.with_suffix(".manifest.json"),
+    }
+    sources = [Path(name).resolve() for name in (arguments.file, arguments.sensors)]
+    for kind, path in paths.items():
+        if path.resolve() in sources:
+            words = f"the {kind} would overwrite {path}; give another path"
+            raise SceneError([Problem("--out", words)], source="track")
+    return paths
 
 
 def _tracked(
-    arguments: argparse.Namespace, plan: Plan, columns: RunColumns, file: FileText
-) -> tuple[RunOutcome, Mapping[str, Path]]:
-    """Write the detections with their tracks; return the outcome and the files beside the
-    events.
-    """
-    events = Path(arguments.out)
-    files = {
-        what: events.with_suffix(f".{what}.{'json' if what == 'manifest' else 'jsonl'}")
-        for what in _BESIDE
-    }
-    for what, path in [("events", events), *files.items()]:
-        if path.resolve() in (Path(arguments.file).resolve(), Path(arguments.sensors).resolve()):
-            raise SceneError(
-                [Problem("--out", f"the {what} would overwrite {path}; give another path")],
-                source="track",
-            )
+    arguments: argparse.Namespace,
+    plan: Plan,
+    columns: RunColumns,
+    file: FileText,
+    paths: Mapping[str, Path],
+) -> RunOutcome:
+    """Write the detections with their tracks."""
     if plan.make_tracker().cadence_s is None:
-        raise SceneError(
-            [
-                Problem(
-                    "tracker",
-                    f"{plan.scene.tracker.name} makes no tracks; set another with --tracker",
-                )
-            ]
-        )
-    outcome = deliver(
+        words = f"{plan.scene.tracker.name} makes no tracks; set another with --tracker"
+        raise SceneError([Problem("tracker", words)])
+    return deliver(
         plan,
-        truth_path=files["truth"],
-        tracks_path=files["tracks"],
-        manifest_path=files["manifest"],
-        made_up=list(files.values()),
+        truth_path=paths["truth"],
+        tracks_path=paths["tracks"],
+        manifest_path=paths["manifest"],
+        made_up=[paths["truth"], paths["tracks"], paths["manifest"]],
         windows=tracked_windows(plan, columns),
         inputs=[{"path": arguments.file, "sha256": file.sha256}],
     )
-    return outcome, files
 
 
 def tracked_windows(plan: Plan, columns: RunColumns) -> Iterator[Window]:
     """Yield the windows of a run whose detections are given: with the tracks of the plan's
     tracker.
     """
-    engine = Engine(plan)
     reports = ReportOrder(plan)
     empty = Tracks.empty()
-    seen = Window(0.0, plan.scene.duration_s, 0, columns.detections, columns.truth, empty, empty)
-    yield reports.take(engine.track(seen, plan.end_ns), plan.end_ns)
-    rest = reports.rest()
-    if rest is not None:
-        yield rest
+    looks = Window(0.0, plan.scene.duration_s, 0, columns.detections, columns.truth, empty, empty)
+    yield reports.take(Engine(plan).track(looks, plan.end_ns), plan.end_ns)
+    late = reports.rest()
+    if late is not None:
+        yield late
+
+
+def _read_text(
+    arguments: argparse.Namespace, plan: Plan, reader: FileReader, columns: RunColumns
+) -> Iterator[str]:
+    """Yield the sentences on the detections that were read, and their number by sensor."""
+    scene = plan.scene
+    detections = columns.detections
+    start_s, end_s = (detections.time_ns[[0, -1]] / NS_PER_S).tolist()
+    epoch = timestamp_text(np.array([scene.epoch_us]))[0]
+    head = (
+        f"{arguments.file}: {grouped(len(detections))} detections ({reader.name}), {start_s:.3f} to"
+        f" {end_s:.3f} s of a scene of {scene.duration_s:g} s from {epoch}, tracker"
+        f" {scene.tracker.name}, as of {scene.duration_s:.1f} s"
+    )
+    yield "\n".join([head, *_darkness(plan, columns)])
+    count = np.bincount(detections.sensor, minlength=len(plan.sensors)).tolist()
+    rows = [
+        (sensor.id, sensor.type, grouped(number))
+        for sensor, number in zip(plan.sensors, count, strict=True)
+    ]
+    yield table(("sensor", "type", "detections"), rows, numbers=(2,))
 
 
 def _darkness(plan: Plan, columns: RunColumns) -> Iterator[str]:
@@ -148,44 +182,9 @@ def _darkness(plan: Plan, columns: RunColumns) -> Iterator[str]:
     last_ns = int(columns.detections.time_ns[-1])
     silent_ns = plan.end_ns - last_ns
     if silent_ns > max(sensor.scan.period_ns for sensor in plan.sensors):
-        end_s = -(-last_ns // _MS) * _MS / _NS
+        # The next whole millisecond.
+        end_s = -(-last_ns // 1_000_000) * 1_000_000 / NS_PER_S
         yield (
-            f"nothing is detected in the last {silent_ns / _NS:.1f} s of the scene, as after a"
-            f" burn;"
-            f" if the file is an excerpt, end the scene with it: --set duration_s={end_s:.3f}"
+            f"nothing is detected in the last {silent_ns / NS_PER_S:.1f} s of the scene, as after a"
+            f" burn; if the file is an excerpt, end the scene with it: --set duration_s={end_s:.3f}"
         )
-
-
-def _text(
-    arguments: argparse.Namespace,
-    plan: Plan,
-    reader: FileReader,
-    columns: RunColumns,
-    outcome: RunOutcome,
-    files: Mapping[str, Path],
-) -> str:
-    """Return what was read and found, as sentences and tables."""
-    scene = plan.scene
-    found = columns.detections
-    epoch = timestamp_text(np.array([scene.epoch_us]))[0]
-    head = (
-        f"{arguments.file}: {grouped(len(found))} detections ({reader.name}),"
-        f" {found.time_ns[0] / _NS:.3f} to"
-        f" {found.time_ns[-1] / _NS:.3f} s of a scene of {scene.duration_s:g} s from {epoch},"
-        f" tracker {scene.tracker.name}, as of {scene.duration_s:.1f} s"
-    )
-    count = np.bincount(found.sensor, minlength=len(plan.sensors))
-    rows = [
-        (sensor.id, sensor.type, grouped(int(number)))
-        for sensor, number in zip(plan.sensors, count, strict=True)
-    ]
-    parts = [
-        "\n".join([head, *_darkness(plan, columns)]),
-        table(("sensor", "type", "detections"), rows, numbers=(2,)),
-        "\n".join(answers(outcome.summary)),
-        *reported_tables(outcome.summary),
-        "\n".join(
-            [f"{arguments.out}: events", *(f"{path}: {what}" for what, path in files.items())]
-        ),
-    ]
-    return "\n\n".join(part for part in parts if part)

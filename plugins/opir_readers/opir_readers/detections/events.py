@@ -1,43 +1,51 @@
 """Events as JSON: opir's own, one per line, or a list of objects with the same keys."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 from opir_core.plugin import BadFileError
+from opir_readers.detections.numbers import Row, Rows
 
-#: The keys that a detection's columns are made of; others of an event are what opir's own tracker
-#: said.
-KEYS = (
-    *(
-        "timestamp",
-        "time_s",
-        "reported_at",
-        "sensor_id",
-        "sensor_position_ecef_m",
-        "detection_id",
-        "target_id",
-    ),
-    *("azimuth_deg", "elevation_deg", "right_ascension_deg", "declination_deg"),
-    *("line_of_sight_ecef", "line_of_sight_eme2000", "line_of_sight_sigma_urad"),
-    *("target_type", "confidence", "snr", "bands"),
+#: The keys of times, and of directions.
+_TIMES = ("timestamp", "time_s")
+_DIRECTIONS = (
+    "azimuth_deg",
+    "elevation_deg",
+    "right_ascension_deg",
+    "declination_deg",
+    "line_of_sight_ecef",
+    "line_of_sight_eme2000",
 )
 
-#: The beginning of a text that is looked at for the mark of an event.
-_HEAD = 20_000
+#: The keys that a detection's columns are made of; the other keys of an event are the answers of
+#: opir's own tracker.
+KEYS = (
+    *_TIMES,
+    "reported_at",
+    "sensor_id",
+    "sensor_position_ecef_m",
+    "detection_id",
+    "target_id",
+    *_DIRECTIONS,
+    "line_of_sight_sigma_urad",
+    "target_type",
+    "confidence",
+    "snr",
+    "bands",
+)
 
 
 def is_of_events(text: str) -> bool:
-    """Return whether a text is JSON that begins with a detection."""
-    head = text[:_HEAD].lstrip()
-    has_direction = any(f'"{name}"' in head for name in (*KEYS[7:11], *KEYS[11:13]))
-    return (
-        head[:1] in ("{", "[") and has_direction and ('"timestamp"' in head or '"time_s"' in head)
+    """Whether a text is JSON that begins with a detection."""
+    head = text[:20_000].lstrip()
+    return head[:1] in ("{", "[") and all(
+        any(f'"{name}"' in head for name in names) for names in (_DIRECTIONS, _TIMES)
     )
 
 
-def event_rows(text: str) -> Sequence[Mapping[str, Any]]:
-    """Return the detections of a text; raises `BadFileError` with the line that is none."""
+def event_rows(text: str) -> Rows:
+    """Return the detections of a text; raises `BadFileError` with the line of another value."""
     rows = [_row(value, line) for value, line in _values(text)]
     if not rows:
         raise BadFileError("has no detection")
@@ -48,36 +56,34 @@ def _values(text: str) -> Iterator[tuple[Any, int | None]]:
     """Yield the objects and, of JSON lines, their lines."""
     if text.lstrip()[:1] == "[":
         value = _parsed(text, None)
-        yield from ((each, None) for each in (value if isinstance(value, list) else [value]))
+        yield from ((item, None) for item in (value if isinstance(value, list) else [value]))
         return
     for number, line in enumerate(text.split("\n"), 1):
         if line.strip():
             yield _parsed(line, number), number
 
 
+def _place(line: int | None) -> str:
+    return "" if line is None else f"line {line}: "
+
+
 def _parsed(text: str, line: int | None) -> Any:
-    where = "" if line is None else f"line {line}: "
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
-        more = (
-            "; are they objects over several lines? One event a line is read, or a list"
-            if line
-            else ""
-        )
-        place = f"line {error.lineno}: " if line is None else where
+        more = "; are they objects over several lines? One event a line is read, or a list"
         raise BadFileError(
-            f"{place}is not JSON: {error.msg} (column {error.colno}){more}"
+            f"{_place(line or error.lineno)}is not JSON: {error.msg} (column {error.colno})"
+            f"{more if line else ''}"
         ) from error
     except (RecursionError, ValueError) as error:
-        raise BadFileError(f"{where}is not JSON that can be read: {error}") from error
+        raise BadFileError(f"{_place(line)}is not JSON that can be read: {error}") from error
 
 
-def _row(value: Any, line: int | None) -> Mapping[str, Any]:
+def _row(value: Any, line: int | None) -> Row:
     if not isinstance(value, dict):
-        where = "" if line is None else f"line {line}: "
         raise BadFileError(
-            f"{where}is no object with keys; a detection has {', '.join(KEYS[:8])}, …"
+            f"{_place(line)}is no object with keys; a detection has {', '.join(KEYS[:8])}, …"
         )
     row = {name: value[name] for name in KEYS if value.get(name) is not None}
     return row if line is None else {**row, "line": line}

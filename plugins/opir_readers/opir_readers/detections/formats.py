@@ -1,26 +1,19 @@
-"""The formats of detections that are read; what reads one is imported when a file is."""
+"""The formats of detections that are read, and a small file of each."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 from attrs import Factory, frozen
 
-from opir_core.plugin import FileReader, ReaderContext, nested, number
+from opir_core.plugin import FileReader, nested
+from opir_readers.configs_of_sites import start_setting
+from opir_readers.reader_calls import later, reads
 
 SIGHTS_HELP = (
     "columns of a text with other names, by quantity and unit: {time_s: T, azimuth_deg: AZ,"
-    " elevation_deg: EL}. Times"
-    " as time_s or as dates, timestamp; directions as azimuth and elevation, right_ascension and"
-    " declination, or"
-    " los_x_ecef, los_y_ecef, los_z_ecef; places as sensor_x_ecef or sensor_lat;"
-    " line_of_sight_sigma in urad, mrad, arcsec, deg"
+    " elevation_deg: EL}. Times as time_s or as dates, timestamp; directions as azimuth and"
+    " elevation, right_ascension and declination, or los_x_ecef, los_y_ecef, los_z_ecef; places as"
+    " sensor_x_ecef or sensor_lat; line_of_sight_sigma in urad, mrad, arcsec, deg"
 )
-
-
-def _map_complaint(columns: Mapping[str, str] | None) -> str | None:
-    from opir_readers.detections.sights import sights_complaint
-
-    return sights_complaint(columns)
 
 
 @frozen(kw_only=True)
@@ -28,51 +21,11 @@ class SightsConfig:
     """The settings of the reader `sights`."""
 
     columns: Mapping[str, str] = nested(
-        default=Factory(dict), check=_map_complaint, help=SIGHTS_HELP
+        default=Factory(dict),
+        check=later("detections.sights", "sights_complaint"),
+        help=SIGHTS_HELP,
     )
-    start_s: float | None = number(
-        default=None,
-        unit="s",
-        minimum=-1e13,
-        maximum=31_557_600.0,
-        help="scene time of time 0 of a file whose times are no dates; default 0",
-    )
-
-
-def _is_of_events(text: str) -> bool:
-    from opir_readers.detections.events import is_of_events
-
-    return is_of_events(text)
-
-
-def _is_of_sights(text: str) -> bool:
-    from opir_readers.detections.sights import is_of_sights
-
-    return is_of_sights(text)
-
-
-def _is_tdm(text: str) -> bool:
-    from opir_readers.detections.tdm import is_tdm
-
-    return is_tdm(text)
-
-
-def _events(_config: Any, context: ReaderContext) -> Sequence[Mapping[str, Any]]:
-    from opir_readers.detections.events import event_rows
-
-    return event_rows(context.text)
-
-
-def _sights(config: SightsConfig, context: ReaderContext) -> Sequence[Mapping[str, Any]]:
-    from opir_readers.detections.sights import sight_rows
-
-    return sight_rows(context.text, config.start_s or 0.0, config.columns)
-
-
-def _tdm(_config: Any, context: ReaderContext) -> Sequence[Mapping[str, Any]]:
-    from opir_readers.detections.tdm import tdm_rows
-
-    return tdm_rows(context.text)
+    start_s: float | None = start_setting()
 
 
 DETECTIONS = (
@@ -80,8 +33,8 @@ DETECTIONS = (
         name="events",
         summary="opir's events (JSON, one a line, or a list): lines of sight of sensors",
         yields="detections",
-        build=_events,
-        recognises=_is_of_events,
+        build=reads("detections.events", "event_rows"),
+        recognises=later("detections.events", "is_of_events"),
         example="""{"timestamp":"2026-04-01T12:01:00.5Z","sensor_id":"A","azimuth_deg":10.1,"elevation_deg":-84.2}
 {"timestamp":"2026-04-01T12:01:10.5Z","sensor_id":"A","azimuth_deg":10.2,"elevation_deg":-84.1}
 """,
@@ -92,8 +45,8 @@ DETECTIONS = (
         " elevation, or others",
         yields="detections",
         config=SightsConfig,
-        build=_sights,
-        recognises=_is_of_sights,
+        build=reads("detections.sights", "sight_rows", "start_s", "columns"),
+        recognises=later("detections.sights", "is_of_sights"),
         example="time_s,sensor_id,azimuth_deg,elevation_deg\n60.5,A,10.1,-84.2\n70.5,A,10.2,-84.1\n",
     ),
     FileReader(
@@ -101,8 +54,8 @@ DETECTIONS = (
         summary="CCSDS Tracking Data Message, KVN or XML: angles of the types AZEL, RADEC, XEYN and"
         " XSYE",
         yields="detections",
-        build=_tdm,
-        recognises=_is_tdm,
+        build=reads("detections.tdm", "tdm_rows"),
+        recognises=later("detections.tdm", "is_tdm"),
         example="""CCSDS_TDM_VERS = 2.0
 CREATION_DATE = 2026-04-01T00:00:00
 ORIGINATOR = EXAMPLE

@@ -13,9 +13,9 @@ _DATE = re.compile(
     re.I,
 )
 
-#: Other ways to write a date, by the parts that they name: 01 Apr 2026, 2026/04/01,
+#: Other ways to write a date, by the fields that they name: 01 Apr 2026, 2026/04/01,
 #: 20260401T120000, 2026/091/12:00, 2026:091:12:00; with points the day comes first.
-_OTHERS = tuple(
+_WAYS = tuple(
     re.compile(pattern + _TIME, re.I)
     for pattern in (
         r"(?P<day>\d{1,2})[ -](?P<word>[a-z]{3,9})[ -](?P<year>\d{4}) ",
@@ -31,36 +31,38 @@ _BASIC = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)?(.*)", re.I)
 _AMBIGUOUS = re.compile(r"\d{1,2}/\d{1,2}/\d{2,4}\b.*")
 _LIKE = re.compile(r"\d{4}-\d\d?-\d\d?\b.*")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_NS = 1_000_000_000
+NS_PER_S = 1_000_000_000
 
 
-def unix_ns(value: object, what: str) -> int:
+def unix_ns(value: object, subject: str) -> int:
     """Return nanoseconds of UTC since 1970 (no leap seconds) of a date, `2026-04-01T12:00:00.123Z`.
 
-    The day may be that of the year, `2026-091`. A date without zone is in UTC. `what` begins the
-    message of the `BadFileError` about what is no date.
+    The day may be that of the year, `2026-091`. A date without zone is in UTC. `subject` begins
+    the message of the `BadFileError` about another value.
     """
     match = _DATE.fullmatch(_in_digits(value.strip())) if isinstance(value, str) else None
     if match is None:
         is_ambiguous = isinstance(value, str) and _AMBIGUOUS.fullmatch(value.strip())
         why = ": it may be day/month or month/day" if is_ambiguous else ""
-        raise BadFileError(f"{what} is {shown(value)}, no date like 2026-04-01T12:00:00.123Z{why}")
+        raise BadFileError(
+            f"{subject} is {shown(value)}, no date like 2026-04-01T12:00:00.123Z{why}"
+        )
     day, minute, second, fraction, zone = match.groups()
     try:
         moment = _day(day) + np.timedelta64(_seconds(minute, second), "s")
     except ValueError:
         raise BadFileError(
-            f"{what} is {shown(value)}, a date that no calendar has (leap seconds are none here)"
+            f"{subject} is {shown(value)}, a date that no calendar has (leap seconds are none here)"
         ) from None
     decimals = (fraction or ".")[1:].ljust(9, "0")[:9]
     since_s = int(moment.astype(np.int64)) - _offset_s(zone or "Z")
     if not abs(since_s) < 2**33:
-        raise BadFileError(f"{what} is {shown(value)}, a date that is centuries away")
-    return since_s * _NS + int(decimals)
+        raise BadFileError(f"{subject} is {shown(value)}, a date that is centuries away")
+    return since_s * NS_PER_S + int(decimals)
 
 
 def looks_like_date(text: str) -> bool:
-    """Return whether a text is a date that is read, or one that is refused as a date.
+    """Whether a text is a date that is read, or one that is refused as a date.
 
     >>> looks_like_date("01 Apr 2026 12:00:00"), looks_like_date("04/01/2026"), looks_like_date("12.5")
     (True, True, False)
@@ -77,18 +79,18 @@ def _in_digits(text: str) -> str:
     """
     basic = _BASIC.fullmatch(text)
     if basic:
-        year, month, day, hour, minute, second, rest = basic.groups("00")
-        return f"{year}-{month}-{day}T{hour}:{minute}:{second}{rest}"
-    match = next(filter(None, (form.fullmatch(text) for form in _OTHERS)), None)
+        year, month, day, hour, minute, second, zone = basic.groups("00")
+        return f"{year}-{month}-{day}T{hour}:{minute}:{second}{zone}"
+    match = next(filter(None, (form.fullmatch(text) for form in _WAYS)), None)
     if match is None:
         return text
-    parts = match.groupdict()
-    word = parts.get("word", "jan")[:3].lower()
+    fields = match.groupdict()
+    word = fields.get("word", "jan")[:3].lower()
     if word not in _MONTHS:
         return text
-    number = int(parts.get("month") or _MONTHS.index(word) + 1)
-    of_year = parts["of_year"] if "of_year" in parts else f"{number:02d}-{int(parts['day']):02d}"
-    return f"{parts['year']}-{of_year}T{parts['clock']}{parts['zone']}"
+    number = int(fields.get("month") or _MONTHS.index(word) + 1)
+    of_year = fields["of_year"] if "of_year" in fields else f"{number:02d}-{int(fields['day']):02d}"
+    return f"{fields['year']}-{of_year}T{fields['clock']}{fields['zone']}"
 
 
 def _day(text: str) -> np.datetime64:

@@ -1,12 +1,12 @@
 """The formats of flights of other programs that are read, and a small file of each."""
 
-from importlib import import_module
 from typing import Any
 
 from attrs import frozen
 
 from opir_core.plugin import FileReader, ReaderContext, StateTable, nested, number, text
 from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
+from opir_readers.reader_calls import later, reads
 
 
 @frozen(kw_only=True)
@@ -46,41 +46,26 @@ class TrackConfig:
     object: str | None = text(default=None, help="name of the object, where the file has several")
 
 
-def _later(module: str, function: str) -> Any:
-    """Return a function of a module of this package, which is imported when it is first called."""
-
-    def called(*arguments: Any) -> Any:
-        return getattr(import_module(f"opir_readers.{module}"), function)(*arguments)
-
-    return called
-
-
-def _is_root(text_: str, name: str) -> bool:
-    from opir_readers.xml_nodes import root_name
-
-    return text_.lstrip()[:1] == "<" and root_name(text_) == name
+_has_root = later("xml_nodes", "has_root")
 
 
 def _rocket(name: str, program: str, **described: Any) -> FileReader:
     """Return the reader of the exports of a rocket simulator."""
 
-    def built(config: RocketConfig, context: ReaderContext) -> Any:
-        table = _later("flights.rocket_exports", "rocket_table")
-        return table(context.text, program, config.site, config.start_s or 0.0)
+    def build(config: RocketConfig, context: ReaderContext) -> StateTable:
+        from opir_readers.flights.rocket_exports import rocket_table
 
-    recognises = _later("flights.rocket_exports", f"is_{name}")
+        return rocket_table(context.text, program, config.site, config.start_s or 0.0)
+
+    recognises = later("flights.rocket_exports", f"is_{name}")
     return FileReader(
-        name=name, config=RocketConfig, build=built, recognises=recognises, **described
+        name=name, config=RocketConfig, build=build, recognises=recognises, **described
     )
 
 
 def _of_object(module: str, function: str) -> Any:
     """Return what builds the table of one object of a file."""
-
-    def built(config: TrackConfig, context: ReaderContext) -> Any:
-        return _later(module, function)(context.text, context.epoch_us, config.object)
-
-    return built
+    return reads(module, function, "epoch_us", "object")
 
 
 def _webcast(config: WebcastConfig, context: ReaderContext) -> StateTable:
@@ -127,7 +112,7 @@ FLIGHTS = (
         summary="JSON or CSV of speed and altitude over time, from a launch point along an azimuth",
         config=WebcastConfig,
         build=_webcast,
-        recognises=_later("flights.webcast", "is_webcast"),
+        recognises=later("flights.webcast", "is_webcast"),
         example="".join(
             f'{{"time": {time}, "velocity": {20 * time}, "altitude": {time * time / 100}}}\n'
             for time in range(30)
@@ -138,7 +123,7 @@ FLIGHTS = (
         summary="GPX: a track with times",
         config=TrackConfig,
         build=_of_object("flights.gps_tracks", "gpx_table"),
-        recognises=lambda text_: _is_root(text_, "gpx"),
+        recognises=lambda text: _has_root(text, "gpx"),
         example="""<?xml version="1.0"?>
 <gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1"><trk><name>ONE</name><trkseg>
 <trkpt lat="34.73" lon="-120.57"><ele>100</ele><time>2026-04-01T12:00:00Z</time></trkpt>
@@ -151,7 +136,7 @@ FLIGHTS = (
         summary="KML: a gx:Track, whose places have times",
         config=TrackConfig,
         build=_of_object("flights.gps_tracks", "kml_table"),
-        recognises=lambda text_: _is_root(text_, "kml"),
+        recognises=lambda text: _has_root(text, "kml"),
         example="""<?xml version="1.0"?>
 <kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2"><Placemark><name>ONE</name>
 <gx:Track><altitudeMode>absolute</altitudeMode>
@@ -164,8 +149,8 @@ FLIGHTS = (
         name="oem-xml",
         summary="CCSDS Orbit Ephemeris Message, XML form",
         config=TrackConfig,
-        build=_of_object("oem_xml", "oem_xml_table"),
-        recognises=_later("oem_xml", "is_oem_xml"),
+        build=_of_object("oem_table", "oem_xml_table"),
+        recognises=later("oem_table", "is_oem_xml"),
         example="""<?xml version="1.0"?>
 <oem id="CCSDS_OEM_VERS" version="2.0"><body><segment><metadata>
 <OBJECT_NAME>ONE</OBJECT_NAME><OBJECT_ID>2026-001A</OBJECT_ID><CENTER_NAME>EARTH</CENTER_NAME>
@@ -184,7 +169,7 @@ FLIGHTS = (
         summary="SP3 orbit of a satellite, Earth-fixed",
         config=TrackConfig,
         build=_of_object("sp3_table", "sp3_table"),
-        recognises=_later("sp3_table", "is_sp3"),
+        recognises=later("sp3_table", "is_sp3"),
         example="""#cP2026  4  1 12  0  0.00000000       2 ORBIT IGS20 HLM  IGS
 ## 2412 302400.00000000   900.00000000 61131 0.5000000000000
 +    1   G01

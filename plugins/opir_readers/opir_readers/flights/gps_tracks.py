@@ -6,93 +6,86 @@ refused.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
 from opir_readers.detections.times import unix_ns
-from opir_readers.states import require_angles, require_order, require_places
+from opir_readers.states import number_or_nan, require_angles, require_order, single_run
 from opir_readers.xml_nodes import XmlNode, xml_root
-
-_POINTS = ("trkpt", "rtept", "wpt")
 
 _SEA_LEVEL = (
     "heights are taken as above the WGS 84 ellipsoid; above mean sea level they are up to 105 m off"
 )
 
-#: A point of a track: line, nanoseconds of UTC since 1970, latitude and longitude, deg, height, m.
-Point = tuple[int, int, float, float, float]
+
+class Point(NamedTuple):
+    """A point of a track: its line, nanoseconds of UTC since 1970, and its place."""
+
+    line: int
+    unix_ns: int
+    lat_deg: float
+    lon_deg: float
+    height_m: float
 
 
-def gpx_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
-    """Return the track of a GPX file; `wanted` is its name where there are several. Raises
+#: The name and the points of a track.
+Track = tuple[str, Sequence[Point]]
+
+
+def gpx_table(text: str, epoch_us: int, name: str | None) -> StateTable:
+    """Return the track of a GPX file, that of a name where there are several. Raises
     `BadFileError`.
     """
     root = xml_root(text)
+    nodes = [track for kind in ("trk", "rte") for track in root.all(kind)]
+    tracks = [(track.text_of("name"), _gpx_points(track)) for track in nodes]
+    tracks = tracks or [("", _gpx_points(root))]
+    return _table(_track(tracks, name, "trk"), epoch_us, "GPX: latitude, longitude, height")
+
+
+def kml_table(text: str, epoch_us: int, name: str | None) -> StateTable:
+    """Return the track of a KML file, that of the place mark of a name where there are several.
+    Raises `BadFileError`.
+    """
+    root = xml_root(text)
+    marks = root.all("Placemark")
     tracks = [
-        (track.text_of("name"), list(_gpx_points(track)))
-        for kind in ("trk", "rte")
-        for track in root.all(kind)
+        (mark.text_of("name"), _kml_points(track)) for mark in marks for track in mark.all("Track")
     ]
-    if not tracks:
-        tracks = [("", list(_gpx_points(root)))]
-    return _table(
-        _chosen(tracks, wanted, "trk"), epoch_us, "GPX: latitude, longitude, height", (_SEA_LEVEL,)
-    )
-
-
-def kml_table(text: str, epoch_us: int, wanted: str | None) -> StateTable:
-    """Return the track of a KML file; `wanted` is the name of its place mark. Raises
-    `BadFileError`.
-    """
-    root = xml_root(text)
-    marks = (
-        (mark.text_of("name"), track)
-        for mark in root.all("Placemark")
-        for track in mark.all("Track")
-    )
-    tracks = [(name, _kml_points(track)) for name, track in marks]
-    if not tracks:
-        tracks = [("", _kml_points(track)) for track in root.all("Track")]
+    tracks = tracks or [("", _kml_points(track)) for track in root.all("Track")]
     if not tracks:
         lines = sum(1 for _ in root.all("LineString"))
         has = f" (it has {lines} lines of places without times)" if lines else ""
         raise BadFileError(
             f"has no gx:Track, whose places have times{has}; export the track with times, or as GPX"
-            f" or CSV"
+            " or CSV"
         )
-    return _table(
-        _chosen(tracks, wanted, "Placemark"),
-        epoch_us,
-        "KML: longitude, latitude, height",
-        (_SEA_LEVEL,),
-    )
+    return _table(_track(tracks, name, "Placemark"), epoch_us, "KML: longitude, latitude, height")
 
 
 def _gpx_points(track: XmlNode) -> Sequence[Point]:
-    points = []
-    for kind in _POINTS:
-        for node in track.all(kind):
-            time = node.text_of("time")
-            if not time:
-                raise BadFileError(
-                    f"line {node.line}: this {kind} has no time; export the track with times"
-                )
-            angles = [
-                _number(node.attributes.get(name, ""), node.line, name) for name in ("lat", "lon")
-            ]
-            if not node.text_of("ele"):
-                raise BadFileError(
-                    f"line {node.line}: this {kind} has no ele, its height; export the track with"
-                    f" heights"
-                )
-            height = _number(node.text_of("ele"), node.line, "ele")
-            points.append(
-                (node.line, unix_ns(time, f"line {node.line}: time"), angles[0], angles[1], height)
-            )
-    return points
+    nodes = (node for kind in ("trkpt", "rtept", "wpt") for node in track.all(kind))
+    return [_gpx_point(node) for node in nodes]
+
+
+def _gpx_point(node: XmlNode) -> Point:
+    time = node.text_of("time")
+    if not time:
+        raise BadFileError(
+            f"line {node.line}: this {node.name} has no time; export the track with times"
+        )
+    lat, lon = (_number(node.attributes.get(name, ""), node.line, name) for name in ("lat", "lon"))
+    if not node.text_of("ele"):
+        raise BadFileError(
+            f"line {node.line}: this {node.name} has no ele, its height; export the track with"
+            " heights"
+        )
+    height = _number(node.text_of("ele"), node.line, "ele")
+    return Point(node.line, unix_ns(time, f"line {node.line}: time"), lat, lon, height)
 
 
 def _kml_points(track: XmlNode) -> Sequence[Point]:
@@ -103,64 +96,56 @@ def _kml_points(track: XmlNode) -> Sequence[Point]:
     places = [node for node in track.children if node.name == "coord"]
     if len(times) != len(places):
         raise BadFileError(f"line {track.line}: has {len(times)} times and {len(places)} places")
-    points = []
-    for time, place in zip(times, places, strict=True):
-        words = place.text.split()
-        if len(words) != 3:
-            raise BadFileError(
-                f"line {place.line}: {place.text[:40]!r} is not longitude, latitude and height"
-            )
-        lon, lat, height = (_number(word, place.line, "coord") for word in words)
-        points.append((place.line, unix_ns(time.text, f"line {time.line}: when"), lat, lon, height))
-    return points
+    return [_kml_point(time, place) for time, place in zip(times, places, strict=True)]
+
+
+def _kml_point(time: XmlNode, place: XmlNode) -> Point:
+    words = place.text.split()
+    if len(words) != 3:
+        raise BadFileError(
+            f"line {place.line}: {place.text[:40]!r} is not longitude, latitude and height"
+        )
+    lon, lat, height = (_number(word, place.line, "coord") for word in words)
+    return Point(place.line, unix_ns(time.text, f"line {time.line}: when"), lat, lon, height)
 
 
 def _number(text: str, line: int, name: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+    value = number_or_nan(text)
+    if math.isnan(value):
         raise BadFileError(f"line {line}: {name} is {text[:40]!r}, not a finite number")
     return value
 
 
-def _chosen(
-    tracks: Sequence[tuple[str, Sequence[Point]]], wanted: str | None, kind: str
-) -> Sequence[Point]:
+def _track(tracks: Sequence[Track], name: str | None, kind: str) -> Iterable[Point]:
     """Return the points of the track of a name, or of the only one."""
-    found = [(name, points) for name, points in tracks if points and wanted in (None, name)]
-    if len(found) == 1:
-        return found[0][1]
-    names = ", ".join(name or "one without a name" for name, _ in tracks) or "none"
-    if not found:
-        which = "with points" if wanted is None else repr(wanted)
+    matches = [points for title, points in tracks if points and name in (None, title)]
+    if len(matches) == 1:
+        return matches[0]
+    names = ", ".join(title or "one without a name" for title, _ in tracks) or "none"
+    if not matches:
+        which = "with points" if name is None else repr(name)
         raise BadFileError(f"has no {kind} {which}; its tracks: {names}")
     raise BadFileError(f"has several tracks; say which with object: {names}")
 
 
-def _table(
-    points: Sequence[Point], epoch_us: int, frame: str, notes: tuple[str, ...]
-) -> StateTable:
-    kept = [
-        point
-        for number, point in enumerate(points)
-        if number == 0 or point[1] != points[number - 1][1]
-    ]
-    if len(kept) < 2:
-        raise BadFileError(f"has {len(kept)} states at different times; at least 2 are needed")
-    lines = [point[0] for point in kept]
-    time_s = np.array([(point[1] - epoch_us * 1000) * 1e-9 for point in kept])
-    angles = np.radians([[point[2], point[3]] for point in kept])
-    require_angles(angles[:, 0], angles[:, 1], lines.__getitem__)
-    require_order(time_s, lines.__getitem__, may_repeat=False)
+def _table(track: Iterable[Point], epoch_us: int, frame: str) -> StateTable:
+    """Return the states of a track; of points in a row with the same time the first counts."""
+    points = []
+    last_ns = None
+    for point in track:
+        if point.unix_ns != last_ns:
+            points.append(point)
+        last_ns = point.unix_ns
+    if len(points) < 2:
+        raise BadFileError(f"has {len(points)} states at different times; at least 2 are needed")
+    lines, times_ns, lat_deg, lon_deg, height_m = zip(*points, strict=True)
+    line_of = lines.__getitem__
+    time_s = np.array([(time_ns - epoch_us * 1000) * 1e-9 for time_ns in times_ns])
+    latitude, longitude = np.radians([lat_deg, lon_deg])
+    require_angles(latitude, longitude, line_of)
+    require_order(time_s, line_of, may_repeat=False)
     with np.errstate(over="ignore", invalid="ignore"):
-        position = geodetic_to_ecef(
-            angles[:, 0], angles[:, 1], np.array([point[4] for point in kept])
-        )
-    require_places(position, lines.__getitem__)
-    burns = np.array([[time_s[0], time_s[-1]]])
-    run = np.zeros(len(kept), dtype=np.int64)
-    return StateTable(
-        time_s, position, None, run, burns, lines.__getitem__, notes, has_dates=True, frame=frame
+        position = geodetic_to_ecef(latitude, longitude, np.array(height_m))
+    return single_run(
+        time_s, position, None, line_of, notes=(_SEA_LEVEL,), has_dates=True, frame=frame
     )

@@ -6,23 +6,27 @@ towards north, Z above sea level, or the variables that the user names. RASAero 
 altitude above the launch point, and distance along the flight.
 """
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
+from opir_readers.columns import Units, bare_name
 from opir_readers.configs_of_sites import SiteConfig
-from opir_readers.flights.burns import with_burns_of_acceleration
-from opir_readers.flights.named_columns import NamedColumns, named_columns, names_of_head
+from opir_readers.csv_layout import Layout, layout_of
+from opir_readers.flights.burns import Span, joined_spans, spans_of, with_burns_of_acceleration
 from opir_readers.flights.site import Site
-from opir_readers.states import MOST_BURNS, require_order, require_places
+from opir_readers.published import published
+from opir_readers.states import MOST_BURNS, number_or_nan, rows_off_the_earth, single_run
 
 _EVENT = re.compile(r"#\s*Event\s+(\w+)\s+occurred at t=\s*([-+.,\deE]+)\s*(?:s|sec|seconds)?")
 
-_WANTED: Mapping[str, Sequence[str]] = {
+_NAMES: Mapping[str, Sequence[str]] = {
     "time": ("time",),
     "altitude": ("altitude", "altitude agl", "altitude above ground level"),
     "height": ("z",),
@@ -34,17 +38,34 @@ _WANTED: Mapping[str, Sequence[str]] = {
     "thrust": ("thrust", "net thrust"),
 }
 
-#: Thrust above this share of the highest is a burn.
-_LIT = 0.01
-
-
 _OPENROCKET = {"vertical velocity", "total velocity", "position east of launch", "lateral distance"}
 
 
+#: Units as programs write them, in SI units and radians; "" is none.
+UNITS: Units = published("units")["rocket simulators"]
+
+
+@frozen(eq=False)
+class NamedColumns:
+    """Columns (n,) by quantity, in SI units, nan for what is no number; and their lines."""
+
+    values: Mapping[str, FloatArray]
+    lines: Sequence[int]
+
+    def line_of(self, row: int) -> int:
+        """Return the line of a row."""
+        return self.lines[row]
+
+    def taken(self, rows: RowArray) -> "NamedColumns":
+        """Return some of the rows; raises `BadFileError` for fewer than 2."""
+        if len(rows) < 2:
+            raise BadFileError(f"has {len(rows)} states; at least 2 are needed")
+        values = {name: column[rows] for name, column in self.values.items()}
+        return NamedColumns(values, [self.lines[row] for row in rows.tolist()])
+
+
 def is_openrocket(text: str) -> bool:
-    """Return whether a text is a table of OpenRocket: names in a comment, or events among the
-    rows.
-    """
+    """Whether a text is a table of OpenRocket: names in a comment, or events among the rows."""
     has_events = _EVENT.search(text[:20_000]) is not None
     is_commented = text.lstrip("\ufeff")[:1] == "#"
     heads = [names for names in names_of_head(text) if {"time", "altitude"} <= names]
@@ -52,12 +73,12 @@ def is_openrocket(text: str) -> bool:
 
 
 def is_rasaero(text: str) -> bool:
-    """Return whether a text is a table of RASAero II."""
+    """Whether a text is a table of RASAero II."""
     return {"time", "stage", "altitude", "distance", "vel-v"} <= names_of_head(text, 1)[0]
 
 
 def is_rocketpy(text: str) -> bool:
-    """Return whether a text is a table of RocketPy: names in a comment above all rows."""
+    """Whether a text is a table of RocketPy: names in a comment above all rows."""
     names = names_of_head(text, 1)[0]
     has_places = {"x", "y", "z"} <= names or {"latitude", "longitude"} <= names
     is_of_time = re.match(r"\ufeff?#\s*\"?time\b", text, re.IGNORECASE) is not None
@@ -70,53 +91,38 @@ def rocket_table(text: str, program: str, site: SiteConfig | None, start_s: floa
     Raises `BadFileError` for columns that make no places, or where these need a launch point that
     is not set.
     """
-    columns = named_columns(text, _WANTED)
-    columns = _in_order(columns)
-    if "time" not in columns.values:
-        raise BadFileError("names no column Time")
-    position, frame = _positions(columns, program, site)
+    columns = _in_order(named_columns(text, _NAMES))
     time_s = columns.values["time"]
-    require_order(time_s, columns.line_of, may_repeat=False)
-    require_places(position, columns.line_of)
-    burns = _burns(text, columns)
-    given = np.array([[time_s[0], time_s[-1]]]) if burns is None else burns
-    run = np.zeros(len(time_s), dtype=np.int64)
-    table = StateTable(
-        time_s + start_s,
-        position,
-        None,
-        run,
-        given + start_s,
-        columns.line_of,
-        frame=f"{program}: {frame}",
+    position, frame = _positions(columns, program, site)
+    table = single_run(time_s, position, None, columns.line_of, frame=f"{program}: {frame}")
+    burns = _burns_s(text, columns)
+    shifted = evolve(
+        table,
+        time_s=time_s + start_s,
+        burns_s=(table.burns_s if burns is None else burns) + start_s,
     )
-    return with_burns_of_acceleration(table) if burns is None else table
+    return with_burns_of_acceleration(shifted) if burns is None else shifted
 
 
 def _in_order(columns: NamedColumns) -> NamedColumns:
     """Return the rows with numbers, each time once: simulators repeat a time where something
     happens.
     """
-    good: BoolArray = np.ones(len(columns.lines), dtype=bool)
-    for name, values in columns.values.items():
-        if name != "thrust":
-            good &= np.isfinite(values)
-    time_s = columns.values.get("time", np.arange(len(good), dtype=np.float64))
-    rows = np.flatnonzero(good)
+    numbers = [values for name, values in columns.values.items() if name != "thrust"]
+    rows = np.flatnonzero(np.isfinite([*numbers, np.zeros(len(columns.lines))]).all(axis=0))
+    time_s = columns.values.get("time", np.arange(len(columns.lines), dtype=np.float64))
     # A step below a microsecond is a repeated row: differences of positions over it are rounding.
     rows = rows[np.diff(time_s[rows], append=np.inf) > 1e-6] if len(rows) else rows
-    if len(rows) < 2:
-        raise BadFileError(f"has {len(rows)} states; at least 2 are needed")
-    return NamedColumns(
-        {name: values[rows] for name, values in columns.values.items()},
-        [columns.lines[row] for row in rows.tolist()],
-    )
+    columns = columns.taken(rows)
+    if "time" not in columns.values:
+        raise BadFileError("names no column Time")
+    return columns
 
 
 def _positions(
     columns: NamedColumns, program: str, config: SiteConfig | None
 ) -> tuple[FloatArray, str]:
-    """Return positions (n, 3) in ECEF and what they are from."""
+    """Return positions (n, 3) in ECEF and the quantities that they are from."""
     values = columns.values
     has_places = {"lat", "lon"} <= values.keys()
     has_local = {"east", "north"} <= values.keys() and program != "RASAero"
@@ -126,22 +132,23 @@ def _positions(
             " launch too"
         )
     if has_places and (config is None or not has_local):
-        _require_degrees(columns)
-        ground = 0.0 if config is None else config.height_m
-        height = _heights(values, ground)
-        where = "latitude, longitude and altitude above " + (
-            "the launch point" if "altitude" in values else "sea level"
-        )
-        return geodetic_to_ecef(values["lat"], values["lon"], height), where
+        # RocketPy names the unit of latitudes, or none: degrees either way.
+        for row in rows_off_the_earth(values["lat"], values["lon"]):
+            raise BadFileError(
+                f"line {columns.line_of(row)}: latitude and longitude are no place on the Earth"
+            )
+        height = _heights(values, 0.0 if config is None else config.height_m)
+        level = "the launch point" if "altitude" in values else "sea level"
+        words = f"latitude, longitude and altitude above {level}"
+        return geodetic_to_ecef(values["lat"], values["lon"], height), words
     if has_local:
         site = Site.of(config, "its places count from the launch point")
-        return site.of_ground(
-            values["east"], values["north"], _heights(values, site.height_m)
-        ), "east, north and altitude"
+        height = _heights(values, site.height_m)
+        words = "east, north and altitude"
+        return site.of_ground(values["east"], values["north"], height), words
     site = Site.of(config, "its distances count from the launch point", with_azimuth=True)
-    return site.of_downrange(
-        values["distance"], _heights(values, site.height_m)
-    ), "distance downrange and altitude"
+    height = _heights(values, site.height_m)
+    return site.of_downrange(values["distance"], height), "distance downrange and altitude"
 
 
 def _heights(values: Mapping[str, FloatArray], ground_m: float) -> FloatArray:
@@ -149,71 +156,100 @@ def _heights(values: Mapping[str, FloatArray], ground_m: float) -> FloatArray:
     taken for it.
     """
     if "altitude" in values:
-        return np.asarray(values["altitude"] + ground_m)
+        return values["altitude"] + ground_m
     if "height" in values:
         return values["height"]
     raise BadFileError("has no altitude")
 
 
-def _require_degrees(columns: NamedColumns) -> None:
-    latitude = columns.values["lat"]
-    longitude = columns.values["lon"]
-    # RocketPy names the unit of latitudes, or none: degrees either way.
-    for row in np.flatnonzero(
-        (np.abs(latitude) > 0.5 * np.pi) | (np.abs(longitude) > 2.0 * np.pi)
-    ).tolist():
-        raise BadFileError(
-            f"line {columns.line_of(row)}: latitude and longitude are no place on the Earth"
-        )
+def _burns_s(text: str, columns: NamedColumns) -> FloatArray | None:
+    """Return the burns (k, 2) by events, else by thrust; None where a file has neither.
 
-
-def _burns(text: str, columns: NamedColumns) -> FloatArray | None:
-    """Return the burns (k, 2) by events, else by thrust; None where a file has neither."""
-    spans = _of_events(text)
+    Thrust above 1 % of the highest is a burn.
+    """
+    spans = _spans_of_events(text)
     time_s = columns.values["time"]
     if not spans and "thrust" in columns.values:
         thrust = np.nan_to_num(columns.values["thrust"])
-        is_lit = thrust > _LIT * max(float(thrust.max()), 1e-9)
-        edge = np.diff(np.concatenate([[0], is_lit.astype(np.int8), [0]]))
-        ends = np.minimum(np.flatnonzero(edge < 0), len(time_s) - 1)
-        spans = list(
-            zip(time_s[np.flatnonzero(edge > 0)].tolist(), time_s[ends].tolist(), strict=True)
-        )
+        starts, ends = spans_of(thrust > 0.01 * max(float(thrust.max()), 1e-9))
+        ends = np.minimum(ends + 1, len(time_s) - 1)
+        spans = list(zip(time_s[starts].tolist(), time_s[ends].tolist(), strict=True))
     clipped = [(max(start, float(time_s[0])), min(end, float(time_s[-1]))) for start, end in spans]
-    found = [span for span in clipped if span[1] > span[0]]
-    return np.array(_joined(found)[:MOST_BURNS]) if found else None
+    burns = joined_spans((span for span in clipped if span[1] > span[0]), gap_s=1e-6)
+    return np.array(burns[:MOST_BURNS]) if burns else None
 
 
-def _of_events(text: str) -> list[tuple[float, float]]:
+def _spans_of_events(text: str) -> list[Span]:
     """Return burns from the events IGNITION (or LAUNCH) and BURNOUT, in order of time."""
     events = [
-        (float(time.replace(",", ".")), name)
+        (time_s, name)
         for name, time in _EVENT.findall(text)
-        if _is_number(time)
+        if math.isfinite(time_s := number_or_nan(time.replace(",", ".")))
     ]
     spans = []
-    lit = list[float]()
-    for time, name in sorted(events, key=lambda event: event[0]):
-        if name == "IGNITION" or (name == "LAUNCH" and not lit):
-            lit.append(time)
-        elif name == "BURNOUT" and lit:
-            spans.append((lit.pop(0), time))
+    ignitions = list[float]()
+    for time_s, name in sorted(events, key=lambda event: event[0]):
+        if name == "IGNITION" or (name == "LAUNCH" and not ignitions):
+            ignitions.append(time_s)
+        elif name == "BURNOUT" and ignitions:
+            spans.append((ignitions.pop(0), time_s))
     return spans
 
 
-def _is_number(text: str) -> bool:
+def names_of_head(text: str, lines: int = 60) -> list[set[str]]:
+    """Return, for each of the first lines, the names in it without units, in lower case."""
+    heads = [line.lstrip("\ufeff#% ").strip() for line in text.split("\n", lines)[:lines]]
+    return [
+        {bare_name(name.strip().strip('"'))[0] for name in re.split("[,;\t]", head)}
+        for head in heads
+    ]
+
+
+def named_columns(text: str, names_of: Mapping[str, Sequence[str]]) -> NamedColumns:
+    """Return columns of a table; `names_of` gives, by quantity, the names in lower case that it may
+    have.
+
+    Raises `BadFileError` where a unit is not known, or a table has no lines.
+    """
+    layout = layout_of(text)
+    places = {}
+    for place, name in enumerate(layout.names):
+        bare, unit = bare_name(name)
+        quantity = next((key for key, names in names_of.items() if bare in names), None)
+        if quantity is None or quantity in places:
+            continue
+        if unit not in UNITS:
+            raise BadFileError(
+                f"line {layout.line}: {name!r} has the unit {unit!r}; known are"
+                f" {', '.join(filter(None, UNITS))}"
+            )
+        places[quantity] = place, UNITS[unit]
+    if not places:
+        raise BadFileError(
+            f"line {layout.line}: names no column that is read:"
+            f" {', '.join(map(repr, layout.names[:12]))}"
+        )
+    rows = list(_rows(layout, text))
+    with np.errstate(over="ignore"):
+        values = {
+            quantity: factor * np.array([_number(cells[place], layout) for _, cells in rows])
+            for quantity, (place, factor) in places.items()
+        }
+    return NamedColumns(values, [line for line, _ in rows]).taken(np.arange(len(rows)))
+
+
+def _rows(layout: Layout, text: str) -> Iterator[tuple[int, list[str]]]:
+    for line, cells in layout.rows(text):
+        if len(cells) < len(layout.names):
+            raise BadFileError(
+                f"line {line}: has {len(cells)} values; line {layout.line} names"
+                f" {len(layout.names)} columns"
+            )
+        yield line, cells
+
+
+def _number(cell: str, layout: Layout) -> float:
     try:
-        return bool(np.isfinite(float(text.replace(",", "."))))
+        return number_or_nan(layout.number(cell))
     except ValueError:
-        return False
-
-
-def _joined(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return spans that do not touch."""
-    burns: list[tuple[float, float]] = []
-    for span in sorted(spans):
-        if burns and span[0] <= burns[-1][1] + 1e-6:
-            burns[-1] = burns[-1][0], max(span[1], burns[-1][1])
-        else:
-            burns.append(span)
-    return burns
+        return math.nan

@@ -1,7 +1,5 @@
 """The launch point of a file whose places are local, and where on the Earth these are."""
 
-from typing import Any
-
 import numpy as np
 from attrs import frozen
 
@@ -9,6 +7,7 @@ from opir_core.arrays import FloatArray
 from opir_core.geometry import east_north_up_axes, geodesic_direct, geodetic_to_ecef
 from opir_core.plugin import BadFileError
 from opir_readers.configs_of_sites import SiteConfig
+from opir_readers.frames import along_axes
 
 
 @frozen
@@ -40,22 +39,13 @@ class Site:
         angles = np.radians([config.lat_deg, config.lon_deg, azimuth]).tolist()
         return cls(angles[0], angles[1], config.height_m, angles[2])
 
-    def axes(self) -> FloatArray:
-        """Return the axes (3, 3) towards east, north and up at the launch point, in ECEF."""
-        return np.asarray(
-            east_north_up_axes(np.array(self.latitude_rad), np.array(self.longitude_rad))
-        )
-
-    def position_m(self) -> FloatArray:
-        """Return the launch point (3,) in ECEF."""
-        return np.asarray(geodetic_to_ecef(self.latitude_rad, self.longitude_rad, self.height_m))
-
     def of_local(self, east_m: FloatArray, north_m: FloatArray, up_m: FloatArray) -> FloatArray:
         """Return positions (n, 3) in ECEF of local ones: in the plane that touches the Earth at the
         launch point.
         """
-        local = np.stack([east_m, north_m, up_m], axis=1)
-        return np.asarray(self.position_m() + (local[:, :, None] * self.axes()).sum(axis=1))
+        launch = geodetic_to_ecef(self.latitude_rad, self.longitude_rad, self.height_m)
+        axes = east_north_up_axes(np.array(self.latitude_rad), np.array(self.longitude_rad))
+        return launch + along_axes(np.stack([east_m, north_m, up_m], axis=1), axes)
 
     def of_ground(
         self, east_m: FloatArray, north_m: FloatArray, height_m: FloatArray
@@ -63,14 +53,15 @@ class Site:
         """Return positions (n, 3) in ECEF of distances along the ground and heights above the
         ellipsoid.
         """
-        return self.of_downrange(np.hypot(east_m, north_m), height_m, np.arctan2(east_m, north_m))
+        azimuth = np.arctan2(east_m, north_m)
+        return self._at_distance(np.hypot(east_m, north_m), azimuth, height_m)
 
-    def of_downrange(
-        self, distance_m: FloatArray, height_m: FloatArray, azimuth_rad: Any = None
+    def of_downrange(self, distance_m: FloatArray, height_m: FloatArray) -> FloatArray:
+        """Return positions (n, 3) in ECEF of distances along the geodesic of the site's azimuth."""
+        return self._at_distance(distance_m, self.azimuth_rad, height_m)
+
+    def _at_distance(
+        self, distance_m: FloatArray, azimuth_rad: FloatArray | float, height_m: FloatArray
     ) -> FloatArray:
-        """Return positions (n, 3) in ECEF of distances along the geodesic of an azimuth, the site's
-        by default.
-        """
-        azimuth = self.azimuth_rad if azimuth_rad is None else azimuth_rad
-        where = geodesic_direct(self.latitude_rad, self.longitude_rad, azimuth, distance_m)
-        return np.asarray(geodetic_to_ecef(where.latitude_rad, where.longitude_rad, height_m))
+        where = geodesic_direct(self.latitude_rad, self.longitude_rad, azimuth_rad, distance_m)
+        return geodetic_to_ecef(where.latitude_rad, where.longitude_rad, height_m)

@@ -11,57 +11,63 @@ import io
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from opir_core.orbits import tle_complaint
 from opir_core.plugin import BadFileError
-from opir_readers.xml_nodes import root_name, xml_root
+from opir_readers.xml_nodes import XmlNode, root_name, xml_root
 
+#: The elements of a satellite by the keywords of an OMM.
 Elements = Mapping[str, Any]
+ElementSets = Sequence[Elements]
 
 _NEEDED = ("MEAN_MOTION", "ECCENTRICITY", "INCLINATION")
-_FIRST = re.compile(r"1 [ \dA-Z][ \d]{4}")
-_SECOND = re.compile(r"2 [ \dA-Z][ \d]{4}")
+_LINE_1 = re.compile(r"1 [ \dA-Z][ \d]{4}")
+_LINE_2 = re.compile(r"2 [ \dA-Z][ \d]{4}")
 _COLUMNS = 69
 
 
 def is_omm(text: str) -> bool:
-    """Return whether a text holds Orbit Mean-Elements Messages, in any of their four forms."""
-    head = text[:4000].lstrip("\ufeff \t\r\n")
+    """Whether a text holds Orbit Mean-Elements Messages, in any of their four forms."""
+    head = _head(text[:4000])
     if head[:1] in ("{", "["):
         return '"MEAN_MOTION"' in head and '"ECCENTRICITY"' in head
     if head[:1] == "<":
         return root_name(text) in ("omm", "ndm") and "<meanElements" in text
-    first = head.partition("\n")[0].upper()
-    names = {name.strip().strip('"') for name in first.split(",")}
+    names = {name.strip().strip('"') for name in head.partition("\n")[0].upper().split(",")}
     return "CCSDS_OMM_VERS" in head[:400] or set(_NEEDED) <= names
 
 
+def _head(text: str) -> str:
+    return text.lstrip("\ufeff \t\r\n")
+
+
 def is_tle(text: str) -> bool:
-    """Return whether a text holds two-line elements, with or without lines of names."""
-    lines = [line for line in text[:4000].split("\n") if line.strip() and not line.startswith("#")][
-        :3
-    ]
-    pairs = [(lines[k], lines[k + 1]) for k in range(len(lines) - 1)]
-    return any(_FIRST.match(first) and _SECOND.match(second) for first, second in pairs[:2])
+    """Whether a text holds two-line elements, with or without lines of names."""
+    lines = [line for line in text[:4000].split("\n") if line.strip() and not line.startswith("#")]
+    return any(
+        _LINE_1.match(line_1) and _LINE_2.match(line_2) for line_1, line_2 in pairwise(lines[:3])
+    )
 
 
-def omm_elements(text: str) -> Sequence[Elements]:
+def omm_elements(text: str) -> ElementSets:
     """Return the messages of a text; raises `BadFileError`."""
-    head = text.lstrip("\ufeff \t\r\n")
+    head = _head(text)
     if head[:1] in ("{", "["):
-        found = _of_json(text)
+        messages = _of_json(text)
     elif head[:1] == "<":
-        found = _of_xml(text)
+        messages = _of_xml(text)
     elif "CCSDS_OMM_VERS" in head[:400]:
-        found = _of_kvn(text)
+        messages = _of_kvn(text)
     else:
-        found = _of_csv(text)
-    if not found:
+        messages = _of_csv(text)
+    if not messages:
         raise BadFileError("holds no OMM")
+    numbers = map(number_of, messages)
     return [
-        {**each, "NORAD_CAT_ID": number_of(each)} if number_of(each) is not None else each
-        for each in found
+        message if number is None else {**message, "NORAD_CAT_ID": number}
+        for message, number in zip(messages, numbers, strict=True)
     ]
 
 
@@ -97,9 +103,8 @@ def _of_json(text: str) -> list[Elements]:
         raise BadFileError(f"line {error.lineno}: is not JSON: {error.msg}") from error
     except (RecursionError, ValueError) as error:
         raise BadFileError(f"is not JSON that can be read: {error}") from error
-    return [
-        each for each in (value if isinstance(value, list) else [value]) if isinstance(each, dict)
-    ]
+    items = value if isinstance(value, list) else [value]
+    return [item for item in items if isinstance(item, dict)]
 
 
 def _of_csv(text: str) -> list[Elements]:
@@ -118,52 +123,45 @@ def _of_csv(text: str) -> list[Elements]:
 
 
 def _of_kvn(text: str) -> list[Elements]:
-    found: list[dict[str, Any]] = []
+    messages = list[dict[str, Any]]()
     for number, line in enumerate(text.split("\n"), 1):
         if not line.strip() or line.split()[0] == "COMMENT":
             continue
-        key, equals, value = (part.strip() for part in line.partition("="))
+        key, equals, value = (word.strip() for word in line.partition("="))
         if not equals:
             raise BadFileError(
                 f"line {number}: {line.strip()[:60]!r} is not of the form KEYWORD = value"
             )
-        if key == "CCSDS_OMM_VERS" or not found:
-            found.append({})
+        if key == "CCSDS_OMM_VERS" or not messages:
+            messages.append({})
         # Units may follow a value: INCLINATION = 51.6 [deg].
-        found[-1][key] = re.sub(r"\s*\[[^\]]*\]$", "", value)
-    return [dict(each) for each in found]
+        messages[-1][key] = re.sub(r"\s*\[[^\]]*\]$", "", value)
+    return list(messages)
 
 
 def _of_xml(text: str) -> list[Elements]:
     root = xml_root(text)
     messages = [root] if root.name == "omm" else list(root.all("omm"))
-    found = []
-    for message in messages:
-        for segment in message.all("segment"):
-            blocks = [
-                block
-                for name in ("metadata", "meanElements", "tleParameters")
-                for block in segment.all(name)
-            ]
-            found.append(
-                {
-                    node.name: node.text
-                    for block in blocks
-                    for node in block.children
-                    if node.name != "COMMENT"
-                }
-            )
-    return [each for each in found if each]
+    segments = (segment for message in messages for segment in message.all("segment"))
+    return [elements for segment in segments if (elements := _of_segment(segment))]
 
 
-def tle_elements(text: str) -> Sequence[Elements]:
+def _of_segment(segment: XmlNode) -> Elements:
+    elements = dict[str, str]()
+    for name in ("metadata", "meanElements", "tleParameters"):
+        for block in segment.all(name):
+            elements |= block.texts()
+    return elements
+
+
+def tle_elements(text: str) -> ElementSets:
     """Return the element sets of a text; raises `BadFileError` with the line that is none."""
-    found = list(_sets(text))
-    if not found:
+    sets = list(_sets(text))
+    if not sets:
         raise BadFileError("holds no two-line elements")
-    if all("PROBLEM" in each for each in found):
-        raise BadFileError(found[0]["PROBLEM"])
-    return found
+    if all("PROBLEM" in elements for elements in sets):
+        raise BadFileError(sets[0]["PROBLEM"])
+    return sets
 
 
 def _sets(text: str) -> Iterator[Elements]:
@@ -173,44 +171,48 @@ def _sets(text: str) -> Iterator[Elements]:
     place = 0
     while place < len(lines):
         number, line = lines[place]
-        if not _FIRST.match(line):
+        following = lines[place + 1 : place + 2]
+        if not _LINE_1.match(line):
             name = line.removeprefix("0 ").strip()
-            if place + 1 == len(lines) or not _FIRST.match(lines[place + 1][1]):
+            if not following or not _LINE_1.match(following[0][1]):
                 raise BadFileError(
                     f"line {number}: {line[:40]!r} is neither elements nor a name above them"
                 )
             place += 1
             continue
-        if place + 1 == len(lines) or not _SECOND.match(lines[place + 1][1]):
+        if not following or not _LINE_2.match(following[0][1]):
             raise BadFileError(
                 f"line {number}: the first line of elements has no second one below it"
             )
-        yield _set(name, (number, line), lines[place + 1])
+        yield _set(name, (number, line), following[0])
         name = ""
-        place = place + 2
+        place += 2
 
 
-def _set(name: str, first: tuple[int, str], second: tuple[int, str]) -> Elements:
+def _set(name: str, numbered_1: tuple[int, str], numbered_2: tuple[int, str]) -> Elements:
+    """Return the elements of two lines, with their numbers."""
     notes = list[str]()
-    pair = _mended(*first, notes), _mended(*second, notes)
-    complaint = tle_complaint(pair)
-    number = number_of({"NORAD_CAT_ID": pair[0][2:7]})
+    line_1 = _mended(*numbered_1, notes)
+    line_2 = _mended(*numbered_2, notes)
+    elements: dict[str, Any] = {"OBJECT_NAME": name or f"object {line_1[2:7].strip()}"}
+    number = number_of({"NORAD_CAT_ID": line_1[2:7]})
+    complaint = tle_complaint((line_1, line_2))
+    if not complaint:
+        elements["OBJECT_ID"] = line_1[9:17].strip()
+    if number is not None:
+        elements["NORAD_CAT_ID"] = number
     if complaint:
-        own = {} if number is None else {"NORAD_CAT_ID": number}
-        problem = f"lines {first[0]} and {second[0]}: {complaint}"
-        return {"OBJECT_NAME": name or f"object {pair[0][2:7].strip()}", **own, "PROBLEM": problem}
-    return {
-        "OBJECT_NAME": name or f"object {pair[0][2:7].strip()}",
-        "OBJECT_ID": pair[0][9:17].strip(),
-        **({} if number is None else {"NORAD_CAT_ID": number}),
-        "INCLINATION": float(pair[1][8:16]),
-        "MEAN_MOTION": float(pair[1][52:63]),
-        "ECCENTRICITY": float(f"0.{pair[1][26:33].strip()}"),
-        "EPOCH": _epoch_text(pair[0][18:32]),
-        "TLE_LINE1": pair[0],
-        "TLE_LINE2": pair[1],
-        **({"NOTES": notes} if notes else {}),
+        problem = f"lines {numbered_1[0]} and {numbered_2[0]}: {complaint}"
+        return {**elements, "PROBLEM": problem}
+    elements |= {
+        "INCLINATION": float(line_2[8:16]),
+        "MEAN_MOTION": float(line_2[52:63]),
+        "ECCENTRICITY": float(f"0.{line_2[26:33].strip()}"),
+        "EPOCH": _epoch_text(line_1[18:32]),
+        "TLE_LINE1": line_1,
+        "TLE_LINE2": line_2,
     }
+    return {**elements, "NOTES": notes} if notes else elements
 
 
 def _mended(number: int, line: str, notes: list[str]) -> str:

@@ -1,23 +1,19 @@
-"""A fleet of sensors from a file of elements: which satellites, and the sensors' blocks for a
-scene.
-"""
+"""A fleet of sensors from elements: which satellites, and the sensors' blocks for a scene."""
 
 import fnmatch
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
 from attrs import frozen
 
-from opir_core.orbits import omm_epoch, omm_name
-from opir_core.plugin import BadFileError
-from opir_readers.orbits.element_files import number_of
-
-Row = Mapping[str, Any]
-
-_DAY_S = 86_400.0
+from opir_core.orbits import omm_complaint, omm_epoch, omm_name
+from opir_core.plugin import BadFileError, FileReader
+from opir_readers.orbits.element_files import Elements, ElementSets, number_of
+from opir_readers.reading import content_of, file_text, reader_of
 
 
 @frozen(kw_only=True)
@@ -32,49 +28,43 @@ class FleetFilter:
     most_age_days: float | None = None
     epoch_s: float | None = None
 
-    def left_out(self, row: Row) -> str:
+    def left_out(self, row: Elements) -> str:
         """Return why a satellite is left out, "" if it is not."""
-        reason = self.left_out_by_identity(row)
-        if reason or "PROBLEM" in row:
-            return reason or "with errors"
-        if self.inclination_deg is not None and not self._has_inclination(row):
-            return "by inclination"
-        return (
-            "by age"
-            if self.most_age_days is not None and self._age_days(row) > self.most_age_days
-            else ""
-        )
-
-    def left_out_by_identity(self, row: Row) -> str:
-        """Return "by name" or "by number" if that leaves a satellite out, with errors or not; else
-        "".
-        """
-        if self.name is not None and not fnmatch.fnmatchcase(
-            omm_name(row).casefold(), self.name.casefold()
-        ):
-            return "by name"
+        name = omm_name(row).casefold()
         number = number_of(row)
-        if self.numbers and not any(
-            number is not None and low <= number <= high for low, high in self.numbers
+        if self.name is not None and not fnmatch.fnmatchcase(name, self.name.casefold()):
+            return "by name"
+        if self.numbers and (
+            number is None or not any(low <= number <= high for low, high in self.numbers)
         ):
             return "by number"
-        return ""
+        if "PROBLEM" in row:
+            return "with errors"
+        if self.inclination_deg is not None and not self._has_inclination(row):
+            return "by inclination"
+        is_old = self.most_age_days is not None and self._age_days(row) > self.most_age_days
+        return "by age" if is_old else ""
 
-    def _has_inclination(self, row: Row) -> bool:
+    def _has_inclination(self, row: Elements) -> bool:
         low, high = self.inclination_deg or (0.0, 180.0)
         try:
             return low <= float(row.get("INCLINATION", "nan")) <= high
         except (TypeError, ValueError):
             return False
 
-    def _age_days(self, row: Row) -> float:
+    def _age_days(self, row: Elements) -> float:
         if self.epoch_s is None:
             raise BadFileError("a limit on the age of elements needs the scene's epoch")
         try:
             moment = omm_epoch(row.get("EPOCH"))
         except ValueError as error:
             raise BadFileError(f"the elements of {omm_name(row)}: EPOCH: {error}") from error
-        return abs(self.epoch_s - moment.replace(tzinfo=UTC).timestamp()) / _DAY_S
+        return abs(self.epoch_s - moment.replace(tzinfo=UTC).timestamp()) / 86_400.0
+
+
+def reasons_text(reasons: Counter[str]) -> str:
+    """Return the reasons to leave satellites out, each with the number of them."""
+    return ", ".join(f"{count} {reason}" for reason, count in reasons.items())
 
 
 def range_of(text: str, kind: type[Any]) -> tuple[Any, Any]:
@@ -93,56 +83,107 @@ def epoch_s_of(text: str) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def latest(rows: Sequence[Row]) -> Sequence[Row]:
+def latest(rows: ElementSets) -> ElementSets:
     """Return the rows with the latest elements of each satellite: of equal numbers, of equal names
     without one.
     """
-    newest: dict[Any, Row] = {}
+    newest: dict[Any, Elements] = {}
     for row in rows:
-        key = number_of(row) if number_of(row) is not None else omm_name(row)
+        number = number_of(row)
+        key = omm_name(row) if number is None else number
         if key not in newest or str(row.get("EPOCH", "")) > str(newest[key].get("EPOCH", "")):
             newest[key] = row
     return list(newest.values())
 
 
-def sensor_lines(rows: Sequence[Row], model: str) -> Iterator[str]:
+def sensor_lines(rows: ElementSets, model: str) -> Iterator[str]:
     """Yield the lines of the `sensors:` block of a scene, one sensor a line."""
     yield "sensors:"
     for satellite in satellites_of(rows):
         yield f"  - {json.dumps({'model': model, **satellite}, ensure_ascii=False)}"
 
 
-def satellites_of(rows: Sequence[Row]) -> Iterator[Mapping[str, Any]]:
+def satellites_of(rows: ElementSets) -> Iterator[Mapping[str, Any]]:
     """Yield `id` and `orbit` of each satellite, as a sensor's block has them."""
     taken: set[str] = set()
     for row in rows:
-        yield {"id": _id(row, taken), "orbit": _orbit(row)}
+        yield {"id": _id(row, taken), "orbit": row.get("orbit") or _orbit(row)}
 
 
-def _orbit(row: Row) -> Mapping[str, Any]:
-    if "orbit" in row:
-        orbit: Mapping[str, Any] = row["orbit"]
-        return orbit
+def _orbit(row: Elements) -> Mapping[str, Any]:
     if "TLE_LINE1" in row:
         return {"tle": [row["TLE_LINE1"], row["TLE_LINE2"]]}
-    plain = {
+    elements = {
         name: value
         for name, value in row.items()
         if isinstance(value, str | int | float) and value != ""
+        if re.fullmatch(r"[A-Z][A-Z0-9_]*", name)
     }
-    return {
-        "omm": {
-            name: value for name, value in plain.items() if re.fullmatch(r"[A-Z][A-Z0-9_]*", name)
-        }
-    }
+    return {"omm": elements}
 
 
-def _id(row: Row, taken: set[str]) -> str:
+def _id(row: Elements, taken: set[str]) -> str:
     """Return an id that a scene takes, made of the name and, where that is taken, the number."""
     name = re.sub(r"[^A-Za-z0-9._+-]+", "-", omm_name(row)).strip("-._+")[:48] or "SAT"
     number = number_of(row)
     candidates = [name, f"{name}-{number}" if number is not None else name]
     candidates += [f"{name}-{count}" for count in range(2, len(taken) + 3)]
-    own = next(candidate for candidate in candidates if candidate not in taken)
-    taken.add(own)
-    return own
+    satellite_id = next(candidate for candidate in candidates if candidate not in taken)
+    taken.add(satellite_id)
+    return satellite_id
+
+
+def satellites_of_file(
+    path: str, fleet_filter: FleetFilter, epoch_us: int, readers: Sequence[FileReader]
+) -> ElementSets:
+    """Return `id` and `orbit` of each satellite; the latest elements of each. Raises
+    `BadFileError`.
+    """
+    try:
+        text = file_text(path).text
+        reader = reader_of(text, [reader for reader in readers if reader.yields == "orbits"])
+        rows = content_of(text, reader, {}, epoch_us)
+        selected, wrong = _selected(rows, fleet_filter)
+        _require_elements([*selected, *wrong])
+    except BadFileError as error:
+        raise BadFileError(f"{path}: {error}") from error
+    return list(satellites_of(selected))
+
+
+def satellites_of_pattern(rows: ElementSets, fleet_filter: FleetFilter) -> ElementSets:
+    """Return `id` and `orbit` of each satellite of a pattern. Raises `BadFileError` if none is
+    left.
+    """
+    selected, _ = _selected(rows, fleet_filter)
+    return list(satellites_of(selected))
+
+
+def _selected(rows: ElementSets, fleet_filter: FleetFilter) -> tuple[ElementSets, ElementSets]:
+    """Return the rows that a filter leaves, the latest of each satellite, and those of them with
+    errors.
+    """
+    by_reason: dict[str, list[Elements]] = {}
+    for row in rows:
+        by_reason.setdefault(fleet_filter.left_out(row), []).append(row)
+    selected = latest(by_reason.get("", []))
+    wrong = by_reason.get("with errors", [])
+    if not selected and not wrong:
+        reasons = Counter({reason: len(group) for reason, group in by_reason.items()})
+        raise BadFileError(f"no satellite is left of {len(rows)}; left out {reasons_text(reasons)}")
+    return selected, wrong
+
+
+def _require_elements(rows: ElementSets) -> None:
+    """Raise `BadFileError` with the first elements that have errors, by name: in the scene they
+    have no line.
+    """
+    wrong = [(omm_name(row), words) for row in rows if (words := _complaint(row))]
+    if wrong:
+        more = f"; and {len(wrong) - 3} others" if len(wrong) > 3 else ""
+        listed = "; ".join(f"the elements of {name}: {words}" for name, words in wrong[:3])
+        raise BadFileError(f"{listed}{more}; mend them, or leave them out by name or numbers")
+
+
+def _complaint(row: Elements) -> str | None:
+    problem: str | None = row.get("PROBLEM")
+    return problem or (None if "TLE_LINE1" in row else omm_complaint(row))

@@ -9,7 +9,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.plugin import FileReader, nested, number, text
-from opir_readers.orbits.patterns import SlotFleetConfig, WalkerFleetConfig
+from opir_readers.orbits.patterns import SlotFleetConfig, WalkerFleetConfig, require_single
 
 Ranges = tuple[tuple[int, int], ...]
 
@@ -20,7 +20,7 @@ def ranges_of(numbers: str) -> Ranges:
     >>> ranges_of("5,7:9")
     ((5, 5), (7, 9))
     """
-    pairs = [part.partition(":") for part in numbers.split(",")]
+    pairs = [text.partition(":") for text in numbers.split(",")]
     return tuple((int(low), int(high or low)) for low, _, high in pairs)
 
 
@@ -68,13 +68,7 @@ class FleetConfig:
     )
 
     def __attrs_post_init__(self) -> None:
-        given = [name for name in ("file", "walker", "slots") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError(
-                f"{' and '.join(given)} exclude each other"
-                if given
-                else "give file, walker or slots"
-            )
+        require_single(self, ("file", "walker", "slots"), "give file, walker or slots")
 
     def satellites(
         self, epoch_us: int | None, readers: Sequence[FileReader]
@@ -82,11 +76,10 @@ class FleetConfig:
         """Return `id` and `orbit` of the satellites, for a scene epoch (None if unknown); raises
         `BadFileError`.
         """
-        from opir_readers.orbits.fleet import FleetFilter
-        from opir_readers.orbits.fleet_of_file import satellites_of_file, satellites_of_pattern
+        from opir_readers.orbits.fleet import FleetFilter, satellites_of_file, satellites_of_pattern
 
         pattern = self.walker or self.slots
-        chosen = FleetFilter(
+        fleet_filter = FleetFilter(
             name=self.name,
             inclination_deg=(self.min_inclination_deg, self.max_inclination_deg),
             numbers=ranges_of(self.numbers) if self.numbers else (),
@@ -94,5 +87,5 @@ class FleetConfig:
             epoch_s=(epoch_us or 0) * 1e-6,
         )
         if pattern is not None:
-            return satellites_of_pattern(pattern.rows(), chosen)
-        return satellites_of_file(self.file or "", chosen, epoch_us or 0, readers)
+            return satellites_of_pattern(pattern.rows(), fleet_filter)
+        return satellites_of_file(self.file or "", fleet_filter, epoch_us or 0, readers)

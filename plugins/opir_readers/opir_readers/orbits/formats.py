@@ -1,50 +1,19 @@
 """The formats of mean elements that are read, and a small file of each."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-from opir_core.plugin import FileReader, ReaderContext
+from opir_core.plugin import FileReader
 from opir_readers.orbits.fleet_config import FleetConfig
+from opir_readers.reader_calls import later, reads
 
-
-def _is_omm(text: str) -> bool:
-    from opir_readers.orbits.element_files import is_omm
-
-    return is_omm(text)
-
-
-def _is_tle(text: str) -> bool:
-    from opir_readers.orbits.element_files import is_tle
-
-    return is_tle(text)
-
-
-def _omm(_config: Any, context: ReaderContext) -> Sequence[Mapping[str, Any]]:
-    from opir_readers.orbits.element_files import omm_elements
-
-    return omm_elements(context.text)
-
-
-def _tle(_config: Any, context: ReaderContext) -> Sequence[Mapping[str, Any]]:
-    from opir_readers.orbits.element_files import tle_elements
-
-    return tle_elements(context.text)
-
-
-def _orbit(path: str, satellite: str | None, epoch_us: int, readers: Sequence[FileReader]) -> Any:
-    from opir_readers.orbits.orbit_of_files import orbit_of_file
-
-    return orbit_of_file(path, satellite, epoch_us, readers)
-
+_FILES = "orbits.element_files"
 
 ORBITS = (
     FileReader(
         name="omm",
         summary="CCSDS Orbit Mean-Elements Messages, one or many: JSON, CSV, KVN or XML",
         yields="orbits",
-        build=_omm,
-        recognises=_is_omm,
-        orbit=_orbit,
+        build=reads(_FILES, "omm_elements"),
+        recognises=later(_FILES, "is_omm"),
+        orbit=later("orbits.orbit_of_files", "orbit_of_file"),
         fleet=FleetConfig,
         example="""[{"OBJECT_NAME": "ONE", "NORAD_CAT_ID": 1, "EPOCH": "2026-04-01T12:00:00", "MEAN_MOTION": 15.7,
  "ECCENTRICITY": 0.0007, "INCLINATION": 51.6, "RA_OF_ASC_NODE": 247.5, "ARG_OF_PERICENTER": 130.5,
@@ -55,8 +24,8 @@ ORBITS = (
         name="tle",
         summary="two-line elements, with or without lines of names",
         yields="orbits",
-        build=_tle,
-        recognises=_is_tle,
+        build=reads(_FILES, "tle_elements"),
+        recognises=later(_FILES, "is_tle"),
         example="""ONE
 1 25544U 98067A   26091.50000000  .00000000  00000-0  11606-4 0  9991
 2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537

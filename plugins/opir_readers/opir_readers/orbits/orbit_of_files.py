@@ -1,7 +1,6 @@
 """The orbit of a sensor from a file: by SGP4 from mean elements, or along an ephemeris."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from attrs import fields_dict, frozen
@@ -19,7 +18,7 @@ from opir_core.orbits import (
 )
 from opir_core.plugin import BadFileError, FileReader, StateTable
 from opir_readers.interpolation import Interpolant, interpolant
-from opir_readers.orbits.element_files import number_of
+from opir_readers.orbits.element_files import Elements, ElementSets, number_of
 from opir_readers.reading import content_of, file_text, reader_of
 from opir_readers.table_checks import findings_of, moment_text
 
@@ -35,52 +34,49 @@ def orbit_of_file(
 ) -> MovingOrbit:
     """Return the orbit of a satellite of a file for a scene epoch; raises `BadFileError`."""
     text = file_text(path).text
-    reader = reader_of(text, [each for each in readers if each.yields != "detections"])
+    reader = reader_of(text, [reader for reader in readers if reader.yields != "detections"])
     if reader.yields == "orbits":
-        return elements_orbit(chosen(content_of(text, reader, {}, epoch_us), satellite), epoch_us)
-    named = {"object": satellite} if "object" in fields_dict(reader.config) else {}
-    return _of_table(content_of(text, reader, named, epoch_us), epoch_us)
+        rows = content_of(text, reader, {}, epoch_us)
+        return elements_orbit(elements_of(rows, satellite), epoch_us)
+    settings = {"object": satellite} if "object" in fields_dict(reader.config) else {}
+    return _of_table(content_of(text, reader, settings, epoch_us), epoch_us)
 
 
-def chosen(rows: Sequence[Mapping[str, Any]], satellite: str | None) -> Mapping[str, Any]:
+def elements_of(rows: ElementSets, satellite: str | None) -> Elements:
     """Return the elements of a name, an id or a number; of the only satellite without one. Raises
     `BadFileError`.
     """
-    found = [row for row in rows if satellite is None or _is_named(row, satellite)]
-    if len(found) == 1:
-        return found[0]
-    if not found:
-        names = [omm_name(row) for row in rows]
-        near = [name for name in names if str(satellite).casefold() in name.casefold()]
-        near = near or nearest_names(str(satellite), names)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        raise BadFileError(f"has no satellite {satellite!r} among {len(rows)}{hint}")
+    matches = [row for row in rows if satellite is None or _is_named(row, satellite)]
+    if len(matches) == 1:
+        return matches[0]
+    if not matches:
+        raise _unknown_satellite(rows, satellite)
+    count = len(matches)
     if satellite is None:
-        raise BadFileError(
-            f"has {len(found)} satellites; say which with satellite: {_listed(found)}"
-        )
-    raise BadFileError(
-        f"has {len(found)} element sets of {satellite}; keep one of the epochs {_epochs(found)}"
-    )
+        names = [omm_name(row) for row in matches[:8]]
+        names += [f"and {count - 8} more"] if count > 8 else []
+        raise BadFileError(f"has {count} satellites; say which with satellite: {', '.join(names)}")
+    epochs = ", ".join(str(row.get("EPOCH")) for row in matches[:4])
+    raise BadFileError(f"has {count} element sets of {satellite}; keep one of the epochs {epochs}")
 
 
-def _is_named(row: Mapping[str, Any], satellite: str) -> bool:
-    wanted = satellite.strip()
-    if any(str(row.get(name, "")).strip().casefold() == wanted.casefold() for name in _NAMES):
+def _unknown_satellite(rows: ElementSets, satellite: str | None) -> BadFileError:
+    name = str(satellite)
+    names = [omm_name(row) for row in rows]
+    nearest = [known for known in names if name.casefold() in known.casefold()]
+    nearest = nearest or nearest_names(name, names)
+    hint = f"; did you mean {nearest[0]}?" if nearest else ""
+    return BadFileError(f"has no satellite {satellite!r} among {len(rows)}{hint}")
+
+
+def _is_named(row: Elements, satellite: str) -> bool:
+    bare = satellite.strip()
+    if any(str(row.get(name, "")).strip().casefold() == bare.casefold() for name in _NAMES):
         return True
-    return wanted.isascii() and wanted.isdigit() and number_of(row) == int(wanted)
+    return bare.isascii() and bare.isdigit() and number_of(row) == int(bare)
 
 
-def _listed(rows: Sequence[Mapping[str, Any]]) -> str:
-    names = [omm_name(row) for row in rows[:8]]
-    return ", ".join([*names, f"and {len(rows) - 8} more"] if len(rows) > 8 else names)
-
-
-def _epochs(rows: Sequence[Mapping[str, Any]]) -> str:
-    return ", ".join(str(row.get("EPOCH")) for row in rows[:4])
-
-
-def elements_orbit(row: Mapping[str, Any], epoch_us: int) -> MovingOrbit:
+def elements_orbit(row: Elements, epoch_us: int) -> MovingOrbit:
     """Return the orbit of mean elements; raises `BadFileError` for wrong ones, and where SGP4 has
     no position.
     """
@@ -113,22 +109,18 @@ class EphemerisMotion:
 
     def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities (n, 3) at scene times (n,)."""
-        first = float(self.table.time_s[0])
-        last = float(self.table.time_s[-1])
-        before, after = (
-            min(_BEYOND_S, float(step)) for step in np.diff(self.table.time_s)[[0, -1]]
-        )
-        outside = np.flatnonzero((time_s < first - before) | (time_s > last + after))
+        begin, end = self.table.time_s[[0, -1]].tolist()
+        lead_s, lag_s = np.minimum(np.diff(self.table.time_s)[[0, -1]], _BEYOND_S).tolist()
+        outside = time_s[(time_s < begin - lead_s) | (time_s > end + lag_s)]
         if len(outside):
-            at, start, end = (
-                moment_text(self.epoch_us * 1e-6 + value)
-                for value in (float(time_s[outside[0]]), first, last)
+            moment, start, stop = (
+                moment_text(self.epoch_us * 1e-6 + at_s) for at_s in (float(outside[0]), begin, end)
             )
             raise ModelError(
-                f"the ephemeris of a sensor has no state at {at}: its states go from {start} to"
-                f" {end}"
+                f"the ephemeris of a sensor has no state at {moment}: its states go from {start} to"
+                f" {stop}"
             )
-        return self.curve.state(np.zeros(len(time_s), dtype=np.intp), time_s)
+        return self.curve.at(time_s)
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) at scene times (n,)."""
@@ -136,9 +128,9 @@ class EphemerisMotion:
 
 
 def _of_table(table: StateTable, epoch_us: int) -> MovingOrbit:
-    found = findings_of(table)
-    if found.refused:
-        raise BadFileError(found.refused[0])
+    findings = findings_of(table)
+    if findings.refused:
+        raise BadFileError(findings.refused[0])
     if not table.has_dates:
         raise BadFileError(
             "has times without dates; a sensor needs an ephemeris with dates: OEM, SP3, STK"
@@ -150,6 +142,5 @@ def _of_table(table: StateTable, epoch_us: int) -> MovingOrbit:
         raise BadFileError(
             f"{error}; set the scene's epoch, or take the ephemeris of that day"
         ) from error
-    return MovingOrbit(
-        motion, warnings=tuple(words for words in found.warnings if "not read" not in words)
-    )
+    warnings = tuple(words for words in findings.warnings if "not read" not in words)
+    return MovingOrbit(motion, warnings=warnings)

@@ -13,6 +13,9 @@ from attrs import frozen
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.plugin import number, text
 
+#: The keywords of a satellite, by name.
+Elements = Mapping[str, Any]
+
 _TURN_DEG = 360.0
 
 
@@ -24,13 +27,11 @@ def _angle(words: str, default: float | None = None) -> Any:
     return number(default=default, unit="deg", minimum=-_TURN_DEG, maximum=_TURN_DEG, help=words)
 
 
-def _require_one(config: Any, one: str, other: str) -> None:
-    """Raise `ValueError` unless exactly one of two settings is given."""
-    given = [name for name in (one, other) if getattr(config, name) is not None]
-    if len(given) != 1:
-        raise ValueError(
-            f"{one} and {other} exclude each other" if given else f"give {one} or {other}"
-        )
+def require_single(config: Any, names: Sequence[str], words: str) -> None:
+    """Raise `ValueError` unless exactly one of several settings is given; with words if none is."""
+    present = [name for name in names if getattr(config, name) is not None]
+    if len(present) != 1:
+        raise ValueError(f"{' and '.join(present)} exclude each other" if present else words)
 
 
 @frozen(kw_only=True)
@@ -97,8 +98,8 @@ class WalkerFleetConfig:
     prefix: str = _prefix("WALKER")
 
     def __attrs_post_init__(self) -> None:
-        _require_one(self, "total", "per_plane")
-        _require_one(self, "altitude_km", "period_min")
+        require_single(self, ("total", "per_plane"), "give total or per_plane")
+        require_single(self, ("altitude_km", "period_min"), "give altitude_km or period_min")
         if self.raan_deg is not None and self.lon_asc_node_deg is not None:
             raise ValueError("raan_deg and lon_asc_node_deg exclude each other")
         if self.total is not None and self.total % self.planes:
@@ -110,14 +111,12 @@ class WalkerFleetConfig:
                 f"period_min: {self.period_min:g} min is that of an orbit inside the Earth"
             )
 
-    def rows(self) -> list[Mapping[str, Any]]:
+    def rows(self) -> list[Elements]:
         """Return `orbit` and the keywords that filters read of each satellite."""
         in_plane = self.per_plane or (self.total or 0) // self.planes
         unit_deg = _TURN_DEG / (in_plane * self.planes)
-        spacing_deg = (
-            self.node_spacing_deg
-            or (_TURN_DEG if self.kind == "delta" else 0.5 * _TURN_DEG) / self.planes
-        )
+        spread_deg = _TURN_DEG if self.kind == "delta" else 0.5 * _TURN_DEG
+        spacing_deg = self.node_spacing_deg or spread_deg / self.planes
         orbits = [
             self._orbit(
                 plane * spacing_deg, (place * self.planes + plane * self.phasing) * unit_deg
@@ -127,17 +126,17 @@ class WalkerFleetConfig:
         ]
         return list(_rows(self.prefix, self.inclination_deg, orbits))
 
-    def _orbit(self, node_deg: float, ahead_deg: float) -> Mapping[str, Any]:
+    def _orbit(self, node_deg: float, phase_deg: float) -> Elements:
         """Return the orbit of the satellite with the node and the argument of latitude so far after
-        the first's.
+        those of the first one.
         """
         node = "lon_asc_node_deg" if self.raan_deg is None else "raan_deg"
-        first_deg = self.raan_deg if self.raan_deg is not None else self.lon_asc_node_deg or 0.0
+        start_deg = self.raan_deg if self.raan_deg is not None else self.lon_asc_node_deg or 0.0
         settings = {
             "altitude_km": self._height_km(),
             "inclination_deg": self.inclination_deg,
-            node: (first_deg + node_deg) % _TURN_DEG,
-            "arg_latitude_deg": (self.arg_latitude_deg + ahead_deg) % _TURN_DEG,
+            node: (start_deg + node_deg) % _TURN_DEG,
+            "arg_latitude_deg": (self.arg_latitude_deg + phase_deg) % _TURN_DEG,
         }
         return {"circular": settings}
 
@@ -165,7 +164,7 @@ class SlotFleetConfig:
     )
     prefix: str = _prefix("GEO")
 
-    def rows(self) -> list[Mapping[str, Any]]:
+    def rows(self) -> list[Elements]:
         """Return `orbit` and the keywords that filters read of each satellite."""
         spacing_deg = _TURN_DEG / self.count if self.spacing_deg is None else self.spacing_deg
         places = [
@@ -175,9 +174,7 @@ class SlotFleetConfig:
         return list(_rows(self.prefix, 0.0, [{"slot": {"lon_deg": place}} for place in places]))
 
 
-def _rows(
-    prefix: str, inclination_deg: float, orbits: Sequence[Mapping[str, Any]]
-) -> Iterator[Mapping[str, Any]]:
+def _rows(prefix: str, inclination_deg: float, orbits: Sequence[Elements]) -> Iterator[Elements]:
     digits = len(str(len(orbits)))
     for count, orbit in enumerate(orbits, 1):
         name = f"{prefix}-{count:0{digits}d}"

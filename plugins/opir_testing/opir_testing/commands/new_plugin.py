@@ -188,8 +188,7 @@ def _error_in_name(kind: str, name: str, host: Host) -> str:
     if not _NAME.fullmatch(name) or len(name) > _LONGEST:
         return (
             f"names are at most {_LONGEST} small letters, digits and single hyphens, and begin with"
-            f" a letter,"
-            " like my-sensor"
+            " a letter, like my-sensor"
         )
     package = name.replace("-", "_")
     if keyword.iskeyword(package) or package in sys.stdlib_module_names:

@@ -171,8 +171,7 @@ class ClassifierContract(SceneContract):
         )
         change = (
             "Return natural logarithms of probabilities over REPORTED_TYPES, one row per detection,"
-            " or over all"
-            " hypotheses, with an over_types that sums them."
+            " or over all hypotheses, with an over_types that sums them."
         )
         require(sums_to_one, "type probabilities do not sum to 1", change)
         is_equal = np.array_equal(model.reported(posterior), self._codes(np.arange(len(inputs))))

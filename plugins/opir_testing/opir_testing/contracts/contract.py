@@ -120,9 +120,8 @@ def undefined(contract: type[Contract], method: str, returned: str) -> NotImplem
     what.
     """
     return NotImplementedError(
-        f"{contract.__name__} must define {method}, which returns {returned}."
-        " The contract of each kind of component defines it: inherit that of your kind from"
-        " opir_testing."
+        f"{contract.__name__} must define {method}, which returns {returned}. The contract of each"
+        " kind of component defines it: inherit that of your kind from opir_testing."
     )
 
 
@@ -232,12 +231,10 @@ def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
         if differs.any():
             row = int(np.flatnonzero(differs)[0])
             raise ConformanceError(
-                f"{what} of row {int(rows_chosen[row])} is {values[rows_chosen][row]} among all rows and"
-                f" {chosen_values[row]}"
-                f" in a selection ({selection})",
+                f"{what} of row {int(rows_chosen[row])} is {values[rows_chosen][row]} among all"
+                f" rows and {chosen_values[row]} in a selection ({selection})",
                 "Compute each row from its own columns: no sums, means, sorting or running state"
-                " over rows. Draw random"
-                " numbers for all rows of the call.",
+                " over rows. Draw random numbers for all rows of the call.",
             )
 
 
@@ -314,8 +311,7 @@ def require_pickling(part: Any) -> Any:
         raise ConformanceError(
             f"{type(part).__name__} cannot be pickled: {error}",
             "Keep no open files, locks, lambdas or local functions in the object that build"
-            " returns. Define classes and"
-            " functions at module level.",
+            " returns. Define classes and functions at module level.",
         ) from error
 
 

@@ -160,8 +160,7 @@ class SensorContract(SceneContract):
             len(looks.row),
             f"it has no look at any of {_LAUNCHES} launches below it in a day",
             "Widen field_of_regard_half_angle_deg (60 and more for a low orbit), lower"
-            " minimum_elevation_deg, or scan"
-            " more often.",
+            " minimum_elevation_deg, or scan more often.",
         )
 
     def test_the_default_field_of_regard_fits_the_orbit(self) -> None:
@@ -295,8 +294,7 @@ class SensorContract(SceneContract):
             excess <= 1.0,
             f"the distribution of {len(error)} line-of-sight errors deviates by {excess:.2f} times"
             f" the 99.9 % limit",
-            "State the standard deviation of each of two axes across the line of sight, in"
-            " radians.",
+            "State the standard deviation of each of two axes across the line of sight, in radians.",
         )
 
     def test_detections_occur_at_the_stated_rate(self) -> None:

@@ -32,8 +32,7 @@ _SPOOL = "waiting.spool"
 
 _OPENING = (
     "Derive the class from opir_core.plugin.Sink. If it writes a file, open the path that"
-    " context.stage(path) returns:"
-    " a file that exists and is empty, to be filled in place."
+    " context.stage(path) returns: a file that exists and is empty, to be filled in place."
 )
 _RESUMING = (
     "If context.resumes, append to the output; or raise SinkError in build if it can have no spool."

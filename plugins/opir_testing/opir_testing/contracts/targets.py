@@ -202,8 +202,7 @@ class TargetContract(SceneContract):
                 and speed < _SPEED_LIMIT_M_S
                 and turn < _ACCELERATION_LIMIT_M_S2,
                 f"target {row} comes to {radius_m.min():.0f} m of the Earth's centre, flies at up"
-                f" to {speed:.0f} m/s"
-                f" and changes speed by up to {turn:.0f} m/s in a second",
+                f" to {speed:.0f} m/s and changes speed by up to {turn:.0f} m/s in a second",
                 "Positions are ECEF, metres, continuous, with accelerations below 100 m/s2.",
             )
 

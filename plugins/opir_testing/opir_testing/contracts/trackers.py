@@ -433,7 +433,7 @@ class TrackerContract(SceneContract):
         """
         change = "Return positions in ECEF, in metres, or nan while they are unknown."
         observed = self.observed()
-        distances_m = list[float]()
+        distances_m = []
         highest_m = float(_length(observed.sensor_ecef_m).max(initial=0.0))
         for tick in self.results():
             known_m = tick.tracks.state[np.isfinite(tick.tracks.state[:, :3]).all(axis=1), :3]
