@@ -2,11 +2,14 @@
 
 from opir_trackers.forecast.ascents import ascents_of
 from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.vehicles import vehicle_model
+from opir_trackers.forecast.vehicles import FAMILIES, StageRow, vehicle_model
 
 from opir_core.scene import core_hypotheses
 
 MODEL = vehicle_model()
+STAGES = MODEL.stages.shape[1]
+MISSILE, SPACE, NONE = range(len(FAMILIES))
+BURN, FORCE, RATIO, GAP = StageRow
 HYPOTHESES = core_hypotheses()
 NAMES = [hypothesis.name for hypothesis in HYPOTHESES]
 OUTCOMES = Outcomes(MODEL, HYPOTHESES)

@@ -3,13 +3,8 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_studies.metrics.detection_metrics import (
-    DetectionByTimeMetric,
-    FalseEventsMetric,
-    LatencyMetric,
-    time_words,
-)
 from opir_testing import MetricContract
+from study_metrics import figures_of
 from study_scene import SCENE
 
 import opir_core
@@ -48,7 +43,7 @@ def first_latencies(run):
 
 def test_latency_is_that_of_the_first_detections(run):
     expected = first_latencies(run)
-    figures = LatencyMetric().values(run)
+    figures = figures_of("latency", run)
     assert figures["detected"] == pytest.approx(np.isfinite(expected).mean()) == 5 / 6
     assert figures["latency_s"] == pytest.approx(np.nanmean(expected), abs=1e-8)
     ordered = np.sort(expected)
@@ -60,19 +55,19 @@ def test_latency_is_that_of_the_first_detections(run):
 
 def test_reports_follow_their_looks(run):
     delayed = {**SCENE, "sensors": [{**SCENE["sensors"][0], "reporting": "paper-ground-chain"}]}
-    figures = LatencyMetric().values(opir_core.simulate(opir_core.scene_from_mapping(delayed)))
+    figures = figures_of("latency", opir_core.simulate(opir_core.scene_from_mapping(delayed)))
     assert figures["latency_end_to_end_s"] > figures["latency_s"] + 0.1
 
 
 def test_detection_by_time_counts_launches(run):
     expected = first_latencies(run)
-    figures = DetectionByTimeMetric((0.1, 0.5, 10.0)).values(run)
+    figures = figures_of("detection_by_time", run, times_s=(0.1, 0.5, 2.5, 10.0))
     assert figures == {
         "detected_by_0_1_s": np.mean(expected <= 0.1),
         "detected_by_0_5_s": np.mean(expected <= 0.5),
+        "detected_by_2_5_s": np.mean(expected <= 2.5),
         "detected_by_10_s": 5 / 6,
     }
-    assert time_words(2.5) == "2_5_s"
 
 
 def test_false_events_are_scaled_to_a_day(run):
@@ -81,7 +76,7 @@ def test_false_events_are_scaled_to_a_day(run):
     target[: rows // 4] = -1
     changed = evolve(run, truth=evolve(run.truth, target=target))
     expected = (rows // 4) * 86400.0 / 20.0
-    assert FalseEventsMetric().values(changed) == pytest.approx(
+    assert figures_of("false_events", changed) == pytest.approx(
         {"false_events_a_day": expected, "false_alarms_a_day": expected}
     )
-    assert FalseEventsMetric().values(run) == {"false_events_a_day": 0.0, "false_alarms_a_day": 0.0}
+    assert figures_of("false_events", run) == {"false_events_a_day": 0.0, "false_alarms_a_day": 0.0}

@@ -4,21 +4,15 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from opir_scoring.impacts import PHASES
-from opir_studies.configs import PHASE_NAMES, ImpactConfig
-from opir_studies.metrics.track_metrics import (
-    AccuracyMetric,
-    LaunchErrorMetric,
-    TracksMetric,
-    impact_region_metric,
-)
+from opir_scoring import PHASES
+from opir_studies.configs import PHASE_NAMES
 from opir_testing import MetricContract
 from pyproj import Geod
 from scored_scene import SCENE
+from study_metrics import figures_of, settings_of
 from study_scene import SCENE as UNTRACKED
 
 import opir_core
-from opir_core.plugin import MetricContext
 
 
 class TestTracks(MetricContract):
@@ -45,17 +39,13 @@ def run():
     )
 
 
-def impact_figures(run, **settings):
-    return impact_region_metric(ImpactConfig(**settings), MetricContext()).values(run)
-
-
 def test_the_launch_error_is_the_geodesic_to_the_true_point(run):
     estimate = run.tracks.launch[-1]
     truth = SCENE["targets"][0]["launch"]
     _, _, distance_m = Geod(ellps="WGS84").inv(
         *np.degrees(estimate[1::-1]), truth["lon_deg"], truth["lat_deg"]
     )
-    figures = LaunchErrorMetric().values(run)
+    figures = figures_of("launch_error", run)
     error_s = abs(estimate[2] - truth["time_s"])
     assert figures["launch_error_m"] == pytest.approx(distance_m, rel=1e-3)
     assert figures["launch_time_error_s"] == pytest.approx(error_s, rel=1e-9)
@@ -69,13 +59,13 @@ def test_position_errors_are_those_of_the_tracks(run):
         np.zeros(has_truth.sum(), dtype=np.int32), tick_s[has_truth]
     )
     error_m = np.linalg.norm(run.tracks.state[has_truth, :3] - true, axis=1)
-    assert AccuracyMetric().values(run)["position_rmse_m"] == pytest.approx(
+    assert figures_of("accuracy", run)["position_rmse_m"] == pytest.approx(
         np.sqrt(np.mean(error_m**2)), rel=1e-9
     )
 
 
 def test_one_launch_has_one_track(run):
-    figures = TracksMetric().values(run)
+    figures = figures_of("tracks", run)
     assert (figures["tracked"], figures["false_tracks"], figures["tracks_a_launch"]) == (
         1.0,
         0.0,
@@ -93,21 +83,21 @@ def test_impact_figures_are_those_of_the_region_at_the_instant(run):
 
     (row,) = np.flatnonzero(run.tracks.tick_s == 60.0)
     aim = np.radians([9.0, 167.7])
-    figures = impact_figures(run, containment_percent=90.0, phases=(), times_s=(50.0,))
+    figures = figures_of("impact_region", run, containment_percent=90.0, phases=(), times_s=(50.0,))
     assert figures == {
         "impact_area_at_50_s_km2": region(row, 0.9).area_km2,
         "impact_contained_at_50_s": float(region(row, 0.9).contains(*aim)),
         "impact_predicted_at_50_s": 1.0,
     }
-    figures = impact_figures(run, phases=("last estimate",))
+    figures = figures_of("impact_region", run, phases=("last estimate",))
     assert figures["impact_area_last_estimate_km2"] == region(-1, 0.95).area_km2
 
 
 def test_without_tracks_there_are_no_figures():
     run = opir_core.simulate(opir_core.scene_from_mapping(UNTRACKED))
-    assert TracksMetric().values(run)["tracked"] == 0.0
-    assert np.isnan(AccuracyMetric().values(run)["position_rmse_m"])
-    figures = impact_figures(run, times_s=(10.0,))
+    assert figures_of("tracks", run)["tracked"] == 0.0
+    assert np.isnan(figures_of("accuracy", run)["position_rmse_m"])
+    figures = figures_of("impact_region", run, times_s=(10.0,))
     assert figures["impact_predicted_at_10_s"] == 0.0
     assert np.isnan(figures["impact_area_at_10_s_km2"])
 
@@ -128,9 +118,9 @@ def test_phases_are_those_of_the_scores():
 )
 def test_invalid_settings_are_refused(settings, words):
     with pytest.raises(ValueError, match=words):
-        ImpactConfig(**settings)
+        settings_of("impact_region", **settings)
 
 
 @pytest.mark.parametrize("percent", [50.0, 90.0, 95.0])
 def test_each_containment_of_the_tracks_can_be_asked_for(percent):
-    assert ImpactConfig(containment_percent=percent).containment_percent == percent
+    assert settings_of("impact_region", containment_percent=percent).containment_percent == percent

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_scoring import evidence_of_run, ownership
-from opir_scoring.errors import state_errors
+from opir_scoring import evidence_of_run, ownership, state_errors
 from opir_studies import Tuned
 from opir_studies.differences import MEASURES, RunAnswers, answers_of, differences, over_runs
 from opir_studies.knobs import Knob, knobs_of
@@ -22,12 +21,11 @@ from pyproj import Geod
 from study_scene import SCENE
 
 import opir_core as opir
+from opir_core import Scene
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
-from opir_core.plugin import Detections
+from opir_core.plugin import Detections, Host
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene.scene import Scene
 
 #: With a stated noise: by default the light of the Earth hides plumes from DSP's long waves.
 DSP = {

@@ -15,14 +15,12 @@ from opir_scoring import (
     ownership,
     warning_times,
 )
-from opir_studies.configs import WarningConfig
-from opir_studies.metrics.warning_metric import warning_time_metric
 from opir_testing import MetricContract
 from scored_scene import SCENE
+from study_metrics import figures_of, settings_of
 from study_scene import SCENE as UNTRACKED
 
 import opir_core
-from opir_core.plugin import MetricContext
 
 
 class TestWarningTime(MetricContract):
@@ -123,7 +121,7 @@ def test_late_estimates_warn_when_they_are_available(run, evidence):
 
 def test_the_metric_counts_launches_without_a_warning_as_zero():
     run = opir_core.simulate(opir_core.scene_from_mapping(UNTRACKED))
-    figures = warning_time_metric(WarningConfig(), MetricContext()).values(run)
+    figures = figures_of("warning_time", run)
     expected = {
         "warning_time_s": 0.0,
         "warned": 0.0,
@@ -138,4 +136,4 @@ def test_the_metric_counts_launches_without_a_warning_as_zero():
 
 def test_an_unknown_containment_is_refused():
     with pytest.raises(ValueError, match="80 is not 50, 90 or 95"):
-        WarningConfig(containment_percent=80.0)
+        settings_of("warning_time", containment_percent=80.0)

@@ -4,7 +4,7 @@ equation.
 
 import numpy as np
 import pytest
-from boost_law import MODEL
+from boost_law import MODEL, STAGES
 from opir_trackers.forecast.burning_on import (
     STEPS,
     RemainingBurns,
@@ -14,7 +14,6 @@ from opir_trackers.forecast.burning_on import (
 from plain_boosts import MU, RADIUS_M, SPIN
 from scipy.integrate import solve_ivp
 
-STAGES = 4
 COUNT = 30
 STILL = np.zeros((STAGES, STEPS, COUNT, 2))
 STEERING = drawn_steering(COUNT, MODEL.data, 9)

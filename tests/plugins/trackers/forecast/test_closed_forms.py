@@ -7,16 +7,14 @@ import pytest
 from opir_trackers.forecast.conditional_impacts import impact_moments
 from opir_trackers.forecast.fates import features, free_impacts
 from opir_trackers.forecast.kernel_regression import squared_distances
-from opir_trackers.forecast.planar_boost import MU, RADIUS_M, elevations, ranges_m
+from opir_trackers.forecast.planar_boost import elevations, ranges_m
+from plain_boosts import MU, RADIUS_M, SPIN
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces
 from opir_core.geometry import geodetic_to_ecef, local_axes
-
-SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
 
 @pytest.mark.parametrize("speed_m_s", [1500.0, 4000.0, 7000.0])
@@ -56,9 +54,7 @@ def test_free_flights_end_where_an_integrator_meets_the_ground(later_s: float) -
     place, when = free_impacts(state[None], np.array([later_s]), Forces(zonal=()))
 
     def rates(_time_s: float, flying: FloatArray) -> FloatArray:
-        return np.concatenate(
-            [flying[3:], -EARTH_MU_M3_S2 * flying[:3] / np.linalg.norm(flying[:3]) ** 3]
-        )
+        return np.concatenate([flying[3:], -MU * flying[:3] / np.linalg.norm(flying[:3]) ** 3])
 
     flight = solve_ivp(rates, (0.0, float(when[0]) - later_s), STATE, rtol=1e-11, atol=1e-6)
     down = Rotation.from_rotvec(-SPIN * flight.t[-1]).apply(flight.y[:3, -1])

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
-from boost_law import HYPOTHESES, MODEL, NAMES, OUTCOMES
+from boost_law import HYPOTHESES, MODEL, NAMES, OUTCOMES, STAGES
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast import burning_on
 from opir_trackers.forecast.forecast import forecasts
@@ -21,7 +21,6 @@ from opir_core.flight import Forces
 from opir_core.geometry import ecef_to_geodetic
 
 POINT_MASS = Forces(zonal=())
-STAGES = 4
 SIGMA = np.repeat([100.0, 15.0, 0.5, 0.001], [3, 3, 3, 1])
 NONE = NAMES.index("none of these")
 SLV = NAMES.index("SLV")

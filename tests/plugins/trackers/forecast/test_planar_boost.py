@@ -4,16 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from boost_law import MISSILE, MODEL
 from opir_trackers.forecast.burning_on import Steering, drawn_steering
 from opir_trackers.forecast.planar_boost import PlanarBoost, drawn_stages
-from opir_trackers.forecast.vehicles import MISSILE, vehicle_model
 
 
 @pytest.fixture
 def boost() -> PlanarBoost:
-    model = vehicle_model()
-    stages = drawn_stages(model, MISSILE, 40, np.random.default_rng(3))
-    return PlanarBoost(stages, drawn_steering(40, model.data, 3), np.full(40, np.nan))
+    stages = drawn_stages(MODEL, MISSILE, 40, np.random.default_rng(3))
+    return PlanarBoost(stages, drawn_steering(40, MODEL.data, 3), np.full(40, np.nan))
 
 
 def test_only_vehicles_that_burn_or_will_are_steered(

@@ -3,10 +3,9 @@ that the wheel keeps."""
 
 import numpy as np
 import pytest
-from boost_law import MODEL
+from boost_law import BURN, GAP, MISSILE, MODEL, NONE, SPACE, STAGES
 from opir_trackers.forecast.marginals import marginal_of
 from opir_trackers.forecast.present_burn import present_burns
-from opir_trackers.forecast.vehicles import BURN, GAP, MISSILE, NONE, SPACE, STAGES
 
 
 def joint(family: int) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_sensor
+from opir_testing import stub_sensor
 from opir_trackers.gating import GatedPairs
 from opir_trackers.registration.misfits import mean_residuals, misfits
 from opir_trackers.registration.shared_errors import Vantages

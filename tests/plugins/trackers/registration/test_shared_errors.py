@@ -4,8 +4,8 @@ triangulation.
 
 import numpy as np
 import pytest
-from opir_testing.doubles import stub_sensor
-from opir_trackers.lines_of_sight import LinesOfSight
+from opir_testing import stub_sensor
+from opir_trackers import LinesOfSight
 from opir_trackers.registration.shared_errors import Vantages, corrected
 from opir_trackers.triangulation import triangulated
 
