@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from attrs import evolve
 from http_service import Stand, serving
-from opir_http.openapi import document
+from opir_http.routes import document
 from peer_libraries import missing
 
 pytestmark = [

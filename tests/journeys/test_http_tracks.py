@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 from http_service import serving
-from opir_http.openapi import document
+from opir_http.routes import document
 from opir_http.tracks import TRAIL, TrackDocuments
 from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 

@@ -12,7 +12,7 @@ import msgspec
 from opir_core.host import described_error
 from opir_core.live import LiveWindow
 from opir_core.output import ForgeEncoder, unix_microseconds
-from opir_core.plugin import REPORTED_TYPES, EncoderContext, Renderer, Sensor, Window
+from opir_core.plugin import EncoderContext, Window
 from opir_http.activity import Activity
 from opir_http.history import History
 from opir_http.tracks import TrackDocuments
@@ -132,27 +132,20 @@ class Feed:
 
     def __init__(
         self,
-        sensors: tuple[Sensor, ...],
-        epoch_us: int,
+        context: EncoderContext,
         history: int,
         most_tracks: int,
         status: Callable[[], Any],
-        reported_types: tuple[str, ...] = REPORTED_TYPES,
-        render: Renderer | None = None,
         hypotheses: tuple[str, ...] = (),
     ) -> None:
         self.history = History(history)
-        self.activity = Activity([sensor.id for sensor in sensors])
-        self.tracks = TrackDocuments(epoch_us, most_tracks, hypotheses)
-        self.sensors = sensors
-        self.epoch_us = epoch_us
-        self.reported_types = reported_types
+        self.activity = Activity([sensor.id for sensor in context.sensors])
+        self.tracks = TrackDocuments(context.epoch_us, most_tracks, hypotheses)
+        self.sensors = context.sensors
+        self.epoch_us = context.epoch_us
+        self.reported_types = context.reported_types
         self._status = status
-        self._encoder = ForgeEncoder(
-            EncoderContext(
-                sensors=sensors, epoch_us=epoch_us, reported_types=reported_types, render=render
-            )
-        )
+        self._encoder = ForgeEncoder(context)
         self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None

@@ -7,7 +7,7 @@ from typing import Any
 
 from opir_core.live import LATE_EDGES_S, LiveStatus, SensorStatus
 from opir_core.output import SinkStatus
-from opir_http.health import Health
+from opir_http.answers import Health
 from opir_http.service import Service
 
 CONTENT_TYPE = "text/plain; version=0.0.4"

@@ -6,7 +6,7 @@ from typing import Any
 from attrs import fields
 
 from opir_core.scene import info_of
-from opir_http.openapi import document
+from opir_http.routes import document
 from opir_http.settings import LIVE, HttpSettings
 
 _HEAD = """# The HTTP interface

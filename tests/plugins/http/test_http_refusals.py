@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from http_service import LAUNCH, SCENE, Stand, conforms, serving
-from opir_http.openapi import document
+from opir_http.routes import document
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 from http_service import LAUNCH, Stand, conforms, serving
 from hypothesis import HealthCheck, given, settings, strategies as st
 from opir_http import health
-from opir_http.openapi import document
+from opir_http.routes import document
 from waiting import until, within
 
 from opir_core.interfaces.contexts import EncoderContext

@@ -10,7 +10,7 @@ from typing import Any
 import jsonschema
 import pytest
 from http_service import SCENE, Stand
-from opir_http.openapi import view_document
+from opir_http.viewing import view_document
 from opir_http.replay import Replay
 from page_browser import viewing
 
