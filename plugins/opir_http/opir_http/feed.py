@@ -254,9 +254,9 @@ class Feed:
 
     def _fan_out(self, frames: list[tuple[int, bytes, bytes]]) -> None:
         for client in self._clients:
-            for number, *both in frames:
+            for number, *views in frames:
                 if not number or number > client.seen:
-                    client.put(both[client.brief])
+                    client.put(views[client.brief])
 
 
 def _both(cycle: bytes, time_s: bytes, lines: list[bytes], number: int) -> tuple[bytes, bytes]:
@@ -266,8 +266,8 @@ def _both(cycle: bytes, time_s: bytes, lines: list[bytes], number: int) -> tuple
     head = b'{"cycle":%b,"time_s":%b,"count":%d,"detections":[' % (cycle, time_s, len(lines))
     step = -(-len(lines) // BRIEF)
     full, brief = (
-        frame("detections", head + b",".join(part) + b"]}", number)
-        for part in (lines, lines[::step])
+        frame("detections", head + b",".join(view) + b"]}", number)
+        for view in (lines, lines[::step])
     )
     return full, brief
 

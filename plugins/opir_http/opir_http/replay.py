@@ -93,8 +93,8 @@ class Replay:
         Counts are of all detections of the seconds touched, also of those that are left out.
         `sensors` are states of the satellites at times of the part.
         """
-        first, last = np.searchsorted(self._time_us, (since_us, until_us), side="right")
-        rows = np.arange(first, last)[:: -(-int(last - first) // MOST_DETECTIONS) or 1]
+        start, stop = np.searchsorted(self._time_us, (since_us, until_us), side="right")
+        rows = np.arange(start, stop)[:: -(-int(stop - start) // MOST_DETECTIONS) or 1]
         times = np.unique(np.linspace(since_us, until_us, 12).astype(np.int64)).tolist()
         return {
             "detections": [msgspec.Raw(line) for line in self._lines(rows)],
@@ -120,12 +120,12 @@ class Replay:
         return self._encoder.encode(window).splitlines()
 
     def _estimates(self, since_us: int, until_us: int, step_s: float) -> list[Document]:
-        first, last = np.searchsorted(self._tick_us, (since_us, until_us), side="right")
-        if first == last:
+        start, stop = np.searchsorted(self._tick_us, (since_us, until_us), side="right")
+        if start == stop:
             return []
-        steps = (self._tick_us[first:last] - since_us) // round(step_s * _US)
-        keys = zip(self._tracks.track[first:last].tolist(), steps.tolist(), strict=True)
-        newest = {key: row for row, key in enumerate(keys, int(first))}
+        steps = (self._tick_us[start:stop] - since_us) // round(step_s * _US)
+        keys = zip(self._tracks.track[start:stop].tolist(), steps.tolist(), strict=True)
+        newest = {key: row for row, key in enumerate(keys, int(start))}
         return self._documents.documents(self._tracks.take(sorted(newest.values())))
 
     def _activity(self, since_us: int, until_us: int) -> Activity:

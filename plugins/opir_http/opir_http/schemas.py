@@ -58,10 +58,10 @@ def detection() -> Schema:
     """Return the core's schema of a detection, and of the parts that it refers to."""
     text = json.dumps(detection_schema()).replace("#/$defs/", f"{SCHEMAS}detection-")
     schema: Schema = json.loads(text, object_hook=_without_listed_numbers)
-    parts = {f"detection-{name}": part for name, part in schema["$defs"].items()}
+    definitions = {f"detection-{name}": value for name, value in schema["$defs"].items()}
     return {
         "Detection": {key: value for key, value in schema.items() if not key.startswith("$")},
-        **parts,
+        **definitions,
     }
 
 
@@ -72,8 +72,8 @@ def _without_listed_numbers(schema: Schema) -> Schema:
     values = schema.get("enum")
     if not isinstance(values, list) or not all(isinstance(value, float) for value in values):
         return schema
-    others = {key: value for key, value in schema.items() if key != "enum"}
-    return {"type": "number", **others, "minimum": min(values), "maximum": max(values)}
+    del schema["enum"]
+    return {"type": "number", **schema, "minimum": min(values), "maximum": max(values)}
 
 
 def _schema_of_class(config: type) -> Schema:
@@ -148,4 +148,4 @@ class Config(Closed, kw_only=True):
     tracking_order: Literal[BY_OBSERVATION, BY_REPORT] | UnsetType = UNSET  # type: ignore[valid-type]
     tracking_lag_s: Annotated[float, Meta(ge=0)] | UnsetType | None = UNSET
     outputs: list[Schema | str] | UnsetType = UNSET
-    http: _settings(HttpSettings, required=[each.name for each in fields(HttpSettings)])  # type: ignore[valid-type]
+    http: _settings(HttpSettings, required=[attribute.name for attribute in fields(HttpSettings)])  # type: ignore[valid-type]

@@ -128,7 +128,7 @@ class Service:
             except OpirError as error:
                 raise problem_of(error) from error
             self.settings = http
-            self.feed.tracks.most = http.maximum_tracks
+            self.feed.tracks.maximum = http.maximum_tracks
             self.run.settings = evolve(self.run.settings, maximum_targets=http.maximum_targets)
             return cycle, self.etag()
 

@@ -58,8 +58,8 @@ async def replay(request: AnyRequest) -> Response[answers.Replay]:
     until_us = time_us(query, "until")
     if since_us is None or until_us is None or not 0 <= until_us - since_us <= LONGEST_S * 1e6:
         raise ProblemError(400, SPAN_RULE)
-    part = partial(run.part, since_us, until_us, query.step_s)
-    return encoded(await asyncio.to_thread(lambda: msgspec.json.encode(part())))
+    answer = partial(run.part, since_us, until_us, query.step_s)
+    return encoded(await asyncio.to_thread(lambda: msgspec.json.encode(answer())))
 
 
 _ROUTES = [status, replay]

@@ -110,7 +110,7 @@ def test_a_configuration_changes_whole_at_a_cycle_or_not_at_all(stand: Stand) ->
     conforms(answer.json, "Configured")
     after = stand.ask("GET", "/config")
     assert (after.json, after.headers["etag"]) == (config, answer.headers["etag"])
-    assert stand.service.feed.tracks.most == 40
+    assert stand.service.feed.tracks.maximum == 40
     assert (
         stand.ask("GET", "/config", headers={"If-None-Match": after.headers["etag"]}).status == 304
     )
