@@ -22,9 +22,9 @@ def test_health_is_answered_above_the_limit_of_connections(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server, "MAXIMUM_CONNECTIONS", 3)
-    with serving(tmp_path) as running, ExitStack() as held:
+    with serving(tmp_path) as running, ExitStack() as stack:
         for _ in range(3):
-            held.enter_context(socket.create_connection(("127.0.0.1", running.port), timeout=60))
+            stack.enter_context(socket.create_connection(("127.0.0.1", running.port), timeout=60))
         until(lambda: len(running.server.server_state.connections) == 3)
         assert running.ask("GET", "/health/live").status == 200
         refused = running.ask("GET", "/status")
@@ -72,10 +72,10 @@ def test_head_and_options_are_answered(stand: Stand, path: str) -> None:
     assert {"GET", "HEAD", "OPTIONS"} <= set(allowed.split(", "))
 
 
-def test_writes_are_logged_and_refused_requests_at_a_limited_rate(stand: Stand) -> None:
+def test_writes_are_logged_and_refusals_at_a_limited_rate(stand: Stand) -> None:
     lines: list[str] = []
     gate: Any = stand.server.config.app
-    before = gate._log
+    old_log = gate._log
     gate._log = RequestLog(lines.append, "secret-name")
     try:
         stand.ask("PUT", "/config", stand.ask("GET", "/config").json, {"If-Match": "*"})
@@ -83,7 +83,7 @@ def test_writes_are_logged_and_refused_requests_at_a_limited_rate(stand: Stand) 
         for _ in range(20):
             stand.ask("GET", "/nowhere")
     finally:
-        gate._log = before
+        gate._log = old_log
     assert lines[0].startswith(
         'opir: write: 127.0.0.1, token secret-name: PUT "/config" 200, ETag "*" '
     )

@@ -66,7 +66,7 @@ def test_ids_are_unique_and_references_have_a_target(report: Path) -> None:
     assert set(re.findall(r'(?:url\(#|href="#)([^)"]+)', text)) <= set(ids)
 
 
-def test_every_colour_has_a_dark_one(report: Path) -> None:
+def test_every_colour_has_a_value_in_dark_mode(report: Path) -> None:
     for picture in SVG.findall(report.read_text(encoding="utf-8")):
         assert not set(re.findall(r"(?<!, )#[0-9a-f]{6}", picture)) - {"#000000"}
     assert themed(f"fill: {INK}") == f"fill: var(--ink, {INK})"
