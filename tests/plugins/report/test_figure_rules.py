@@ -38,7 +38,7 @@ def test_pictures_of_studies_side_by_side(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_pictures_of_a_run() -> None:
-    second = {
+    target = {
         "id": "T2",
         "type": "SRBM",
         "launch": {"lat_deg": 30.0, "lon_deg": -118.0, "time_s": 5.0},
@@ -48,7 +48,7 @@ def test_pictures_of_a_run() -> None:
         **SCENE,
         "duration_s": 200.0,
         "detection": "snr",
-        "targets": [*SCENE["targets"], second],
+        "targets": [*SCENE["targets"], target],
         "tracker": {"model": "imm", "cadence_s": 4.0},
     }
     page = run_page(opir_core.simulate(opir_core.scene_from_mapping(scene)))

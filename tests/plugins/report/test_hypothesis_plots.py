@@ -29,14 +29,14 @@ def two_sides() -> opir.Run:
 def test_the_history_has_the_hypotheses_that_reach_one_percent() -> None:
     run = two_sides()
     data = hypothesis_history(RunFacts(run))
-    seen = {
+    rows = {
         (track, of, hypothesis, chance)
         for track, of, hypothesis, chance in zip(
             *(data[name].tolist() for name in ("track_id", "of", "hypothesis", "probability")),
             strict=True,
         )
     }
-    assert seen == {
+    assert rows == {
         (0, "T1 (ICBM)", "ICBM", 0.9),
         (0, "T1 (ICBM)", "none of these", 0.1),
         (1, "F-1 (fire)", "ground source", 0.998),
@@ -74,10 +74,10 @@ def test_the_report_has_tables_of_tracks_and_of_sources() -> None:
     assert identity_section(RunPlots(empty_run())) is None
 
 
-def test_maps_show_the_regions_of_the_most_probable_condition() -> None:
-    over = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75)
-    again = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
-    rings = containment_rings(stub_estimates(1, impact_regions=[(*over, *again)]), 0)
-    assert [area for area, _ in rings.values()] == [region.area_km2 for region in over]
+def test_maps_show_the_regions_of_the_likeliest_condition() -> None:
+    burn_over = stub_regions(9.0, 167.7, 60.0, condition="burn over", probability=0.75)
+    relights = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
+    rings = containment_rings(stub_estimates(1, impact_regions=[(*burn_over, *relights)]), 0)
+    assert [area for area, _ in rings.values()] == [region.area_km2 for region in burn_over]
     unknown = evolve(two_sides(), tracks=stub_estimates(1))
     assert len(hypothesis_history(RunFacts(unknown))) == 0

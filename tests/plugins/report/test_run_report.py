@@ -49,7 +49,7 @@ def test_nothing_is_fetched_and_nothing_is_run(report: Path) -> None:
     assert all(link.startswith("#") or (report.parent / link).is_file() for link in links)
 
 
-def test_pictures_are_well_formed_with_words_for_those_who_do_not_see_them(report: Path) -> None:
+def test_pictures_are_well_formed_and_described(report: Path) -> None:
     pictures = SVG.findall(report.read_text(encoding="utf-8"))
     assert len(pictures) >= 4
     for picture in pictures:
@@ -83,7 +83,7 @@ def test_the_data_beside_the_report_are_those_of_its_figures(report: Path) -> No
 
 @pytest.mark.slow
 def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
-    again = tmp_path / "report.html"
+    repeat = tmp_path / "report.html"
     code = (
         "import sys\nfrom pathlib import Path\nfrom opir_report import write_run_report\n"
         "from reported_runs import scored_run\nwrite_run_report(scored_run(), Path(sys.argv[1]))"
@@ -98,10 +98,10 @@ def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
         "PATH": "",
         "MPLCONFIGDIR": str(tmp_path),
     }
-    subprocess.run([sys.executable, "-c", code, str(again)], check=True, env=environment)
-    assert again.read_bytes() == report.read_bytes()
+    subprocess.run([sys.executable, "-c", code, str(repeat)], check=True, env=environment)
+    assert repeat.read_bytes() == report.read_bytes()
     for path in report.with_suffix(".data").iterdir():
-        assert (again.with_suffix(".data") / path.name).read_bytes() == path.read_bytes()
+        assert (repeat.with_suffix(".data") / path.name).read_bytes() == path.read_bytes()
 
 
 @pytest.mark.slow
@@ -135,7 +135,7 @@ def test_the_command_writes_the_report_of_files(tmp_path: Path, monkeypatch, cap
     assert {path.name for path in tmp_path.glob("report*")} == {"report.html"}
 
 
-def test_what_has_no_report_gets_one_message(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_path_without_a_report_gets_one_message(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["report", "scene.yaml"]) == 2
     assert "run it first, `opir run scene.yaml`" in capsys.readouterr().err
