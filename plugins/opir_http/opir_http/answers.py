@@ -21,7 +21,11 @@ EncodedDetection = Annotated[Raw, Meta(extra_json_schema={"$ref": f"{SCHEMAS}Det
 
 
 class Closed(Struct, forbid_unknown_fields=True):
-    """An object with its own properties and no others."""
+    """An object with its own properties and no others; its schema is named without `Answer`."""
+
+    def __init_subclass__(cls) -> None:
+        cls.__name__ = cls.__name__.removesuffix("Answer")
+        cls.__qualname__ = cls.__name__
 
 
 class Message(Closed):
@@ -31,7 +35,7 @@ class Message(Closed):
     message: str
 
 
-class Problem(Closed, kw_only=True):
+class ProblemAnswer(Closed, kw_only=True):
     """Problem details (RFC 9457)."""
 
     type: str = "about:blank"
@@ -41,7 +45,7 @@ class Problem(Closed, kw_only=True):
     errors: list[Message] | UnsetType = UNSET
 
 
-class Launched(Closed):
+class LaunchedAnswer(Closed):
     """A target that has joined the run, and the cycle in which it did."""
 
     id: str
@@ -108,7 +112,7 @@ class Clock(Closed):
     cycle_age_s: float = 0.0
 
 
-class Counts(Closed):
+class CountsAnswer(Closed):
     """Counts since the start of the run."""
 
     looks: Count
@@ -118,7 +122,7 @@ class Counts(Closed):
     tracks: Count
 
 
-class SensorHealth(Closed):
+class SensorHealthAnswer(Closed):
     """Calibration of a sensor as the tracker estimates it; null where nothing is known."""
 
     bias_rad: list[float | None]
@@ -143,7 +147,7 @@ class SensorState(Closed):
     field_of_regard_half_angle_deg: float
     detections: Count
     last_detection: Time | None
-    health: SensorHealth | None
+    health: SensorHealthAnswer | None
 
 
 class SinkState(Closed):
@@ -191,21 +195,21 @@ class Status(Closed, kw_only=True):
     error: str | None
     health: Health | UnsetType = UNSET
     clock: Clock
-    counts: Counts
+    counts: CountsAnswer
     sensors: list[SensorState]
     sinks: list[SinkState]
     viewers: Viewers
     replay: Covered | UnsetType = UNSET
 
 
-class Detections(Closed):
+class DetectionsAnswer(Closed):
     """A page of detections, newest first."""
 
     detections: list[EncodedDetection]
     next: str | None
 
 
-class Ellipse(Closed):
+class EllipseAnswer(Closed):
     """A confidence ellipse on the ground."""
 
     semi_major_m: float
@@ -220,13 +224,13 @@ class LaunchPoint(Closed):
     lat_deg: float
     lon_deg: float
     time: Time | None
-    ellipse: Ellipse | None
-    ellipse_50: Ellipse | None
-    ellipse_90: Ellipse | None
+    ellipse: EllipseAnswer | None
+    ellipse_50: EllipseAnswer | None
+    ellipse_90: EllipseAnswer | None
     time_sigma_s: float | None
 
 
-class ImpactPoint(LaunchPoint):
+class ImpactPointAnswer(LaunchPoint):
     """A predicted impact point and time."""
 
     method: Annotated[str, Meta(extra_json_schema={"enum": list(IMPACT_METHODS)})]
@@ -251,7 +255,7 @@ class MultiPolygon(Closed, tag_field="type", tag=True):
     coordinates: list[Rings]
 
 
-class ImpactRegion(Closed):
+class ImpactRegionAnswer(Closed):
     """A region that holds the impact point with the probability `containment`, on a condition."""
 
     containment: float
@@ -306,8 +310,8 @@ class Track(Closed):
     longitude_deg: float | None
     altitude_m: float | None
     launch_point: LaunchPoint | None
-    impact_point: ImpactPoint | None
-    impact_regions: list[ImpactRegion]
+    impact_point: ImpactPointAnswer | None
+    impact_regions: list[ImpactRegionAnswer]
     probability_burning: Share | None
     probability_relights: Share | None
     type_probability: TypeProbability
@@ -334,33 +338,33 @@ class Track(Closed):
     ) = UNSET
 
 
-class Tracks(Closed):
+class TracksAnswer(Closed):
     """Estimates of tracks."""
 
     tracks: list[Track]
 
 
-class Activity(Closed):
+class ActivityAnswer(Closed):
     """Detections per sensor and second, from `first_s`, Unix time."""
 
     first_s: Count
     sensors: dict[str, list[Count]]
 
 
-class SensorStates(Closed):
+class SensorStatesAnswer(Closed):
     """The sensors at a time."""
 
     timestamp: Time
     sensors: list[SensorState]
 
 
-class Replay(Closed):
+class ReplayAnswer(Closed):
     """A part of a saved run."""
 
     detections: list[EncodedDetection]
     tracks: list[Track]
-    activity: Activity
-    sensors: list[SensorStates]
+    activity: ActivityAnswer
+    sensors: list[SensorStatesAnswer]
 
 
 class DetectionsData(Closed):
@@ -397,7 +401,7 @@ class DetectionsEvent(Event, tag="detections"):
 class TracksEvent(Event, tag="tracks"):
     """Estimates of a tick."""
 
-    data: Tracks
+    data: TracksAnswer
 
 
 class StatusEvent(Event, tag="status"):
@@ -422,16 +426,16 @@ StreamEvent = DetectionsEvent | TracksEvent | StatusEvent | DroppedEvent | EndEv
 
 #: The answers of all routes: their schemas have those of their parts.
 ANSWERS = (
-    Activity,
+    ActivityAnswer,
     Configured,
-    Detections,
-    Launched,
+    DetectionsAnswer,
+    LaunchedAnswer,
     Liveness,
-    Problem,
+    ProblemAnswer,
     Readiness,
-    Replay,
+    ReplayAnswer,
     Retried,
     Status,
-    Tracks,
+    TracksAnswer,
     StreamEvent,
 )

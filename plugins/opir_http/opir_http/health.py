@@ -16,7 +16,7 @@ from opir_http.answers import Health
 LOOK_S = 1.0
 
 
-class Backlog(NamedTuple):
+class SinkBacklog(NamedTuple):
     """Events that wait in an output, the time of the last check, and how often they were more."""
 
     events: int
@@ -28,7 +28,7 @@ class Backlogs:
     """The backlogs of the outputs at the last checks."""
 
     def __init__(self) -> None:
-        self._backlogs: dict[str, Backlog] = {}
+        self._backlogs: dict[str, SinkBacklog] = {}
 
     def reason(self, sink: SinkStatus) -> str:
         """Return why an output is not ready, or ""."""
@@ -45,11 +45,11 @@ class Backlogs:
         """Whether a backlog has grown at the last checks, without shrinking between them."""
         events = sink.spooled + sink.queued_windows
         time_s = time.monotonic()
-        backlog = self._backlogs.setdefault(sink.path, Backlog(events, time_s, 0))
+        backlog = self._backlogs.setdefault(sink.path, SinkBacklog(events, time_s, 0))
         if time_s - backlog.checked_s >= LOOK_S:
             is_less = events == 0 or events < backlog.events
             rises = 0 if is_less else backlog.rises + (events > backlog.events)
-            backlog = Backlog(events, time_s, rises)
+            backlog = SinkBacklog(events, time_s, rises)
             self._backlogs[sink.path] = backlog
         return backlog.rises >= 3
 

@@ -9,7 +9,7 @@ from litestar import Litestar
 from litestar.openapi import OpenAPIConfig, ResponseSpec
 from litestar.openapi.spec import Components, Operation, SecurityScheme
 
-from opir_http.answers import ANSWERS, SCHEMAS, Problem, Schema
+from opir_http.answers import ANSWERS, SCHEMAS, ProblemAnswer, Schema
 from opir_http.problems import PROBLEM_TYPE, TITLES
 from opir_http.queries import Query
 from opir_http.schemas import Config, detection, trigger
@@ -61,7 +61,10 @@ def described(
 
     errors = {
         status: ResponseSpec(
-            Problem, description=TITLES[status], media_type=PROBLEM_TYPE, generate_examples=False
+            ProblemAnswer,
+            description=TITLES[status],
+            media_type=PROBLEM_TYPE,
+            generate_examples=False,
         )
         for status in sorted({*_ANY_REQUEST, *problems})
     }

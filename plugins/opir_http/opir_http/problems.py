@@ -10,7 +10,7 @@ from msgspec import UNSET
 
 from opir_core.errors import OpirError, SceneError
 from opir_core.live import BusyError, RefusedError, RestartError
-from opir_http.answers import Message, Problem
+from opir_http.answers import Message, ProblemAnswer
 
 PROBLEM_TYPE = "application/problem+json"
 
@@ -54,7 +54,7 @@ class ProblemError(Exception):
 
 def problem_body(error: ProblemError) -> bytes:
     """Return the body of a problem."""
-    problem = Problem(
+    problem = ProblemAnswer(
         title=TITLES.get(error.status, "The request failed"),
         status=error.status,
         detail=error.detail,

@@ -11,12 +11,12 @@ from opir_core.arrays import RowArray
 from opir_core.output import ForgeEncoder, chosen_renderer, unix_microseconds
 from opir_core.plugin import EncoderContext, Window
 from opir_http.answers import (
-    Activity,
+    ActivityAnswer,
     Clock,
-    Counts,
+    CountsAnswer,
     Covered,
     SensorState,
-    SensorStates,
+    SensorStatesAnswer,
     Status,
     Viewers,
 )
@@ -73,7 +73,7 @@ class Replay:
                 duration_s=self.scene.duration_s,
                 speed=None,
             ),
-            counts=Counts(
+            counts=CountsAnswer(
                 looks=int(looks),
                 detections=len(self._detections),
                 targets=0,
@@ -101,7 +101,7 @@ class Replay:
             "tracks": self._estimates(since_us, until_us, step_s),
             "activity": self._activity(since_us, until_us),
             "sensors": [
-                SensorStates(timestamp(time_us), self._sensors(time_us)) for time_us in times
+                SensorStatesAnswer(timestamp(time_us), self._sensors(time_us)) for time_us in times
             ],
         }
 
@@ -128,13 +128,13 @@ class Replay:
         newest = {key: row for row, key in enumerate(keys, int(start))}
         return self._documents.documents(self._tracks.take(sorted(newest.values())))
 
-    def _activity(self, since_us: int, until_us: int) -> Activity:
+    def _activity(self, since_us: int, until_us: int) -> ActivityAnswer:
         seconds = np.arange(since_us // _US, until_us // _US + 2)
         counts = [
             np.diff(np.searchsorted(times, seconds * _US)).tolist() for times in self._by_sensor
         ]
         names = [sensor.id for sensor in self.run.sensors]
-        return Activity(int(seconds[0]), dict(zip(names, counts, strict=True)))
+        return ActivityAnswer(int(seconds[0]), dict(zip(names, counts, strict=True)))
 
     def _sensors(self, time_us: int) -> list[SensorState]:
         counts = [int(np.searchsorted(times, time_us, side="right")) for times in self._by_sensor]

@@ -19,15 +19,15 @@ from msgspec import UNSET, UnsetType
 
 from opir_http.answers import (
     SCHEMAS,
-    Activity,
+    ActivityAnswer,
     Configured,
-    Detections,
-    Launched,
+    DetectionsAnswer,
+    LaunchedAnswer,
     Liveness,
     Readiness,
     Retried,
     Status,
-    Tracks,
+    TracksAnswer,
 )
 from opir_http.feed import Client
 from opir_http.history import Filter
@@ -207,7 +207,7 @@ def _json(value: Any, status: int = 200, headers: Mapping[str, str] | None = Non
         problems=(403, 409, 415, 422, 429),
     ),
 )
-async def trigger(request: AnyRequest) -> Response[Launched]:
+async def trigger(request: AnyRequest) -> Response[LaunchedAnswer]:
     """Launch a target.
 
     The body has the layout of a target in a scene; `id` and `launch.time_s` are optional. The
@@ -336,7 +336,7 @@ async def configure(request: AnyRequest) -> Response[Configured]:
 
 
 @get("/detections", **described(query=DetectionsQuery, links=_AFTER_PAGE))
-async def detections(request: AnyRequest) -> Response[Detections]:
+async def detections(request: AnyRequest) -> Response[DetectionsAnswer]:
     """Recent detections, newest first; `next` is the parameter `after` of the next page."""
     query: DetectionsQuery = request.state.query
     service = _served(request).service
@@ -384,7 +384,7 @@ def _base36(number: int) -> str:
 
 
 @get("/tracks", **described(query=TracksQuery))
-async def tracks(request: AnyRequest) -> Response[Tracks]:
+async def tracks(request: AnyRequest) -> Response[TracksAnswer]:
     """The latest estimate of each track, newest first."""
     query: TracksQuery = request.state.query
     documents = _served(request).service.feed.tracks
@@ -392,7 +392,7 @@ async def tracks(request: AnyRequest) -> Response[Tracks]:
 
 
 @get("/activity", **described())
-async def activity(request: AnyRequest) -> Response[Activity]:
+async def activity(request: AnyRequest) -> Response[ActivityAnswer]:
     """Detections per sensor and second of the last two minutes."""
     service = _served(request).service
     scene_us = service.run.scene.epoch_us + service.run.time_ns // 1000

@@ -16,9 +16,9 @@ from opir_core.output import SinkStatus, chosen_renderer
 from opir_core.plugin import EncoderContext
 from opir_http.answers import (
     Clock,
-    Counts,
+    CountsAnswer,
     Health,
-    Launched,
+    LaunchedAnswer,
     Retried,
     SinkState,
     Status,
@@ -80,7 +80,7 @@ class Service:
                 late_cycles=live.late_cycles,
                 cycle_age_s=round(live.cycle_age_s, 6),
             ),
-            counts=Counts(
+            counts=CountsAnswer(
                 looks=live.looks,
                 detections=live.detections,
                 targets=live.targets,
@@ -132,14 +132,14 @@ class Service:
             self.run.settings = evolve(self.run.settings, maximum_targets=http.maximum_targets)
             return cycle, self.etag()
 
-    def launch(self, block: Mapping[str, Any]) -> Launched:
+    def launch(self, block: Mapping[str, Any]) -> LaunchedAnswer:
         """Add a launch to the run and return the answer."""
         refuse_names(block)
         try:
             launched = self.run.launch(block)
         except OpirError as error:
             raise problem_of(error) from error
-        return Launched(
+        return LaunchedAnswer(
             id=launched.target_id,
             time_s=launched.time_s,
             timestamp=self._timestamp(round(launched.time_s * 1e9)),
@@ -221,9 +221,9 @@ class Answers:
     """
 
     def __init__(self) -> None:
-        self._answers: OrderedDict[str, tuple[str, Launched | None]] = OrderedDict()
+        self._answers: OrderedDict[str, tuple[str, LaunchedAnswer | None]] = OrderedDict()
 
-    def begin(self, key: str, body: bytes) -> Launched | None:
+    def begin(self, key: str, body: bytes) -> LaunchedAnswer | None:
         """Return the answer of a key; None reserves the key for this request."""
         mark = hashlib.sha256(body).hexdigest()
         previous = self._answers.get(key)
@@ -238,7 +238,7 @@ class Answers:
             raise ProblemError(409, "the request with this Idempotency-Key is being processed")
         return previous[1]
 
-    def end(self, key: str, answer: Launched | None) -> None:
+    def end(self, key: str, answer: LaunchedAnswer | None) -> None:
         """Keep the answer of a key; without an answer, release the key."""
         if answer is None:
             self._answers.pop(key, None)

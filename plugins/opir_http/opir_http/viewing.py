@@ -48,7 +48,7 @@ async def status(request: AnyRequest) -> Response[answers.Status]:
 
 
 @get("/replay", **described(query=ReplayQuery))
-async def replay(request: AnyRequest) -> Response[answers.Replay]:
+async def replay(request: AnyRequest) -> Response[answers.ReplayAnswer]:
     """A part of the saved run: detections (of many a sample), estimates of tracks once a step,
     exact counts.
     """
