@@ -338,7 +338,7 @@ async def configure(request: AnyRequest) -> Response[Configured]:
 @get("/detections", **described(query=DetectionsQuery, links=_AFTER_PAGE))
 async def detections(request: AnyRequest) -> Response[DetectionsAnswer]:
     """Recent detections, newest first; `next` is the parameter `after` of the next page."""
-    query: DetectionsQuery = request.state.query
+    query: DetectionsQuery = query_of(request)
     service = _served(request).service
     end = None if query.after is UNSET else int(query.after, 36)
     lines, following = service.feed.history.page(_filter(query, service), end, query.limit)
@@ -386,7 +386,7 @@ def _base36(number: int) -> str:
 @get("/tracks", **described(query=TracksQuery))
 async def tracks(request: AnyRequest) -> Response[TracksAnswer]:
     """The latest estimate of each track, newest first."""
-    query: TracksQuery = request.state.query
+    query: TracksQuery = query_of(request)
     documents = _served(request).service.feed.tracks
     return _json({"tracks": documents.latest(query.limit, trail=query.trail == "true")})
 
@@ -435,7 +435,7 @@ async def stream(request: AnyRequest) -> Stream:
     address = request.client.host if request.client else ""
     if address not in LOOPBACK and service.feed.streams_of(address) >= STREAMS_PER_CLIENT:
         raise ProblemError(429, "this client has too many streams", headers={"Retry-After": "5"})
-    client = Client(brief=request.state.query.view == "brief", address=address)
+    client = Client(brief=query_of(request).view == "brief", address=address)
     number = request.headers.get("last-event-id", "")
     # Any other text is not an id of this service: the stream begins anew, as with EventSource.
     if number.isascii() and number.isdigit() and len(number) <= 18:
@@ -542,9 +542,16 @@ def application_of(
 
 async def _read_query(request: AnyRequest) -> None:
     """Read the query of a route that says which parameters it has."""
-    kind: type[Query] | None = request.route_handler.opt.get("query")
+    scope: Any = request.scope
+    kind: type[Query] | None = scope["route_handler"].opt.get("query")
     if kind is not None:
-        request.state.query = read_query(request.scope["query_string"], kind)
+        scope["query"] = read_query(scope["query_string"], kind)
+
+
+def query_of(request: AnyRequest) -> Any:
+    """Return the query of a request, an instance of the route's class of queries."""
+    scope: Any = request.scope
+    return scope["query"]
 
 
 def page_routes(openapi_document: Callable[[], Any]) -> list[Any]:

@@ -19,7 +19,7 @@ from opir_http.openapi import described, document_of
 from opir_http.problems import ProblemError
 from opir_http.queries import LONGEST_S, SPAN_RULE, ReplayQuery, time_us
 from opir_http.replay import Replay
-from opir_http.routes import AnyRequest, application_of, encoded
+from opir_http.routes import AnyRequest, application_of, encoded, query_of
 from opir_http.server import Server
 from opir_http.serving import bound_socket, start_text, token_of
 from opir_http.settings import HttpSettings
@@ -52,7 +52,7 @@ async def replay(request: AnyRequest) -> Response[answers.ReplayAnswer]:
     """A part of the saved run: detections (of many a sample), estimates of tracks once a step,
     exact counts.
     """
-    query: ReplayQuery = request.state.query
+    query: ReplayQuery = query_of(request)
     run: Replay = request.app.state.replay
     since_us = time_us(query, "since")
     until_us = time_us(query, "until")
