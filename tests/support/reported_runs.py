@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 from opir_report import write_run_report
+from opir_report.pages.page import ReportPage
+from opir_report.pages.run_report import run_page
+from opir_report.pages.study_report import studies_in, study_page
 from pyarrow import parquet
 from repository import EXAMPLES
 from scored_scene import SCENE
@@ -34,6 +37,16 @@ def example_run(name: str, **settings: object) -> opir.Run:
 def empty_run() -> opir.Run:
     """Return a run without targets: nothing is launched, detected, tracked or predicted."""
     return opir.simulate(opir.scene_from_mapping({**SCENE, "scene": "empty", "targets": []}))
+
+
+def report_page(run: opir.Run) -> ReportPage:
+    """Return the page of a run's report."""
+    return run_page(run)
+
+
+def study_report_page(*folders: Path) -> ReportPage:
+    """Return the page of the report of the studies in folders."""
+    return study_page(studies_in(folders))
 
 
 @cache

@@ -2,7 +2,6 @@
 token files.
 """
 
-import argparse
 import socket
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,7 +13,6 @@ from opir_http import server
 from opir_http.log import RequestLog
 from opir_http.problems import ProblemError
 from opir_http.reading import refuse_other_names
-from opir_http.serving import ServeError, token_of
 from waiting import until
 
 
@@ -88,14 +86,6 @@ def test_writes_are_logged_and_refusals_at_a_limited_rate(stand: Stand) -> None:
         'opir: write: 127.0.0.1, token secret-name: PUT "/config" 200, ETag "*" '
     )
     assert [line.split(":")[1].strip() for line in lines] == ["write", "write", "refused"]
-
-
-def test_a_token_file_that_others_can_read_is_refused(tmp_path: Path) -> None:
-    secret = tmp_path / "token"
-    secret.write_text("from-a-file-of-ours\n")
-    secret.chmod(0o640)
-    with pytest.raises(ServeError, match=r"mode 640\); chmod 600"):
-        token_of(argparse.Namespace(host="0.0.0.0", token_file=str(secret)))
 
 
 def test_a_table_of_sources_is_a_file_too() -> None:

@@ -3,12 +3,10 @@ two lengths.
 """
 
 import socket
-from argparse import Namespace
 from pathlib import Path
 
 import pytest
 from http_service import LAUNCH, Stand, serving
-from opir_http.serving import AddressInUseError, ServeError, bound_socket, token_of
 
 TOKEN = "correct-horse-battery"
 
@@ -80,18 +78,3 @@ def test_a_body_with_two_lengths_closes_the_connection(stand: Stand) -> None:
             text += chunk
     assert text.startswith(b"HTTP/1.1 400")
     assert text.count(b"HTTP/1.1 ") == 1
-
-
-def test_an_endless_token_file_is_refused() -> None:
-    with pytest.raises(ServeError, match="more than 4096 bytes"):
-        token_of(Namespace(token_file="/dev/zero", host="127.0.0.1"))
-
-
-def test_an_address_in_use_is_no_error_of_the_arguments() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        arguments = Namespace(host="127.0.0.1", port=listener.getsockname()[1])
-        with pytest.raises(AddressInUseError, match="in use") as caught:
-            bound_socket(arguments)
-    assert caught.value.exit_code == 6
-    with pytest.raises(ServeError):
-        bound_socket(Namespace(host="203.0.113.7", port=80))

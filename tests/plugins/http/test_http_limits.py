@@ -1,6 +1,5 @@
 """Who may ask the service, and how much: viewers, writes, targets, tokens, slow callers."""
 
-import argparse
 import asyncio
 import json
 import socket
@@ -11,7 +10,6 @@ import pytest
 from http_service import LAUNCH, Stand, serving
 from opir_http import gate, server
 from opir_http.feed import QUEUED_FRAMES, Client, LossyQueue
-from opir_http.serving import ServeError, token_of
 from waiting import until
 
 
@@ -91,22 +89,6 @@ def test_writes_to_the_configuration_can_be_switched_off(tmp_path: Path) -> None
     with serving(tmp_path, "--no-config-writes") as running:
         config = running.ask("GET", "/config").json
         assert running.ask("PUT", "/config", config, {"If-Match": "*"}).status == 403
-
-
-def test_other_addresses_need_a_token(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.delenv("OPIR_HTTP_TOKEN", raising=False)
-    with pytest.raises(ServeError, match="bearer token"):
-        token_of(argparse.Namespace(host="0.0.0.0", token_file=None))
-    monkeypatch.setenv("OPIR_HTTP_TOKEN", "short")
-    with pytest.raises(ServeError, match="at least 16"):
-        token_of(argparse.Namespace(host="0.0.0.0", token_file=None))
-    secret = tmp_path / "token"
-    secret.write_text("from-a-file-of-ours\n")
-    secret.chmod(0o600)
-    assert (
-        token_of(argparse.Namespace(host="0.0.0.0", token_file=str(secret)))
-        == "from-a-file-of-ours"
-    )
 
 
 def trickle(slow: socket.socket, words: bytes) -> None:

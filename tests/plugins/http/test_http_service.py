@@ -16,11 +16,10 @@ from opir_http import health
 from opir_http.routes import document
 from waiting import until, within
 
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.planning.plan import compile_plan
-from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.simulation.engine import Engine
+from opir_core import Engine, compile_plan, scene_from_mapping
+from opir_core.output import ForgeEncoder
+from opir_core.plugin import EncoderContext
+from opir_core.reading import scene_mapping
 
 
 def test_every_answer_is_what_the_document_says(stand: Stand) -> None:

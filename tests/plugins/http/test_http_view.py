@@ -14,8 +14,8 @@ from opir_http.replay import Replay
 from opir_http.viewing import view_document
 from page_browser import viewing
 
+from opir_core import load_run
 from opir_core.cli.main import main
-from opir_core.output.saved_runs import load_run
 
 START = "2026-04-01T12:00:00Z"
 END = "2026-04-01T12:04:00Z"

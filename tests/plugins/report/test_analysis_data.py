@@ -9,8 +9,7 @@ from matplotlib import pyplot
 from opir_photons.detection import latency_cdf
 from opir_report import RunPlots
 from opir_report.plots.latency import confirmed_by
-from opir_scoring import evidence_of_run, scorecard, scorecard_text
-from opir_scoring.evidence import true_states_ecef
+from opir_scoring import evidence_of_run, scorecard, scorecard_text, true_states_ecef
 from reported_runs import empty_run, example_run, report_data, scored_run
 from scored_scene import SCENE
 

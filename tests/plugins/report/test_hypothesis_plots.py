@@ -8,22 +8,20 @@ import numpy as np
 import pytest
 from attrs import evolve
 from matplotlib.figure import Figure
-from opir_report.pages.run_report import run_page
+from opir_report import RunPlots
 from opir_report.pages.run_sections import identity_section
 from opir_report.plots.hypotheses import hypothesis_history
 from opir_report.run_facts import RunFacts, containment_rings
-from opir_report.run_plots import RunPlots
-from opir_testing.doubles import stub_estimates, stub_regions
-from reported_runs import empty_run
+from opir_testing import stub_estimates, stub_regions
+from reported_runs import empty_run, report_page
 from two_sides import two_sides_plan
 
 import opir_core as opir
-from opir_core.simulation.run import run_of_plan
 
 
 @cache
 def two_sides() -> opir.Run:
-    return run_of_plan(two_sides_plan())
+    return opir.run_of_plan(two_sides_plan())
 
 
 def test_the_history_has_the_hypotheses_that_reach_one_percent() -> None:
@@ -70,7 +68,7 @@ def test_the_report_has_tables_of_tracks_and_of_sources() -> None:
     ]
     assert [row[-1] for row in tracks.rows] == ["-", "lost"]
     assert sources.rows[0][-2:] == ("1", "tracker: ground source > 0.99")
-    assert any(line.startswith("T1 (ICBM): first seen by A") for line in run_page(run).summary)
+    assert any(line.startswith("T1 (ICBM): first seen by A") for line in report_page(run).summary)
     assert identity_section(RunPlots(empty_run())) is None
 
 

@@ -10,7 +10,7 @@ from opir_report.plots.flights import cap_radius_rad
 from reported_runs import empty_run, example_run, report_data, scored_run
 
 from opir_core.geometry import ecef_to_geodetic, geodesic_inverse, geodetic_to_ecef
-from opir_core.planning.visibility import visible_now
+from opir_core.planning import visible_now
 
 
 def words_of(axes: Axes) -> str:

@@ -14,11 +14,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from opir_report.factorial import FactorialRuns, intervals, ranked_settings
 from opir_report.pages.sentences import answers, least_costly
-from opir_report.pages.study_report import studies_in, study_page
 from opir_report.plots.effects import FigureScale
 from opir_report.plots.responses import contour_pair, draw_contours, main_effect_rows, parts_of
 from opir_report.saved_study import SavedStudy, read_study
 from pyarrow import parquet
+from reported_runs import study_report_page
 from scipy.stats import t
 
 PERIOD = "sensors[*].scan_period_ms"
@@ -213,7 +213,7 @@ def test_other_kinds_of_studies_have_no_such_section(planted: SavedStudy) -> Non
 
 @pytest.mark.slow
 def test_the_page_begins_with_question_and_answer(planted: SavedStudy, tmp_path: Path) -> None:
-    page = study_page(studies_in(tmp_path))
+    page = study_report_page(tmp_path)
     assert page.title == "What buys warning time?"
     assert page.summary == answers(planted)
     names = [figure.name for figure in page.figures()]

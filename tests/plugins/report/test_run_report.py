@@ -11,11 +11,10 @@ from xml.etree import ElementTree
 
 import pyarrow.parquet
 import pytest
-from opir_report import map_svg, write_run_report
+from opir_report import INK, map_svg, write_run_report
 from opir_report.pages.page import themed
-from opir_report.pages.run_report import run_page
-from opir_report.palette import INK, ROLES
-from reported_runs import empty_run, example_run, scored_run
+from opir_report.palette import ROLES
+from reported_runs import empty_run, example_run, report_page, scored_run
 
 from opir_core.cli.main import main
 from opir_core.errors import SinkError
@@ -75,7 +74,7 @@ def test_every_colour_has_a_value_in_dark_mode(report: Path) -> None:
 
 @pytest.mark.slow
 def test_the_data_beside_the_report_are_those_of_its_figures(report: Path) -> None:
-    for figure in run_page(scored_run()).figures():
+    for figure in report_page(scored_run()).figures():
         table = pyarrow.parquet.read_table(report.with_suffix(".data") / f"{figure.name}.parquet")
         assert table.column_names == list(figure.data.columns)
         assert table.num_rows == len(figure.data) > 0
@@ -86,7 +85,8 @@ def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
     repeat = tmp_path / "report.html"
     code = (
         "import sys\nfrom pathlib import Path\nfrom opir_report import write_run_report\n"
-        "from reported_runs import scored_run\nwrite_run_report(scored_run(), Path(sys.argv[1]))"
+        "from reported_runs import scored_run\nwrite_run_report(scored_run(), Path(sys.argv[1]))",
+        report_page,
     )
     support = str(Path(__file__).parents[2] / "support")
     # Another kernel of linear algebra rounds otherwise.

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from opir_report.pages.run_report import run_page
-from opir_scoring import evidence_of_run, scorecard
-from opir_scoring.evidence import evidence_of_files
+from opir_scoring import evidence_of_files, evidence_of_run, scorecard
 from random_scenes import TRACKERS, sensors, targets, tracked_scene
+from reported_runs import report_page
 
 import opir_core as opir
 from examples import examples
@@ -68,7 +67,7 @@ def figures_of(run: Any) -> dict[str, Any]:
     """Return the data of all figures of a run's report, its tables and its sentences, as plain
     values.
     """
-    page = run_page(run)
+    page = report_page(run)
     data = {
         figure.name: {
             name: np.asarray(column).tolist() for name, column in figure.data.columns.items()

@@ -10,11 +10,12 @@ import pytest
 from figure_rules import drawn_complaints
 from opir_report.pages.page import ReportTable
 from opir_report.pages.paper import latex_table, markdown_table
-from opir_report.pages.study_report import studies_in, study_page
+from opir_report.pages.study_report import studies_in
 from opir_report.plots.panels import effect_panels
 from opir_report.plots.trades import convergence_rows, front_of, is_higher_better, tornado_rows
 from opir_report.saved_study import read_study
 from opir_report.words import figure_words, level_words, number_words, setting_words, shown_unit
+from reported_runs import study_report_page
 from saved_studies import PERIOD, TRACKER, written_study
 from varied_studies import written
 
@@ -61,7 +62,7 @@ def test_convergence_ends_at_the_mean_and_interval_of_all_runs(tmp_path: Path) -
 
 
 def test_requested_figures_come_first_constants_are_text(tmp_path: Path) -> None:
-    page = study_page(studies_in(written(tmp_path / "a", "two-knobs")))
+    page = study_report_page(written(tmp_path / "a", "two-knobs"))
     assert page.sections[0].name == "answer"
     assert page.figures()[0].name == "effect-latency_s"
     assert page.figures()[1].name == "effect-position_rmse_m"
@@ -153,7 +154,7 @@ def test_the_path_of_an_optimisation_keeps_the_rules_of_figures(tmp_path: Path) 
     definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
     definition |= {"design": "optimise", "objective": {"figure": "latency_s", "is_largest": False}}
     (folder / "study.json").write_text(json.dumps(definition), encoding="utf-8")
-    page = study_page(studies_in(folder))
+    page = study_report_page(folder)
     assert "path" in [figure.name for figure in page.figures()]
     assert [line for figure in page.figures() for line in drawn_complaints(figure)] == []
 
