@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 
 import msgspec
+import numpy as np
 from litestar import HttpMethod, Litestar, Request, Response, get, post, put, route
 from litestar.datastructures import ResponseHeader, State
 from litestar.exceptions import HTTPException
@@ -342,7 +343,9 @@ async def detections(request: AnyRequest) -> Response[DetectionsAnswer]:
     service = _served(request).service
     end = None if query.after is UNSET else int(query.after, 36)
     lines, following = service.feed.history.page(_filter(query, service), end, query.limit)
-    cursor = b"null" if following is None else b'"%s"' % _base36(following).encode()
+    cursor = (
+        b"null" if following is None else b'"%s"' % np.base_repr(following, 36).lower().encode()
+    )
     return encoded(b'{"detections":[' + b",".join(lines) + b'],"next":' + cursor + b"}")
 
 
@@ -373,14 +376,6 @@ def _sensor_rows(query: DetectionsQuery, service: Service) -> tuple[int, ...] | 
         for row, sensor in enumerate(service.feed.sensors)
         if query.sensor_id in (UNSET, sensor.id) and query.sensor_type in (UNSET, sensor.type)
     )
-
-
-def _base36(number: int) -> str:
-    digits = ""
-    while number or not digits:
-        number, digit = divmod(number, 36)
-        digits = "0123456789abcdefghijklmnopqrstuvwxyz"[digit] + digits
-    return digits
 
 
 @get("/tracks", **described(query=TracksQuery))

@@ -85,8 +85,7 @@ def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
     repeat = tmp_path / "report.html"
     code = (
         "import sys\nfrom pathlib import Path\nfrom opir_report import write_run_report\n"
-        "from reported_runs import scored_run\nwrite_run_report(scored_run(), Path(sys.argv[1]))",
-        report_page,
+        "from reported_runs import scored_run\nwrite_run_report(scored_run(), Path(sys.argv[1]))"
     )
     support = str(Path(__file__).parents[2] / "support")
     # Another kernel of linear algebra rounds otherwise.
