@@ -2,12 +2,10 @@
 question.
 """
 
-import json
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from figure_rules import drawn_complaints
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -17,9 +15,9 @@ from opir_report.pages.sentences import answers, least_costly
 from opir_report.plots.effects import FigureScale
 from opir_report.plots.responses import contour_pair, draw_contours, main_effect_rows, parts_of
 from opir_report.saved_study import SavedStudy, read_study
-from pyarrow import parquet
 from reported_runs import study_report_page
 from scipy.stats import t
+from varied_studies import write_study
 
 PERIOD = "sensors[*].scan_period_ms"
 COUNT = "sensors.count"
@@ -51,37 +49,22 @@ def noise_s() -> np.ndarray:
 @pytest.fixture
 def planted(tmp_path: Path) -> SavedStudy:
     """Return a study of all combinations whose runs follow the response."""
-    rows = []
-    runs = []
-    combinations = list(product(*LEVELS.values()))
-    for number, levels in enumerate(combinations):
-        knobs = dict(zip(LEVELS, levels, strict=True))
-        values = warning_s(*levels) + noise_s()
-        runs += [
-            {"design": number, **knobs, "replicate": run, "warning_time_s": values[run]}
-            for run in range(RUNS)
-        ]
-        low, high = t.interval(0.95, RUNS - 1, values.mean(), values.std(ddof=1) / RUNS**0.5)
-        difference = {
-            name: values.mean() - values[0]
-            for name in ("difference", "difference_low_95", "difference_high_95")
-        }
-        rows.append(
-            {"design": number, **knobs, "figure": "warning_time_s", "unit": "s", "runs": RUNS, "first_seed": 1,
-             "last_seed": RUNS, "share": 1.0, "runs_with_value": RUNS, "mean": values.mean(), "low_95": low,
-             "high_95": high, "sd": values.std(ddof=1), "q10": values.min(), "median": np.median(values),
-             "q90": values.max(), **difference}
-        )  # fmt: skip
-    parquet.write_table(pa.Table.from_pylist(rows), tmp_path / "results.parquet")
-    parquet.write_table(pa.Table.from_pylist(runs), tmp_path / "runs.parquet")
-    definition = {
-        "study_version": 2, "study": "planted", "scene": "s", "design": "factorial", "vary": list(LEVELS),
-        "runs": RUNS, "until": "", "figures": {"warning_time_s": "s"}, "metrics": {"warning_time": ["warning_time_s"]},
-        "question": "What buys warning time?", "split": TARGETS, "designs": [{"design": row} for row in range(18)],
-        "settings": {"warning_time": {"region_km2": 1e6, "launch_point_km": None}},
-        "requirements": [{"figure": "warning_time_s", "limit": 900.0, "is_least": True}],
-    }  # fmt: skip
-    (tmp_path / "study.json").write_text(json.dumps(definition), encoding="utf-8")
+    write_study(
+        tmp_path,
+        list(LEVELS),
+        list(product(*LEVELS.values())),
+        lambda levels: {
+            "warning_time_s": warning_s(*(levels[path] for path in LEVELS)) + noise_s()
+        },
+        study="planted",
+        design="factorial",
+        figures={"warning_time_s": "s"},
+        metrics={"warning_time": ["warning_time_s"]},
+        question="What buys warning time?",
+        split=TARGETS,
+        settings={"warning_time": {"region_km2": 1e6, "launch_point_km": None}},
+        requirements=[{"figure": "warning_time_s", "limit": 900.0, "is_least": True}],
+    )
     return read_study(tmp_path)
 
 
@@ -226,4 +209,4 @@ def test_the_page_begins_with_question_and_answer(planted: SavedStudy, tmp_path:
         table["warning time"]
         == "region 1\N{NARROW NO-BREAK SPACE}000\N{NARROW NO-BREAK SPACE}000 km², launch point not required"
     )
-    assert table["runs"] == "4 of each design, seeds 1 to 4; all runs"
+    assert table["runs"] == "4 of each design, seeds 0 to 3; all runs"
