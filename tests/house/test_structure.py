@@ -23,9 +23,7 @@ REVIEWED_MODULE = 600
 REVIEWED_FUNCTION = 60
 LONG_MODULES: dict[str, str] = {}
 LONG_FUNCTIONS = {
-    "plugins/opir_http/opir_http/metrics.py:metrics_text": "a list of metrics",
     "plugins/opir_readers/opir_readers/velocity_checks.py:_mended": "one check after the other",
-    "plugins/opir_report/opir_report/plots/maps.py:_draw_sensors": "one kind of mark after the other",
 }
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "base", "common", "misc"}
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import openapi_python_client
 import pytest
 from http_service import LAUNCH, serving
-from opir_http.openapi import document
+from opir_http.routes import document
 from waiting import until
 
 pytestmark = pytest.mark.slow

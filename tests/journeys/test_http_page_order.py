@@ -152,7 +152,7 @@ def test_a_selected_track_has_its_history_and_region(browser: Browser, stand: St
 def test_sensors_show_registration_and_innovations(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     expect(page.locator("#sensor-rows tr[data-sensor]")).to_have_count(
-        len(stand.service.status()["sensors"])
+        len(stand.service.status().sensors)
     )
     health = {
         "bias_rad": [60e-6, -12.4e-6], "bias_sigma_rad": [5e-6, 6e-6], "clock_s": 0.02, "clock_sigma_s": 0.01,

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from attrs import evolve
 from http_service import Stand, serving
-from opir_http.openapi import document
+from opir_http.routes import document
 from peer_libraries import missing
 
 pytestmark = [
@@ -32,7 +32,7 @@ pytestmark = [
 FOR_S = int(os.environ.get("OPIR_SCHEMATHESIS_S", "3"))
 STEPS = ("--max-time", str(FOR_S)) if "OPIR_SCHEMATHESIS_S" in os.environ else ()
 SCENARIOS = 5 * FOR_S if STEPS else 20
-SEED = os.environ.get("OPIR_SCHEMATHESIS_SEED", "5")
+SEED = os.environ.get("OPIR_SCHEMATHESIS_SEED", "6")
 
 #: What a request may be answered that keeps to the schema: a document cannot say that a type's burn
 #: time fits its mass, that a day is in its month, or which tag is in force. A tag that is missing

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 from http_service import serving
-from opir_http.openapi import document
+from opir_http.routes import document
 from opir_http.tracks import TRAIL, TrackDocuments
 from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 
@@ -145,7 +145,7 @@ def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
     for number in (0, 1, 2, 0, 3):
         documents.take(stub_estimates(1, tick_s=1.0, track=np.array([number])))
     assert [track["track_id"] for track in documents.latest(9)] == [3, 0, 2]
-    documents.most = 1
+    documents.maximum = 1
     documents.take(stub_estimates(1, tick_s=2.0, track=np.array([0])))
     assert [track["track_id"] for track in documents.latest(9)] == [0]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from http_service import serving
-from opir_http.openapi import document
+from opir_http.routes import document
 
 pytestmark = pytest.mark.slow
 

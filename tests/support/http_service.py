@@ -13,8 +13,7 @@ from typing import Any
 import jsonschema
 from attrs import define
 from opir_http.arguments import add_arguments
-from opir_http.openapi import document
-from opir_http.routes import application
+from opir_http.routes import application, document
 from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.serving import server_of, service_of

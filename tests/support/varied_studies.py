@@ -3,12 +3,15 @@ constant.
 """
 
 import json
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
+from scipy.stats import t
 
 PERIOD = "sensors[*].scan_period_ms"
 CHANCE = "sensors[*].detection_probability.ICBM"
@@ -50,80 +53,94 @@ def written(folder: Path, name: str) -> Path:
     constant.
     """
     vary, design = STUDIES[name]
-    every = list(product(*vary.values()))
+    designs = list(product(*vary.values()))
     if design == "one-at-a-time":
-        first = [levels[0] for levels in vary.values()]
-        every = [row for row in every if sum(a != b for a, b in zip(row, first, strict=True)) <= 1]
-    rng = np.random.default_rng(4)
-    rows = []
-    runs = []
-    for number, levels in enumerate(every):
-        knobs = dict(zip(vary, levels, strict=True))
-        size = (
-            knobs.get(PERIOD, 100.0)
-            * 2e-3
-            / knobs.get(CHANCE, 0.5)
-            * (2.0 if knobs.get(TRACKER) == "kepler-arc" else 1.0)
-        )
-        scale = {
-            "latency_s": size,
-            "position_rmse_m": 3e4 * size**0.3,
-            "impact_area_km2": 1e6 * size**2,
-            "warned": min(1.0, 0.3 / size),
-            "tracked": 1.0,
-        }
-        values = {
-            figure: each * rng.lognormal(0.0, 1.0 if figure != "tracked" else 0.0, RUNS)
-            for figure, each in scale.items()
-        }
-        values["warned"] = np.minimum(values["warned"], 1.0)
-        runs += [
-            {
-                "design": number,
-                **knobs,
-                "replicate": run,
-                "seed": run,
-                **{figure: float(each[run]) for figure, each in values.items()},
-            }
-            for run in range(RUNS)
+        base = [levels[0] for levels in vary.values()]
+        designs = [
+            row for row in designs if sum(a != b for a, b in zip(row, base, strict=True)) <= 1
         ]
-        for figure, unit in FIGURES.items():
-            own = values[figure]
-            half = 2.571 * own.std(ddof=1) / RUNS**0.5
-            rows.append(
-                {
-                    "design": number,
-                    **knobs,
-                    "figure": figure,
-                    "unit": unit,
-                    "runs": RUNS,
-                    "first_seed": 0,
-                    "last_seed": RUNS - 1,
-                    "share": 1.0,
-                    "runs_with_value": RUNS,
-                    "mean": own.mean(),
-                    "low_95": own.mean() - half,
-                    "high_95": own.mean() + half,
-                    "sd": own.std(ddof=1),
-                    "q10": own.min(),
-                    "median": np.median(own),
-                    "q90": own.max(),
-                    "difference": own.mean() - scale[figure],
-                    "difference_low_95": own.mean() - scale[figure] - half,
-                    "difference_high_95": own.mean() - scale[figure] + half,
-                }
-            )
-    folder.mkdir(parents=True)
+    rng = np.random.default_rng(4)
+
+    def values(settings: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        size = settings.get(PERIOD, 100.0) * 2e-3 / settings.get(CHANCE, 0.5)
+        size *= 2.0 if settings.get(TRACKER) == "kepler-arc" else 1.0
+        means = (size, 3e4 * size**0.3, 1e6 * size**2, min(1.0, 0.3 / size), 1.0)
+        figures = {
+            figure: mean * rng.lognormal(0.0, 1.0 if figure != "tracked" else 0.0, RUNS)
+            for figure, mean in zip(FIGURES, means, strict=True)
+        }
+        return figures | {"warned": np.minimum(figures["warned"], 1.0)}
+
+    limits = {figure: 1.0 if figure in ("warned", "tracked") else None for figure in FIGURES}
+    return write_study(
+        folder,
+        list(vary),
+        designs,
+        values,
+        study=name,
+        design=design,
+        figures=FIGURES,
+        bounds={figure: [0.0, limit] for figure, limit in limits.items()},
+        metrics={"latency": ["latency_s"], "other": list(FIGURES)[1:]},
+        shown=["latency_s", "position_rmse_m"],
+        notes=[],
+        requirements=[{"figure": "latency_s", "limit": 0.5, "is_least": False}],
+    )
+
+
+def write_study(
+    folder: Path,
+    paths: Sequence[str],
+    designs: Sequence[Sequence[Any]],
+    values: Callable[[Mapping[str, Any]], Mapping[str, np.ndarray]],
+    **definition: Any,
+) -> Path:
+    """Write a study: `values` are those of all runs by figure, for the settings of a design."""
+    rows = list[dict[str, Any]]()
+    runs = list[dict[str, Any]]()
+    for number, levels in enumerate(designs):
+        settings = {"design": number, **dict(zip(paths, levels, strict=True))}
+        figures = values(settings)
+        count = len(next(iter(figures.values())))
+        runs += [
+            settings
+            | {"replicate": run, "seed": run}
+            | {figure: float(column[run]) for figure, column in figures.items()}
+            for run in range(count)
+        ]
+        rows += [
+            settings | {"figure": figure, "unit": definition["figures"][figure]} | summary(column)
+            for figure, column in figures.items()
+        ]
+    folder.mkdir(parents=True, exist_ok=True)
     parquet.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
     parquet.write_table(pa.Table.from_pylist(runs), folder / "runs.parquet")
-    definition = {
-        "study_version": 2, "study": name, "scene": "s", "design": design, "vary": list(vary), "runs": RUNS,
-        "until": "", "figures": FIGURES,
-        "bounds": {figure: [0.0, 1.0 if figure in ("warned", "tracked") else None] for figure in FIGURES},
-        "metrics": {"latency": ["latency_s"], "other": list(FIGURES)[1:]},
-        "designs": [{"design": number} for number in range(len(every))],
-        "shown": ["latency_s", "position_rmse_m"], "notes": [],
-        "requirements": [{"figure": "latency_s", "limit": 0.5, "is_least": False}],
-    }  # fmt: skip
-    (folder / "study.json").write_text(json.dumps(definition), encoding="utf-8")
+    numbers = [{"design": number} for number in range(len(designs))]
+    head = {"study_version": 2, "scene": "s", "vary": list(paths), "runs": count, "until": ""}
+    text = json.dumps(head | {"designs": numbers} | definition)
+    (folder / "study.json").write_text(text, encoding="utf-8")
     return folder
+
+
+def summary(values: np.ndarray) -> dict[str, float]:
+    """Return the columns of results of a design's runs, with the mean as the difference."""
+    count = len(values)
+    half = t.ppf(0.975, count - 1) * values.std(ddof=1) / count**0.5
+    mean = values.mean()
+    return {
+        "runs": count,
+        "first_seed": 0,
+        "last_seed": count - 1,
+        "share": 1.0,
+        "runs_with_value": count,
+        "mean": mean,
+        "low_95": mean - half,
+        "high_95": mean + half,
+        "sd": values.std(ddof=1),
+        "q10": values.min(),
+        "median": np.median(values),
+        "q90": values.max(),
+        "difference": mean - values[0],
+        "difference_low_95": mean - values[0] - half,
+        "difference_high_95": mean - values[0] + half,
+    }

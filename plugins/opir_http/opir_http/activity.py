@@ -27,11 +27,11 @@ class Activity:
         """
         second = time_us // 1_000_000
         with self._lock:
-            for each in np.unique(second).tolist():
-                count = np.bincount(sensor[second == each], minlength=len(self._ids))
-                self._counts[each] = self._counts.get(each, 0) + count
+            for key in np.unique(second).tolist():
+                count = np.bincount(sensor[second == key], minlength=len(self._ids))
+                self._counts[key] = self._counts.get(key, 0) + count
             newest = max(self._counts, default=0)
-            for old in [each for each in self._counts if each <= newest - self._seconds - 1]:
+            for old in [key for key in self._counts if key <= newest - self._seconds - 1]:
                 del self._counts[old]
 
     def document(self, now_us: int | None = None) -> dict[str, Any]:
@@ -41,9 +41,9 @@ class Activity:
         Without `now_us` up to the last detection.
         """
         with self._lock:
-            last = max(self._counts, default=0) if now_us is None else now_us // 1_000_000
-            seconds = range(last - self._seconds, last + 1)
-            none = np.zeros(len(self._ids), dtype=np.int64)
-            table = np.stack([self._counts.get(each, none) for each in seconds])
+            end = max(self._counts, default=0) if now_us is None else now_us // 1_000_000
+            seconds = range(end - self._seconds, end + 1)
+            zeros = np.zeros(len(self._ids), dtype=np.int64)
+            table = np.stack([self._counts.get(second, zeros) for second in seconds])
         columns = table.T.tolist()
         return {"first_s": seconds[0], "sensors": dict(zip(self._ids, columns, strict=True))}

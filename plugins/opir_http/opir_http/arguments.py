@@ -5,7 +5,6 @@ import math
 
 from opir_core.cli import add_scene_arguments
 
-_FASTEST = 1000.0
 _PORT = 8000
 
 
@@ -139,8 +138,8 @@ def _speed(word: str) -> float | None:
         speed = float(word)
     except ValueError:
         speed = 0.0
-    if not 0.01 <= speed <= _FASTEST:
-        raise argparse.ArgumentTypeError(f"{word!r} is not a speed: 0.01 to {_FASTEST:g}, or max")
+    if not 0.01 <= speed <= 1000.0:
+        raise argparse.ArgumentTypeError(f"{word!r} is not a speed: 0.01 to 1000, or max")
     return speed
 
 
@@ -164,11 +163,11 @@ def _port(word: str) -> int:
     return int(_within(word, 0, 65_535, "a port, 0 to 65535"))
 
 
-def _within(word: str, least: float, most: float, what: str) -> float:
+def _within(word: str, minimum: float, maximum: float, words: str) -> float:
     try:
         number = float(word)
     except ValueError:
         number = math.nan
-    if not least <= number <= most:
-        raise argparse.ArgumentTypeError(f"{word!r} is not {what}")
+    if not minimum <= number <= maximum:
+        raise argparse.ArgumentTypeError(f"{word!r} is not {words}")
     return number

@@ -34,45 +34,53 @@ FAIL = "fail"
 #: Libraries whose versions decide about results or speed.
 _LIBRARIES = ("numpy", "scipy", "msgspec", "attrs", "cattrs", "pluggy", "pyyaml")
 
+#: With less free disk or memory a long run is at risk, bytes: events of some millions of detections
+#: take 1 GiB.
 _GIB = 1 << 30
-#: Below this much free disk or memory a long run is at risk, bytes: events of some millions of
-#: detections take 1 GiB.
-_LEAST_FREE = _GIB
 #: Files and sockets that a service with a few hundred viewers holds open.
 _FILES = 1024
 #: Earliest plausible time of day, s since 1970: that of this release. A machine without a clock
 #: starts in 1970.
 _RELEASED_S = 1_790_000_000.0
 
-#: Exit code when something would fail: that of a missing or broken component, or of an output.
-_FAILED = 5
-
 
 @frozen
 class Finding:
-    """One finding: the area, its state, and what was found, with the way out."""
+    """One finding: the area, its state, and its text, with the way out."""
 
     area: str
     state: str
     text: str
 
 
+def _checked(area: str, is_ok: bool, text: str, remedy: str) -> Finding:
+    """Return a finding that warns, with the remedy, unless it is ok."""
+    return Finding(area, OK, text) if is_ok else Finding(area, WARN, f"{text}; {remedy}")
+
+
 def doctor(arguments: argparse.Namespace) -> int:
-    """Print the findings; exit code 5 if a run would fail."""
-    found = [*versions(), *plugins(), *limits(), *clock(), *ports(arguments.port), *folder(Path())]
+    """Print the findings; exit code 5, as for a broken component or output, if a run would fail."""
+    findings = [
+        *versions(),
+        *plugins(),
+        *limits(),
+        *clock(),
+        *ports(arguments.port),
+        *folder(Path()),
+    ]
     if arguments.scene is not None:
-        found += outputs(arguments.scene)
-    text = (
-        json.dumps([asdict(each) for each in found], indent=2) if arguments.json else _text(found)
-    )
+        findings += outputs(arguments.scene)
+    plain = [asdict(finding) for finding in findings]
+    text = json.dumps(plain, indent=2) if arguments.json else _text(findings)
     sys.stdout.write(text + "\n")
-    return _FAILED if any(each.state == FAIL for each in found) else 0
+    return 5 if any(finding.state == FAIL for finding in findings) else 0
 
 
-def _text(found: Sequence[Finding]) -> str:
-    rows = [(each.state, each.area, each.text) for each in found]
-    count = {state: sum(each.state == state for each in found) for state in (OK, WARN, FAIL)}
-    return f"{table(('state', 'area', 'finding'), rows)}\n\n{', '.join(f'{n} {state}' for state, n in count.items())}"
+def _text(findings: Sequence[Finding]) -> str:
+    rows = [(finding.state, finding.area, finding.text) for finding in findings]
+    states = [finding.state for finding in findings]
+    counts = ", ".join(f"{states.count(state)} {state}" for state in (OK, WARN, FAIL))
+    return f"{table(('state', 'area', 'finding'), rows)}\n\n{counts}"
 
 
 def versions() -> Iterator[Finding]:
@@ -81,8 +89,8 @@ def versions() -> Iterator[Finding]:
         f"{platform.system()} {platform.release()} {platform.machine()}, {os.cpu_count()} cores"
     )
     yield Finding("python", OK, f"{platform.python_version()} on {machine}")
-    known = ", ".join(f"{name} {_version(name)}" for name in _LIBRARIES)
-    yield Finding("versions", OK, f"opir-core {__version__}, {known}")
+    libraries = ", ".join(f"{name} {_version(name)}" for name in _LIBRARIES)
+    yield Finding("versions", OK, f"opir-core {__version__}, {libraries}")
 
 
 def _version(name: str) -> str:
@@ -130,19 +138,22 @@ def limits() -> Iterator[Finding]:
     """Yield the limits of the process: memory, open files, size of files."""
     memory = _available_memory()
     if memory is not None:
-        state = OK if memory >= _LEAST_FREE else WARN
+        state = OK if memory >= _GIB else WARN
         yield Finding("memory", state, f"{memory / _GIB:.1f} GiB available")
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    enough = files == resource.RLIM_INFINITY or files >= _FILES
-    words = "" if enough else f"; a service with many viewers needs more: ulimit -n {4 * _FILES}"
-    yield Finding("open files", OK if enough else WARN, f"at most {_limit(files)}{words}")
+    yield _checked(
+        "open files",
+        files == resource.RLIM_INFINITY or files >= _FILES,
+        f"at most {_limit(files)}",
+        f"a service with many viewers needs more: ulimit -n {4 * _FILES}",
+    )
     size, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
-    limited = size != resource.RLIM_INFINITY
-    words = "; events and spools end there: ulimit -f unlimited" if limited else ""
-    yield Finding(
+    is_unlimited = size == resource.RLIM_INFINITY
+    yield _checked(
         "file size",
-        WARN if limited else OK,
-        f"at most {_limit(size)}{' bytes' if limited else ''}{words}",
+        is_unlimited,
+        f"at most {_limit(size)}{'' if is_unlimited else ' bytes'}",
+        "events and spools end there: ulimit -f unlimited",
     )
 
 
@@ -163,44 +174,40 @@ def _available_memory() -> int | None:
         return None
     group = Path("/sys/fs/cgroup")
     try:
-        most, used = (
+        limit, usage = (
             (group / name).read_text(encoding="ascii").strip()
             for name in ("memory.max", "memory.current")
         )
-        return free if most == "max" else min(free, int(most) - int(used))
+        return free if limit == "max" else min(free, int(limit) - int(usage))
     except (OSError, ValueError):
         return free
 
 
 def clock() -> Iterator[Finding]:
     """Yield the time of day and the resolution of the clocks that pace live runs."""
-    now_s = time.time()
-    tick_s = time.get_clock_info("monotonic").resolution
-    shown = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(now_s))
-    if now_s < _RELEASED_S:
-        yield Finding(
-            "clock", WARN, f"{shown} is before this release: set the clock, or --epoch-now is wrong"
-        )
+    time_s = time.time()
+    text = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(time_s))
+    if time_s < _RELEASED_S:
+        words = "is before this release: set the clock, or --epoch-now is wrong"
+        yield Finding("clock", WARN, f"{text} {words}")
     else:
-        yield Finding("clock", OK, f"{shown}, monotonic to {tick_s * 1e9:.0f} ns")
+        resolution_ns = time.get_clock_info("monotonic").resolution * 1e9
+        yield Finding("clock", OK, f"{text}, monotonic to {resolution_ns:.0f} ns")
 
 
 def ports(port: int) -> Iterator[Finding]:
     """Yield whether `opir serve` can listen on a port of the loopback interface."""
     try:
-        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tried:
-            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            tried.bind(("127.0.0.1", port))
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listener:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind(("127.0.0.1", port))
         yield Finding("port", OK, f"{port} is free")
     except OverflowError:
         yield Finding("port", FAIL, f"{port} is no port: 0 to 65535")
     except OSError as error:
-        taken = error.errno == errno.EADDRINUSE
-        words = (
-            "is in use: opir serve --port 0 takes a free one"
-            if taken
-            else f"cannot be used: {reason_of(error)}"
-        )
+        words = f"cannot be used: {reason_of(error)}"
+        if error.errno == errno.EADDRINUSE:
+            words = "is in use: opir serve --port 0 takes a free one"
         yield Finding("port", WARN, f"{port} {words}")
 
 
@@ -209,19 +216,14 @@ def folder(place: Path, area: str = "disk") -> Iterator[Finding]:
     if not place.is_dir():
         yield Finding(area, FAIL, f"{place}: no such folder; create it")
         return
-    shown = place.resolve()
+    path = place.resolve()
     if not os.access(place, os.W_OK | os.X_OK):
-        yield Finding(
-            area,
-            FAIL,
-            f"{shown} cannot be written by this user; choose another folder, or change its owner",
-        )
+        words = "cannot be written by this user; choose another folder, or change its owner"
+        yield Finding(area, FAIL, f"{path} {words}")
         return
     free = shutil.disk_usage(place).free
-    words = "" if free >= _LEAST_FREE else "; 1 GiB holds some two million events"
-    yield Finding(
-        area, OK if free >= _LEAST_FREE else WARN, f"{shown}: {free / _GIB:.1f} GiB free{words}"
-    )
+    text = f"{path}: {free / _GIB:.1f} GiB free"
+    yield _checked(area, free >= _GIB, text, "1 GiB holds some two million events")
 
 
 def outputs(scene: str) -> Iterator[Finding]:
@@ -246,13 +248,9 @@ def _output(choice: Choice) -> Iterator[Finding]:
         return
     spool = Path(choice.spool.path)
     yield from folder(spool.parent, f"{area} spool")
-    held = spool.stat().st_size if spool.is_file() else 0
-    full = held >= choice.spool.max_bytes
-    words = (
-        f"full: when_full is {choice.spool.when_full}"
-        if full
-        else f"of at most {choice.spool.max_bytes / _GIB:.1f} GiB"
-    )
-    yield Finding(
-        f"{area} spool", WARN if full else OK, f"{spool}: {held / (1 << 20):.1f} MiB {words}"
-    )
+    size = spool.stat().st_size if spool.is_file() else 0
+    is_full = size >= choice.spool.max_bytes
+    limit = f"of at most {choice.spool.max_bytes / _GIB:.1f} GiB"
+    words = f"full: when_full is {choice.spool.when_full}" if is_full else limit
+    text = f"{spool}: {size / (1 << 20):.1f} MiB {words}"
+    yield Finding(f"{area} spool", WARN if is_full else OK, text)

@@ -12,7 +12,7 @@ import msgspec
 from opir_core.host import described_error
 from opir_core.live import LiveWindow
 from opir_core.output import ForgeEncoder, unix_microseconds
-from opir_core.plugin import REPORTED_TYPES, EncoderContext, Renderer, Sensor, Window
+from opir_core.plugin import EncoderContext, Window
 from opir_http.activity import Activity
 from opir_http.history import History
 from opir_http.tracks import TrackDocuments
@@ -132,27 +132,20 @@ class Feed:
 
     def __init__(
         self,
-        sensors: tuple[Sensor, ...],
-        epoch_us: int,
+        context: EncoderContext,
         history: int,
         most_tracks: int,
         status: Callable[[], Any],
-        reported_types: tuple[str, ...] = REPORTED_TYPES,
-        render: Renderer | None = None,
         hypotheses: tuple[str, ...] = (),
     ) -> None:
         self.history = History(history)
-        self.activity = Activity([sensor.id for sensor in sensors])
-        self.tracks = TrackDocuments(epoch_us, most_tracks, hypotheses)
-        self.sensors = sensors
-        self.epoch_us = epoch_us
-        self.reported_types = reported_types
+        self.activity = Activity([sensor.id for sensor in context.sensors])
+        self.tracks = TrackDocuments(context.epoch_us, most_tracks, hypotheses)
+        self.sensors = context.sensors
+        self.epoch_us = context.epoch_us
+        self.reported_types = context.reported_types
         self._status = status
-        self._encoder = ForgeEncoder(
-            EncoderContext(
-                sensors=sensors, epoch_us=epoch_us, reported_types=reported_types, render=render
-            )
-        )
+        self._encoder = ForgeEncoder(context)
         self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -261,9 +254,9 @@ class Feed:
 
     def _fan_out(self, frames: list[tuple[int, bytes, bytes]]) -> None:
         for client in self._clients:
-            for number, *both in frames:
+            for number, *views in frames:
                 if not number or number > client.seen:
-                    client.put(both[client.brief])
+                    client.put(views[client.brief])
 
 
 def _both(cycle: bytes, time_s: bytes, lines: list[bytes], number: int) -> tuple[bytes, bytes]:
@@ -273,8 +266,8 @@ def _both(cycle: bytes, time_s: bytes, lines: list[bytes], number: int) -> tuple
     head = b'{"cycle":%b,"time_s":%b,"count":%d,"detections":[' % (cycle, time_s, len(lines))
     step = -(-len(lines) // BRIEF)
     full, brief = (
-        frame("detections", head + b",".join(part) + b"]}", number)
-        for part in (lines, lines[::step])
+        frame("detections", head + b",".join(view) + b"]}", number)
+        for view in (lines, lines[::step])
     )
     return full, brief
 

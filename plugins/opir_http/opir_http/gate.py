@@ -62,15 +62,15 @@ class Rates:
         """Take a token and return 0, or the time to wait for one, s. A bucket holds the tokens of 2
         s, at least one.
         """
-        now = time.monotonic()
-        most = max(1.0, 2.0 * per_s)
-        tokens, since = self._buckets.pop(client, (most, now))
-        tokens = min(most, tokens + (now - since) * per_s)
-        wait = 0.0 if tokens >= 1.0 else (1.0 - tokens) / per_s
-        self._buckets[client] = (tokens - (wait == 0.0), now)
+        time_s = time.monotonic()
+        capacity = max(1.0, 2.0 * per_s)
+        tokens, taken_s = self._buckets.pop(client, (capacity, time_s))
+        tokens = min(capacity, tokens + (time_s - taken_s) * per_s)
+        wait_s = 0.0 if tokens >= 1.0 else (1.0 - tokens) / per_s
+        self._buckets[client] = (tokens - (wait_s == 0.0), time_s)
         while len(self._buckets) > _CLIENTS:
             self._buckets.popitem(last=False)
-        return wait
+        return wait_s
 
 
 class Gate:
@@ -176,8 +176,8 @@ class Gate:
         """
         if self._token is None:
             return
-        scheme, _, given = authorization.partition(b" ")
-        is_right = hmac.compare_digest(given.strip(), self._token)
+        scheme, _, token = authorization.partition(b" ")
+        is_right = hmac.compare_digest(token.strip(), self._token)
         if scheme.lower() != b"bearer" or not is_right:
             if authorization:
                 _require_now(self._wrong_tokens.wait_s(client, _WRONG_TOKENS_PER_S))
@@ -196,18 +196,18 @@ def _host_name(host: bytes) -> str:
     """Return the name or address of a `Host` header, without port and brackets; "" for one that is
     malformed.
     """
-    found = _HOST.fullmatch(host.decode("latin-1").lower())
-    return "" if found is None else found["address"] or found["name"]
+    match = _HOST.fullmatch(host.decode("latin-1").lower())
+    return "" if match is None else match["address"] or match["name"]
 
 
 def in_origin_form(scope: Scope) -> Scope:
     """Return a request to `http://host/path`, as to a proxy, as one to `/path` of that host (RFC
     9112, 3.2.2).
     """
-    scheme, mark, rest = scope["path"].partition("://")
+    scheme, mark, target = scope["path"].partition("://")
     if not mark or scheme.lower() not in ("http", "https"):
         return scope
-    authority, slash, path = rest.partition("/")
+    authority, slash, path = target.partition("/")
     raw = bytes(scope.get("raw_path", b"")).partition(b"://")[2].partition(b"/")[2]
     headers = [(name, value) for name, value in scope["headers"] if name != b"host"]
     host = authority.partition("?")[0].encode("latin-1", "replace")
@@ -230,12 +230,12 @@ def _is_json(headers: Mapping[bytes, bytes]) -> bool:
     Browsers post forms of any site without a preflight request, but always with `Origin` and
     `Sec-Fetch-*` (Fetch, sections 3.1 and 3.5).
     """
-    kind, _, rest = headers.get(b"content-type", b"").decode("latin-1").lower().partition(";")
-    kind = kind.strip()
-    rest = rest.strip().replace('"', "")
+    text = headers.get(b"content-type", b"").decode("latin-1").lower()
+    kind, _, parameters = (word.strip() for word in text.partition(";"))
+    parameters = parameters.replace('"', "")
     if kind == "application/x-www-form-urlencoded":
-        return not rest and not any(name in headers for name in _OF_BROWSERS)
-    return kind == "application/json" and rest in ("", "charset=utf-8")
+        return not parameters and not any(name in headers for name in _OF_BROWSERS)
+    return kind == "application/json" and parameters in ("", "charset=utf-8")
 
 
 async def _body(headers: Mapping[bytes, bytes], receive: Receive) -> bytes:
@@ -261,34 +261,30 @@ async def _body(headers: Mapping[bytes, bytes], receive: Receive) -> bytes:
 
 def _replayed(body: bytes, receive: Receive) -> Receive:
     """Return a `receive` that returns the body first, then the client's messages."""
-    first = True
+    messages = [{"type": "http.request", "body": body, "more_body": False}]
 
-    async def again() -> Message:
-        nonlocal first
-        if first:
-            first = False
-            return {"type": "http.request", "body": body, "more_body": False}
-        return await receive()
+    async def replay() -> Message:
+        return messages.pop() if messages else await receive()
 
-    return again
+    return replay
 
 
 def _with_headers(send: Send, *, is_open: bool) -> Send:
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            given = [
+            headers = [
                 (name, _with_head(value) if name.lower() == b"allow" else value)
-                for name, value in _given(message)
+                for name, value in _headers(message)
             ]
-            if not any(name.lower() == b"cache-control" for name, _ in given):
-                given.append((b"cache-control", b"no-cache" if is_open else b"no-store"))
-            message["headers"] = [*given, *_HEADERS]
+            if not any(name.lower() == b"cache-control" for name, _ in headers):
+                headers.append((b"cache-control", b"no-cache" if is_open else b"no-store"))
+            message["headers"] = [*headers, *_HEADERS]
         await send(message)
 
     return sending
 
 
-def _given(message: Message) -> list[tuple[bytes, bytes]]:
+def _headers(message: Message) -> list[tuple[bytes, bytes]]:
     return list(message.get("headers", []))
 
 
@@ -306,7 +302,7 @@ def health_only(app: App) -> App:
     async def answer(scope: Scope, receive: Receive, send: Send) -> None:
         async def closing(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*_given(message), (b"connection", b"close")]
+                message["headers"] = [*_headers(message), (b"connection", b"close")]
             await send(message)
 
         if in_origin_form(scope)["path"] in _HEALTH:

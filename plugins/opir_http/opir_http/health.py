@@ -5,88 +5,58 @@ the log.
 import re
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from typing import NamedTuple
 
-from attrs import frozen
-
-from opir_core.host import Watchdog, warn
+from opir_core.host import warn
 from opir_core.output import SinkStatus
+from opir_http.answers import Health
 
-_RISES = 3
-#: Minimum interval, s, between two checks of the backlogs of sinks, and between two looks of the
-#: log.
+#: Minimum interval, s, between two checks of the backlogs of sinks, and of the log.
 LOOK_S = 1.0
 
 
-@frozen
-class Health:
-    """Whether a service is ready and alive, and the reasons if not; how long its last cycle is ago,
-    s; its pauses.
+class SinkBacklog(NamedTuple):
+    """Events that wait in an output, the time of the last check, and how often they were more."""
 
-    A pause is a time in which the whole process did not run.
-    """
-
-    ready: bool
-    alive: bool
-    reasons: tuple[str, ...]
-    stuck: tuple[str, ...]
-    beat_age_s: float
-    pauses: int
-    longest_pause_s: float
-
-    @classmethod
-    def of(
-        cls,
-        reasons: Sequence[str],
-        stuck: Sequence[str],
-        beat_age_s: float,
-        watchdog: Watchdog | None,
-    ) -> "Health":
-        """Return the health for some reasons; without a watchdog no pauses are known."""
-        return cls(
-            ready=not reasons,
-            alive=not stuck,
-            reasons=tuple(reasons),
-            stuck=tuple(stuck),
-            beat_age_s=round(beat_age_s, 6),
-            pauses=0 if watchdog is None else watchdog.pauses,
-            longest_pause_s=0.0 if watchdog is None else round(watchdog.longest_pause_s, 3),
-        )
+    events: int
+    checked_s: float
+    rises: int
 
 
 class Backlogs:
-    """What waits in the outputs, as it was at the last looks."""
+    """The backlogs of the outputs at the last checks."""
 
     def __init__(self) -> None:
-        self._waiting: dict[str, tuple[int, float, int]] = {}
+        self._backlogs: dict[str, SinkBacklog] = {}
 
     def reason(self, sink: SinkStatus) -> str:
         """Return why an output is not ready, or ""."""
-        tried = f" (failed attempts: {sink.attempts})" if sink.attempts else ""
+        attempts = f" (failed attempts: {sink.attempts})" if sink.attempts else ""
         if sink.state == "failed":
             return f"the sink {sink.path} has failed: {sink.error}"
         if sink.state == "parked":
-            return f"the sink {sink.path} is refused and keeps its events: {sink.error}{tried}"
+            return f"the sink {sink.path} is refused and keeps its events: {sink.error}{attempts}"
         if sink.state == "open" and sink.error:
-            return f"the sink {sink.path} delivers nothing: {sink.error}{tried}"
+            return f"the sink {sink.path} delivers nothing: {sink.error}{attempts}"
         return f"the backlog of the sink {sink.path} grows" if self._grows(sink) else ""
 
     def _grows(self, sink: SinkStatus) -> bool:
-        """Return whether a backlog has grown at the last looks, without shrinking between them."""
-        waiting = sink.spooled + sink.queued_windows
-        now_s = time.monotonic()
-        before, looked_s, rises = self._waiting.get(sink.path, (waiting, now_s, 0))
-        if now_s - looked_s >= LOOK_S:
-            rises = 0 if waiting == 0 or waiting < before else rises + (waiting > before)
-            self._waiting[sink.path] = waiting, now_s, rises
-        else:
-            self._waiting.setdefault(sink.path, (before, looked_s, rises))
-        return rises >= _RISES
+        """Whether a backlog has grown at the last checks, without shrinking between them."""
+        events = sink.spooled + sink.queued_windows
+        time_s = time.monotonic()
+        backlog = self._backlogs.setdefault(sink.path, SinkBacklog(events, time_s, 0))
+        if time_s - backlog.checked_s >= LOOK_S:
+            is_less = events == 0 or events < backlog.events
+            rises = 0 if is_less else backlog.rises + (events > backlog.events)
+            backlog = SinkBacklog(events, time_s, rises)
+            self._backlogs[sink.path] = backlog
+        return backlog.rises >= 3
 
 
 #: The reason of a run that was stopped: the log is over then, for a run reports its own end.
 STOPPED = "the run has stopped"
-#: What changes in a reason that stays: its figures, but not the number in a path like outputs[0].
+#: The figures of a reason, which change; not the number in a path like outputs[0].
 _FIGURES = re.compile(r" \(failed attempts: \d+\)|(?<![\[\d.])\d[\d.]*")
 
 
@@ -96,14 +66,14 @@ def log_health(health: Callable[[], Health], stopping: threading.Event) -> None:
     """
 
     def look() -> None:
-        known: set[str] = set()
-        while not stopping.wait(LOOK_S) and STOPPED not in (found := health().reasons):
-            reasons = {_FIGURES.sub("", reason): reason for reason in found}
+        logged: set[str] = set()
+        while not stopping.wait(LOOK_S) and STOPPED not in (causes := health().reasons):
+            reasons = {_FIGURES.sub("", cause): cause for cause in causes}
             for kind, reason in reasons.items():
-                if kind not in known:
+                if kind not in logged:
                     warn(f"not ready: {reason}")
-            if known and not reasons:
+            if logged and not reasons:
                 warn("ready again")
-            known = set(reasons)
+            logged = set(reasons)
 
     threading.Thread(target=look, name="opir-health", daemon=True).start()

@@ -42,16 +42,16 @@ class History:
     def add(self, detections: Detections, time_us: IntArray, lines: Sequence[bytes]) -> None:
         """Add detections with their Unix times and encoded lines, in order."""
         rows = slice(max(0, len(lines) - self._size), None)
-        kept = lines[rows]
+        newest = lines[rows]
         with self._lock:
             self.total += len(lines)
-            place = np.arange(self.total - len(kept), self.total) % self._size
+            place = np.arange(self.total - len(newest), self.total) % self._size
             self._time_us[place] = time_us[rows]
             self._sensor[place] = detections.sensor[rows]
             self._type[place] = detections.reported_type[rows]
             self._track[place] = detections.track[rows]
             self._confidence[place] = detections.confidence[rows]
-            for at, line in zip(place.tolist(), kept, strict=True):
+            for at, line in zip(place.tolist(), newest, strict=True):
                 self._lines[at] = line
 
     def since(self, number: int) -> tuple[list[bytes], int, int]:
@@ -63,21 +63,19 @@ class History:
             lines = [self._lines[at % self._size] for at in range(oldest, self.total)]
             return lines, max(0, oldest - number), self.total
 
-    def page(
-        self, criteria: Filter, before: int | None, limit: int
-    ) -> tuple[list[bytes], int | None]:
+    def page(self, criteria: Filter, end: int | None, limit: int) -> tuple[list[bytes], int | None]:
         """Return the newest `limit` selected lines, newest first, and the sequence number of the
         next page, or None.
         """
         with self._lock:
             oldest = max(0, self.total - self._size)
-            end = self.total if before is None else min(before, self.total)
-            number = np.arange(oldest, max(end, oldest))
+            stop = self.total if end is None else min(end, self.total)
+            number = np.arange(oldest, max(stop, oldest))
             if criteria != Filter():
                 number = number[self._is_selected(criteria, number % self._size)]
-            chosen = number[-limit:]
-            lines = [self._lines[at] for at in (chosen[::-1] % self._size).tolist()]
-        return lines, int(chosen[0]) if len(number) > limit else None
+            newest = number[-limit:]
+            lines = [self._lines[at] for at in (newest[::-1] % self._size).tolist()]
+        return lines, int(newest[0]) if len(number) > limit else None
 
     def _is_selected(self, criteria: Filter, place: IntArray) -> BoolArray:
         keep: BoolArray = np.ones(len(place), dtype=np.bool_)

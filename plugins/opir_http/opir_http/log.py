@@ -56,16 +56,16 @@ class RequestLog:
         request = f"{scope['method']} {json.dumps(path)}"
         fields = {"client": client, "method": scope["method"], "path": path, "status": status}
         if status < 400 and scope["method"] in _WRITES:
-            before = _text(dict(scope["headers"]).get(b"if-match"))
-            after = _text(
+            old_tag = _text(dict(scope["headers"]).get(b"if-match"))
+            new_tag = _text(
                 next((value for name, value in answer.items() if name.lower() == b"etag"), None)
             )
-            tags = f"{_quoted(before)} {_quoted(after)}"
+            tags = f"{_quoted(old_tag)} {_quoted(new_tag)}"
             text = f"write: {client}, token {self._token or '-'}: {request} {status}, ETag {tags}"
             self._tell(
                 "info",
                 text,
-                {**fields, "token": self._token, "etag_before": before, "etag_after": after},
+                {**fields, "token": self._token, "etag_before": old_tag, "etag_after": new_tag},
             )
         elif 400 <= status < 500:
             self._refused += 1

@@ -6,9 +6,11 @@ from typing import Any
 import msgspec
 from litestar import Response
 from litestar.exceptions import HTTPException
+from msgspec import UNSET
 
 from opir_core.errors import OpirError, SceneError
 from opir_core.live import BusyError, RefusedError, RestartError
+from opir_http.answers import Message, ProblemAnswer
 
 PROBLEM_TYPE = "application/problem+json"
 
@@ -52,15 +54,13 @@ class ProblemError(Exception):
 
 def problem_body(error: ProblemError) -> bytes:
     """Return the body of a problem."""
-    document: dict[str, Any] = {
-        "type": "about:blank",
-        "title": TITLES.get(error.status, "The request failed"),
-        "status": error.status,
-        "detail": error.detail,
-    }
-    if error.errors:
-        document["errors"] = [{"path": path, "message": message} for path, message in error.errors]
-    return msgspec.json.encode(document)
+    problem = ProblemAnswer(
+        title=TITLES.get(error.status, "The request failed"),
+        status=error.status,
+        detail=error.detail,
+        errors=[Message(path, message) for path, message in error.errors] or UNSET,
+    )
+    return msgspec.json.encode(problem)
 
 
 def problem_of(error: OpirError) -> ProblemError:

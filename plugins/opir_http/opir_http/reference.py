@@ -6,7 +6,7 @@ from typing import Any
 from attrs import fields
 
 from opir_core.scene import info_of
-from opir_http.openapi import document
+from opir_http.routes import document
 from opir_http.settings import LIVE, HttpSettings
 
 _HEAD = """# The HTTP interface
@@ -34,8 +34,8 @@ def _shared(responses: list[dict[str, Any]]) -> dict[str, str]:
         status: response["description"]
         for status, response in responses[0].items()
         if all(
-            other.get(status, {}).get("description") == response["description"]
-            for other in responses
+            answers.get(status, {}).get("description") == response["description"]
+            for answers in responses
         )
     }
 
@@ -50,14 +50,16 @@ def _route(path: str, item: dict[str, Any], shared: dict[str, str]) -> Iterator[
             yield from ("", "| parameter | in | meaning |", "|---|---|---|")
         for parameter in parameters:
             yield f"| `{parameter['name']}` | {parameter['in']} | {_words(parameter)} |"
-        said = {*shared.items(), ("200", operation["summary"])}
-        answers = [(status, each["description"]) for status, each in operation["responses"].items()]
-        own = "; ".join(
+        omitted = {*shared.items(), ("200", operation["summary"])}
+        meanings = {
+            status: response["description"] for status, response in operation["responses"].items()
+        }
+        answers = "; ".join(
             f"**{status}** {meaning}"
-            for status, meaning in answers
-            if (status, meaning) not in said
+            for status, meaning in meanings.items()
+            if (status, meaning) not in omitted
         )
-        yield from ("", f"Answers: {own}.") if own else ()
+        yield from ("", f"Answers: {answers}.") if answers else ()
 
 
 def _words(parameter: dict[str, Any]) -> str:

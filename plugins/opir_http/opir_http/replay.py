@@ -1,4 +1,4 @@
-"""A saved run for the page: what it held at a time, and its parts between two times."""
+"""A saved run for the page: its state at a time, and its parts between two times."""
 
 import math
 from typing import Any
@@ -7,18 +7,24 @@ import msgspec
 import numpy as np
 
 from opir_core import Run
-from opir_core.arrays import IntArray, RowArray
-from opir_core.output import ForgeEncoder, chosen_renderer, timestamp_text, unix_microseconds
+from opir_core.arrays import RowArray
+from opir_core.output import ForgeEncoder, chosen_renderer, unix_microseconds
 from opir_core.plugin import EncoderContext, Window
-from opir_http.sensors import sensor_documents
+from opir_http.answers import (
+    ActivityAnswer,
+    Clock,
+    CountsAnswer,
+    Covered,
+    SensorState,
+    SensorStatesAnswer,
+    Status,
+    Viewers,
+)
+from opir_http.sensors import sensor_states, timestamp
 from opir_http.tracks import TrackDocuments
 
 #: Maximum number of detections in an answer; of more, every n-th is sent.
 MOST_DETECTIONS = 3000
-#: Maximum duration of a part, s, and maximum number of times in it for which the satellites are
-#: sent.
-LONGEST_S = 3600.0
-_SENSOR_TIMES = 12
 _US = 1_000_000
 
 Document = dict[str, Any]
@@ -48,59 +54,54 @@ class Replay:
             self._time_us[self._detections.sensor == row] for row in range(len(run.sensors))
         ]
         self.since_us = self.scene.epoch_us
-        last = [each[-1] for each in (self._time_us, self._tick_us) if len(each)]
-        self.until_us = int(max(self.since_us + round(self.scene.duration_s * _US), *last, 0))
+        last_us = [times[-1] for times in (self._time_us, self._tick_us) if len(times)]
+        self.until_us = int(max(self.since_us + round(self.scene.duration_s * _US), *last_us, 0))
 
-    def status(self) -> Document:
+    def status(self) -> Status:
         """Return the status of a run that has ended, with the time that it covers under
         `replay`.
         """
-        counts = self.run.summary["counts"]
-        clock = dict.fromkeys(("late_s", "latest_s", "cycle_age_s"), 0.0) | dict.fromkeys(
-            ("lap", "cycle", "late_cycles"), 0
+        looks = self.run.summary["counts"].get("looks", 0)
+        return Status(
+            scene=self.scene.name,
+            state="saved",
+            error=None,
+            clock=Clock(
+                timestamp=timestamp(self.until_us),
+                epoch=timestamp(self.since_us),
+                time_s=(self.until_us - self.since_us) / _US,
+                duration_s=self.scene.duration_s,
+                speed=None,
+            ),
+            counts=CountsAnswer(
+                looks=int(looks),
+                detections=len(self._detections),
+                targets=0,
+                targets_launched=len(self.run.target_ids),
+                tracks=len(np.unique(self._tracks.track)),
+            ),
+            sensors=self._sensors(self.until_us),
+            sinks=[],
+            viewers=Viewers(),
+            replay=Covered(timestamp(self.since_us), timestamp(self.until_us)),
         )
-        return {
-            "scene": self.scene.name,
-            "state": "saved",
-            "error": None,
-            "clock": clock
-            | {
-                "timestamp": _text(self.until_us),
-                "epoch": _text(self.since_us),
-                "time_s": (self.until_us - self.since_us) / _US,
-                "duration_s": self.scene.duration_s,
-                "speed": None,
-            },
-            "counts": {
-                "looks": int(counts.get("looks", 0)),
-                "detections": len(self._detections),
-                "targets": 0,
-                "targets_launched": len(self.run.target_ids),
-                "tracks": len(np.unique(self._tracks.track)),
-            },
-            "sensors": self._sensors(self.until_us),
-            "sinks": [],
-            "viewers": {"connected": 0, "dropped_frames": 0, "dropped_windows": 0},
-            "replay": {"since": _text(self.since_us), "until": _text(self.until_us)},
-        }
 
     def part(self, since_us: int, until_us: int, step_s: float) -> Document:
-        """Return what the run made in (since, until]: detections, the last estimate of each track
-        in each step, counts.
+        """Return the results of the run in (since, until]: detections, the last estimate of each
+        track in each step, counts.
 
         Counts are of all detections of the seconds touched, also of those that are left out.
         `sensors` are states of the satellites at times of the part.
         """
-        first, last = np.searchsorted(self._time_us, (since_us, until_us), side="right")
-        rows = np.arange(first, last)[:: -(-int(last - first) // MOST_DETECTIONS) or 1]
-        times = np.unique(np.linspace(since_us, until_us, _SENSOR_TIMES).astype(np.int64)).tolist()
+        start, stop = np.searchsorted(self._time_us, (since_us, until_us), side="right")
+        rows = np.arange(start, stop)[:: -(-int(stop - start) // MOST_DETECTIONS) or 1]
+        times = np.unique(np.linspace(since_us, until_us, 12).astype(np.int64)).tolist()
         return {
             "detections": [msgspec.Raw(line) for line in self._lines(rows)],
             "tracks": self._estimates(since_us, until_us, step_s),
             "activity": self._activity(since_us, until_us),
             "sensors": [
-                {"timestamp": _text(time_us), "sensors": self._sensors(time_us)}
-                for time_us in times
+                SensorStatesAnswer(timestamp(time_us), self._sensors(time_us)) for time_us in times
             ],
         }
 
@@ -119,27 +120,23 @@ class Replay:
         return self._encoder.encode(window).splitlines()
 
     def _estimates(self, since_us: int, until_us: int, step_s: float) -> list[Document]:
-        first, last = np.searchsorted(self._tick_us, (since_us, until_us), side="right")
-        if first == last:
+        start, stop = np.searchsorted(self._tick_us, (since_us, until_us), side="right")
+        if start == stop:
             return []
-        step = (self._tick_us[first:last] - since_us) // round(step_s * _US)
-        newest = {
-            key: int(first) + row
-            for row, key in enumerate(
-                zip(self._tracks.track[first:last].tolist(), step.tolist(), strict=True)
-            )
-        }
+        steps = (self._tick_us[start:stop] - since_us) // round(step_s * _US)
+        keys = zip(self._tracks.track[start:stop].tolist(), steps.tolist(), strict=True)
+        newest = {key: row for row, key in enumerate(keys, int(start))}
         return self._documents.documents(self._tracks.take(sorted(newest.values())))
 
-    def _activity(self, since_us: int, until_us: int) -> Document:
+    def _activity(self, since_us: int, until_us: int) -> ActivityAnswer:
         seconds = np.arange(since_us // _US, until_us // _US + 2)
         counts = [
             np.diff(np.searchsorted(times, seconds * _US)).tolist() for times in self._by_sensor
         ]
         names = [sensor.id for sensor in self.run.sensors]
-        return {"first_s": int(seconds[0]), "sensors": dict(zip(names, counts, strict=True))}
+        return ActivityAnswer(int(seconds[0]), dict(zip(names, counts, strict=True)))
 
-    def _sensors(self, time_us: int) -> list[Document]:
+    def _sensors(self, time_us: int) -> list[SensorState]:
         counts = [int(np.searchsorted(times, time_us, side="right")) for times in self._by_sensor]
         last_s = [
             None if not count else (int(times[count - 1]) - self.since_us) / _US
@@ -147,9 +144,4 @@ class Replay:
         ]
         time_s = (time_us - self.since_us) / _US
         health = [row["health"] for row in self.run.summary["sensors"]]
-        return sensor_documents(self.run.sensors, time_s, counts, last_s, self.since_us, health)
-
-
-def _text(unix_us: int) -> str:
-    moments: IntArray = np.array([unix_us])
-    return timestamp_text(moments)[0]
+        return sensor_states(self.run.sensors, time_s, counts, last_s, self.since_us, health)

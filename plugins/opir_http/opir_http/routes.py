@@ -4,26 +4,53 @@ import asyncio
 import re
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 import msgspec
-from litestar import HttpMethod, Litestar, Request, Response, get, post, route
+import numpy as np
+from litestar import HttpMethod, Litestar, Request, Response, get, post, put, route
+from litestar.datastructures import ResponseHeader, State
 from litestar.exceptions import HTTPException
+from litestar.openapi import ResponseSpec
+from litestar.params import FromPath, PathParameter
 from litestar.response import Stream
+from msgspec import UNSET, UnsetType
 
+from opir_http.answers import (
+    SCHEMAS,
+    ActivityAnswer,
+    Configured,
+    DetectionsAnswer,
+    LaunchedAnswer,
+    Liveness,
+    Readiness,
+    Retried,
+    Status,
+    TracksAnswer,
+)
 from opir_http.feed import Client
 from opir_http.history import Filter
 from opir_http.metrics import CONTENT_TYPE, metrics_text
-from opir_http.openapi import document
+from opir_http.openapi import described, document_of
 from opir_http.problems import ProblemError, answer_defect, answer_http, answer_problem
-from opir_http.reading import instant_us, json_object, query, unit_number, whole_number
+from opir_http.queries import (
+    DetectionsQuery,
+    Query,
+    StreamQuery,
+    TracksQuery,
+    read_query,
+    time_us,
+)
+from opir_http.reading import json_object
+from opir_http.schemas import Config
 from opir_http.service import Service, etag_of
-from opir_http.settings import LOOPBACK, MAXIMUM_PAGE, STREAMS_PER_CLIENT
+from opir_http.settings import LOOPBACK, STREAMS_PER_CLIENT
 
 _PAGE = Path(__file__).parent / "page"
 #: Content types; of texts the framework adds the charset, UTF-8.
-_KINDS = {
+_CONTENT_TYPES = {
     ".html": "text/html",
     ".css": "text/css",
     ".js": "text/javascript",
@@ -35,163 +62,100 @@ _JSON = "application/json"
 _CACHED_S = 0.05
 #: Time, s, in which the status must be available for readiness.
 _STATUS_S = 2.0
-_KEY_LENGTH = 200
-#: The most digits of the id of a frame.
-_ID_LENGTH = 18
 _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
-_FILTERS = (
-    "after",
-    "limit",
-    "min_confidence",
-    "sensor_id",
-    "sensor_type",
-    "since",
-    "target_type",
-    "track_id",
-    "until",
-)
 
 AnyRequest = Request[Any, Any, Any]
-Made = TypeVar("Made")
+Result = TypeVar("Result")
 
+LAUNCH_EXAMPLE = {
+    "type": "ICBM",
+    "launch": {"lat_deg": 34.73, "lon_deg": -120.57},
+    "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+}
+_LOCATION = ResponseHeader(
+    name="Location", value="", documentation_only=True, description="path of the status"
+)
+_TAG = ResponseHeader(
+    name="ETag", value="", documentation_only=True, description="entity tag of the configuration"
+)
 
-def application(service: Service) -> Litestar:
-    """Return the application of a service."""
-    documents = Documents(service)
-    return Litestar(
-        route_handlers=[
-            *page_routes(document()),
-            *_health_routes(service),
-            *_reading_routes(service, documents),
-            _trigger_route(service, documents),
-            _retry_route(service),
-            _config_route(service, documents),
-            _stream_route(service),
-        ],
-        exception_handlers={
-            ProblemError: answer_problem,
-            HTTPException: answer_http,
-            Exception: answer_defect,
-        },
-        openapi_config=None,
-        logging_config=None,
-    )
-
-
-def page_routes(openapi_document: Mapping[str, Any]) -> list[Any]:
-    """Return the routes of the page's files and of the OpenAPI document."""
-    files = {path.name: path.read_bytes() for path in _PAGE.iterdir() if path.suffix in _KINDS}
-    vendored = {
-        path.name: path.read_bytes()
-        for path in (_PAGE / "vendor").iterdir()
-        if path.suffix in _KINDS
+#: Links from a response to further requests (OpenAPI 3.1, link objects).
+_AFTER_LAUNCH = {
+    "seen": {
+        "operationId": "detections",
+        "parameters": {"since": "$response.body#/timestamp"},
+        "description": "detections since the launch",
+    },
+    "tracked": {"operationId": "tracks", "description": "tracks, also of this target"},
+    "state": {"operationId": "status", "description": "number of targets in the run"},
+}
+_AFTER_CONFIG = {
+    "change": {
+        "operationId": "configure",
+        "parameters": {"If-Match": "$response.header.ETag"},
+        "requestBody": "$response.body",
+        "description": "apply a changed configuration",
     }
-    openapi = msgspec.json.encode(openapi_document)
-
-    @get("/", media_type=_KINDS[".html"])
-    async def page() -> bytes:
-        return files["index.html"]
-
-    @get("/page/{name:str}")
-    async def part(request: AnyRequest) -> Response[bytes]:
-        name = str(request.path_params["name"])
-        if name not in files:
-            raise ProblemError(404, "there is no such file")
-        return Response(files[name], media_type=_KINDS[Path(name).suffix])
-
-    @get("/page/vendor/{name:str}")
-    async def vendored_part(request: AnyRequest) -> Response[bytes]:
-        name = str(request.path_params["name"])
-        if name not in vendored:
-            raise ProblemError(404, "there is no such file")
-        return Response(vendored[name], media_type=_KINDS[Path(name).suffix])
-
-    @get("/openapi.json", media_type=_JSON)
-    async def described() -> bytes:
-        return openapi
-
-    return [page, part, vendored_part, described]
+}
+_AFTER_CHANGE = {"changed": {"operationId": "config", "description": "the present configuration"}}
+_AFTER_PAGE = {
+    "next": {
+        "operationId": "detections",
+        "parameters": {"after": "$response.body#/next"},
+        "description": "the next page, if there is one",
+    },
+    "same_sensor": {
+        "operationId": "detections",
+        "parameters": {"sensor_id": "$response.body#/detections/0/sensor_id"},
+        "description": "other detections of this sensor",
+    },
+}
 
 
-def _health_routes(service: Service) -> list[Any]:
-    readiness = Cached(service.health, _CACHED_S)
-    counted = Cached(lambda: metrics_text(service).encode(), _CACHED_S)
-
-    @get("/health/live")
-    async def live(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        # Never waits: it answers while the engine, a sink or its counts are stuck.
-        state = service.run.state
-        reasons = service.run.progress().stuck
-        return _json(
-            {"state": state, "reasons": reasons}, 503 if state == "failed" or reasons else 200
-        )
-
-    @get("/health/ready")
-    async def ready(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        try:
-            found = await asyncio.wait_for(readiness.get(), _STATUS_S)
-            is_ready = found.ready
-            reasons = list(found.reasons)
-        except TimeoutError:
-            is_ready = False
-            reasons = [f"the status is not available within {_STATUS_S:g} s"]
-        return _json(
-            {"ready": is_ready, "reasons": reasons},
-            200 if is_ready else 503,
-            headers=_lateness(service),
-        )
-
-    @get("/metrics")
-    async def metrics(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        return Response(await counted.get(), media_type=CONTENT_TYPE)
-
-    return [live, ready, metrics]
-
-
-class Cached(Generic[Made]):
+class Cached(Generic[Result]):
     """The result of `make`, called in a thread when the last one is older than `for_s`; for one
     event loop.
     """
 
-    def __init__(self, make: Callable[[], Made], for_s: float) -> None:
+    def __init__(self, make: Callable[[], Result], for_s: float = _CACHED_S) -> None:
         self._make = make
         self._for_s = for_s
-        self._made: tuple[float, Made] | None = None
-        self._making: asyncio.Task[Made] | None = None
+        self._cached: tuple[float, Result] | None = None
+        self._task: asyncio.Task[Result] | None = None
 
-    async def get(self) -> Made:
+    async def get(self) -> Result:
         """Return the result; waits for a new one if it is too old."""
-        if self._made is not None and time.monotonic() - self._made[0] < self._for_s:
-            return self._made[1]
-        if self._making is None:
-            self._making = asyncio.create_task(asyncio.to_thread(self._make))
-            self._making.add_done_callback(self._keep)
-        return await asyncio.shield(self._making)
+        if self._cached is not None and time.monotonic() - self._cached[0] < self._for_s:
+            return self._cached[1]
+        if self._task is None:
+            self._task = asyncio.create_task(asyncio.to_thread(self._make))
+            self._task.add_done_callback(self._keep)
+        return await asyncio.shield(self._task)
 
     def forget(self) -> None:
         """Make a new result for the next request; the one in progress is for earlier requests."""
-        self._made = None
-        self._making = None
+        self._cached = None
+        self._task = None
 
-    def _keep(self, making: "asyncio.Task[Made]") -> None:
-        if making is self._making:
-            self._making = None
-            if not making.cancelled() and making.exception() is None:
-                self._made = time.monotonic(), making.result()
+    def _keep(self, task: "asyncio.Task[Result]") -> None:
+        if task is self._task:
+            self._task = None
+            if not task.cancelled() and task.exception() is None:
+                self._cached = time.monotonic(), task.result()
 
 
-class Documents:
-    """Status and configuration, encoded and cached."""
+class Served:
+    """A service and its cached documents, encoded."""
 
     def __init__(self, service: Service) -> None:
-        self.status = Cached(lambda: msgspec.json.encode(service.status()), _CACHED_S)
-        self.config = Cached(lambda: _tagged(service.config()), _CACHED_S)
+        self.service = service
+        self.status = Cached(lambda: msgspec.json.encode(service.status()))
+        self.config = Cached(lambda: _tagged(service.config()))
+        self.readiness = Cached(service.health)
+        self.metrics = Cached(lambda: metrics_text(service).encode())
 
     def forget(self) -> None:
-        """Make both again for the next request, after a change."""
+        """Make status and configuration again for the next request, after a change."""
         self.status.forget()
         self.config.forget()
 
@@ -200,62 +164,78 @@ def _tagged(config: Mapping[str, Any]) -> tuple[bytes, str]:
     return msgspec.json.encode(config), etag_of(config)
 
 
-def _reading_routes(service: Service, documents: Documents) -> list[Any]:
-    @get("/status")
-    async def status(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        return Response(await documents.status.get(), media_type=_JSON)
-
-    @get("/detections")
-    async def detections(request: AnyRequest) -> Response[bytes]:
-        given = query(request.scope["query_string"], _FILTERS)
-        limit = whole_number(given, "limit", 100, MAXIMUM_PAGE)
-        before = int(given["after"], 36) if _is_cursor(given) else None
-        lines, following = service.feed.history.page(_filter(given, service), before, limit)
-        cursor = b"null" if following is None else b'"%s"' % _base36(following).encode()
-        body = b'{"detections":[' + b",".join(lines) + b'],"next":' + cursor + b"}"
-        return Response(body, media_type=_JSON)
-
-    @get("/tracks")
-    async def tracks(request: AnyRequest) -> Response[bytes]:
-        given = query(request.scope["query_string"], ("limit", "trail"))
-        if given.get("trail", "false") not in ("true", "false"):
-            raise ProblemError(400, "trail must be true or false")
-        limit = whole_number(given, "limit", 100, MAXIMUM_PAGE)
-        return _json(
-            {"tracks": service.feed.tracks.latest(limit, trail=given.get("trail") == "true")}
-        )
-
-    @get("/activity")
-    async def activity(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        now_us = service.run.scene.epoch_us + service.run.time_ns // 1000
-        return _json(service.feed.activity.document(now_us))
-
-    return [status, detections, tracks, activity]
+def _served(request: AnyRequest) -> Served:
+    served: Served = request.app.state.served
+    return served
 
 
-def _trigger_route(service: Service, documents: Documents) -> Any:
-    @post("/trigger", status_code=202)
-    async def trigger(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        body = await request.body()
-        key = _idempotency_key(request.headers)
-        previous = service.answers.begin(key, body) if key else None
-        if previous is not None:
-            return _json(
-                previous, 202, headers={"Idempotent-Replayed": "true", "Location": "/status"}
-            )
-        answer = None
-        try:
-            answer = await asyncio.to_thread(service.launch, json_object(body))
-        finally:
-            documents.forget()
-            if key:
-                service.answers.end(key, answer)
-        return _json(answer, 202, headers={"Location": "/status", **_lateness(service)})
+def encoded(
+    body: bytes, status: int = 200, headers: Mapping[str, str] | None = None
+) -> Response[Any]:
+    """Return an answer whose JSON is encoded already."""
+    return Response(body, status_code=status, media_type=_JSON, headers=dict(headers or {}))
 
-    return trigger
+
+def _json(value: Any, status: int = 200, headers: Mapping[str, str] | None = None) -> Response[Any]:
+    return encoded(msgspec.json.encode(value), status, headers)
+
+
+@post(
+    "/trigger",
+    status_code=202,
+    response_headers=[_LOCATION],
+    **described(
+        "The target is in the run",
+        headers=[
+            {
+                "name": "Idempotency-Key",
+                "in": "header",
+                "description": "requests with the same key and body get the same answer and make"
+                " one launch",
+                "schema": {
+                    "type": "string",
+                    "minLength": 1,
+                    "maxLength": 200,
+                    "pattern": "^[!-~]+$",
+                },
+            }
+        ],
+        body={
+            "schema": {"$ref": f"{SCHEMAS}Trigger"},
+            "examples": {"launch": {"value": LAUNCH_EXAMPLE}},
+        },
+        links=_AFTER_LAUNCH,
+        problems=(403, 409, 415, 422, 429),
+    ),
+)
+async def trigger(request: AnyRequest) -> Response[LaunchedAnswer]:
+    """Launch a target.
+
+    The body has the layout of a target in a scene; `id` and `launch.time_s` are optional. The
+    target's events are those of a batch run of the scene with this target.
+    """
+    served = _served(request)
+    service = served.service
+    body = await request.body()
+    key = _idempotency_key(request.headers)
+    previous = service.answers.begin(key, body) if key else None
+    if previous is not None:
+        return _json(previous, 202, {"Idempotent-Replayed": "true", "Location": "/status"})
+    answer = None
+    try:
+        answer = await asyncio.to_thread(service.launch, json_object(body))
+    finally:
+        served.forget()
+        if key:
+            service.answers.end(key, answer)
+    return _json(answer, 202, {"Location": "/status", **_lateness(service)})
+
+
+def _idempotency_key(headers: Mapping[str, str]) -> str | None:
+    key = headers.get("idempotency-key")
+    if key is not None and not (0 < len(key) <= 200 and key.isascii() and key.isprintable()):
+        raise ProblemError(400, "Idempotency-Key must have 1 to 200 printable ASCII characters")
+    return key
 
 
 def _lateness(service: Service) -> dict[str, str]:
@@ -263,77 +243,201 @@ def _lateness(service: Service) -> dict[str, str]:
     return {"Opir-Late": f"{service.run.late_s:.3f}"}
 
 
-def _retry_route(service: Service) -> Any:
-    @post("/outputs/{output:str}/retry", status_code=202)
-    async def retry(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        output = str(request.path_params["output"])
-        return _json(
-            await asyncio.to_thread(service.retry, output), 202, headers={"Location": "/status"}
-        )
+@post(
+    "/outputs/{output:str}/retry",
+    status_code=202,
+    response_headers=[_LOCATION],
+    **described("It tries again, if it was parked", problems=(403, 404, 429)),
+)
+async def retry_output(
+    request: AnyRequest,
+    output: Annotated[
+        str,
+        PathParameter(
+            min_length=1, description="path of the output in the status, or name of its sink"
+        ),
+    ],
+) -> Response[Retried]:
+    """Let an output try again.
 
-    return retry
-
-
-def _config_route(service: Service, documents: Documents) -> Any:
-    # One handler: the framework's answer to OPTIONS has only the methods of one.
-    @route("/config", http_method=[HttpMethod.GET, HttpMethod.PUT], status_code=200)
-    async def config(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        if request.method == HttpMethod.PUT:
-            return await _configured(service, documents, request)
-        body, tag = await documents.config.get()
-        if request.headers.get("if-none-match") == tag:
-            return Response(b"", status_code=304, headers={"ETag": tag})
-        return Response(body, media_type=_JSON, headers={"ETag": tag})
-
-    return config
+    An output that its destination refuses keeps its events in its spool and tries again later and
+    later; this makes it try at once.
+    """
+    answer = await asyncio.to_thread(_served(request).service.retry, output)
+    return _json(answer, 202, {"Location": "/status"})
 
 
-async def _configured(
-    service: Service, documents: Documents, request: AnyRequest
-) -> Response[bytes]:
-    if not service.settings.config_writes:
+@get("/status", **described())
+async def status(request: AnyRequest) -> Response[Status]:
+    """State and counts of the simulation, its sensors and its sinks."""
+    return encoded(await _served(request).status.get())
+
+
+# Registered before the other routes of its path: the framework's own answer has the methods of the
+# first of them.
+@route("/config", http_method=HttpMethod.OPTIONS, status_code=204, include_in_schema=False)
+async def config_options() -> Response[None]:
+    """Methods of the configuration."""
+    return Response(None, media_type="text/plain", headers={"Allow": "GET, OPTIONS, PUT"})
+
+
+@get("/config", response_headers=[_TAG], **described(links=_AFTER_CONFIG))
+async def config(request: AnyRequest) -> Response[Config]:
+    """The present configuration, with all settings."""
+    body, tag = await _served(request).config.get()
+    if request.headers.get("if-none-match") == tag:
+        return encoded(b"", 304, {"ETag": tag})
+    return encoded(body, headers={"ETag": tag})
+
+
+@put(
+    "/config",
+    response_headers=[_TAG],
+    **described(
+        "Applied from this cycle on",
+        headers=[
+            {
+                "name": "If-Match",
+                "in": "header",
+                "required": True,
+                "description": "the ETag of the configuration to replace, or *",
+                "schema": {
+                    "type": "string",
+                    "minLength": 1,
+                    "pattern": '^("[0-9a-f]{32}"|\\*)$',
+                },
+            }
+        ],
+        body={"schema": {"$ref": f"{SCHEMAS}Config"}},
+        links=_AFTER_CHANGE,
+        problems=(403, 409, 412, 415, 422, 428, 429),
+    ),
+)
+async def configure(request: AnyRequest) -> Response[Configured]:
+    """Replace the configuration.
+
+    Change the answer of GET /config and send it back. It is validated like a scene and applied as a
+    whole or not at all, at the start of the cycle in the answer. Settings that need a restart are
+    rejected, by name.
+    """
+    served = _served(request)
+    if not served.service.settings.config_writes:
         raise ProblemError(403, "the service was started with --no-config-writes")
-    wanted = json_object(await request.body())
+    settings = json_object(await request.body())
     if_match = request.headers.get("if-match")
     if if_match is None:
         raise ProblemError(428, "send the ETag of GET /config as If-Match")
     if not _ENTITY_TAG.fullmatch(if_match):
         raise ProblemError(400, "If-Match must be one ETag of GET /config, with its quotes, or *")
     try:
-        cycle, tag = await asyncio.to_thread(service.configure, wanted, if_match)
+        cycle, tag = await asyncio.to_thread(served.service.configure, settings, if_match)
     finally:
-        documents.forget()
-    return _json({"cycle": cycle}, headers={"ETag": tag})
+        served.forget()
+    return _json(Configured(cycle), headers={"ETag": tag})
 
 
-def _stream_route(service: Service) -> Any:
-    @get("/stream")
-    async def stream(request: AnyRequest) -> Stream:
-        given = query(request.scope["query_string"], ("view",))
-        if given.get("view", "full") not in ("full", "brief"):
-            raise ProblemError(400, "view must be full or brief")
-        if service.feed.viewers >= service.settings.maximum_viewers:
-            raise ProblemError(
-                503, "the maximum number of viewers is connected", headers={"Retry-After": "5"}
-            )
-        address = request.client.host if request.client else ""
-        if address not in LOOPBACK and service.feed.streams_of(address) >= STREAMS_PER_CLIENT:
-            raise ProblemError(
-                429, "this client has too many streams", headers={"Retry-After": "5"}
-            )
-        client = Client(brief=given.get("view") == "brief", address=address)
-        last = request.headers.get("last-event-id", "")
-        # Anything else that a client sends is no id of this service: it starts anew, as EventSource
-        # does.
-        if last.isascii() and last.isdigit() and len(last) <= _ID_LENGTH:
-            service.feed.resume(client, int(last))
-        else:
-            service.feed.join(client)
-        return Stream(_frames(service, client), media_type="text/event-stream")
+@get("/detections", **described(query=DetectionsQuery, links=_AFTER_PAGE))
+async def detections(request: AnyRequest) -> Response[DetectionsAnswer]:
+    """Recent detections, newest first; `next` is the parameter `after` of the next page."""
+    query: DetectionsQuery = query_of(request)
+    service = _served(request).service
+    end = None if query.after is UNSET else int(query.after, 36)
+    lines, following = service.feed.history.page(_filter(query, service), end, query.limit)
+    cursor = (
+        b"null" if following is None else b'"%s"' % np.base_repr(following, 36).lower().encode()
+    )
+    return encoded(b'{"detections":[' + b",".join(lines) + b'],"next":' + cursor + b"}")
 
-    return stream
+
+def _filter(query: DetectionsQuery, service: Service) -> Filter:
+    types = service.feed.reported_types
+    if query.target_type is not UNSET and query.target_type not in types:
+        raise ProblemError(400, f"target_type must be one of {', '.join(types)}")
+    return Filter(
+        sensors=_sensor_rows(query, service),
+        types=None if query.target_type is UNSET else (types.index(query.target_type),),
+        track=_or_none(query.track_id),
+        since_us=time_us(query, "since"),
+        until_us=time_us(query, "until"),
+        confidence=_or_none(query.min_confidence),
+    )
+
+
+def _or_none(value: Result | UnsetType) -> Result | None:
+    return None if value is UNSET else value
+
+
+def _sensor_rows(query: DetectionsQuery, service: Service) -> tuple[int, ...] | None:
+    """Return the indices of the sensors of a query, or None for all."""
+    if query.sensor_id is UNSET and query.sensor_type is UNSET:
+        return None
+    return tuple(
+        row
+        for row, sensor in enumerate(service.feed.sensors)
+        if query.sensor_id in (UNSET, sensor.id) and query.sensor_type in (UNSET, sensor.type)
+    )
+
+
+@get("/tracks", **described(query=TracksQuery))
+async def tracks(request: AnyRequest) -> Response[TracksAnswer]:
+    """The latest estimate of each track, newest first."""
+    query: TracksQuery = query_of(request)
+    documents = _served(request).service.feed.tracks
+    return _json({"tracks": documents.latest(query.limit, trail=query.trail == "true")})
+
+
+@get("/activity", **described())
+async def activity(request: AnyRequest) -> Response[ActivityAnswer]:
+    """Detections per sensor and second of the last two minutes."""
+    service = _served(request).service
+    scene_us = service.run.scene.epoch_us + service.run.time_ns // 1000
+    return _json(service.feed.activity.document(scene_us))
+
+
+@get(
+    "/stream",
+    media_type="text/event-stream",
+    **described(
+        "Server-sent events",
+        query=StreamQuery,
+        headers=[
+            {
+                "name": "Last-Event-ID",
+                "in": "header",
+                "description": "id of the last frame that arrived",
+                "schema": {"type": "string"},
+            }
+        ],
+        problems=(503,),
+    ),
+)
+async def stream(request: AnyRequest) -> Stream:
+    """Live detections, tracks and status.
+
+    Server-sent events: `detections` (of each cycle, with their `count`; the brief view has a
+    sample), `tracks`, `status` (each second), `dropped` (frames lost by a slow client, or
+    detections that are no longer in the history), `end`. The schema `StreamEvent` has the data of
+    each. The `id` of `detections` is the number of the last one; with `Last-Event-ID` the stream
+    goes on after that one: first come the detections since, in one frame without `cycle` and
+    `time_s`, as far as the history has them. With any other `Last-Event-ID` than a number that this
+    run has reached, the stream begins anew.
+    """
+    service = _served(request).service
+    if service.feed.viewers >= service.settings.maximum_viewers:
+        raise ProblemError(
+            503, "the maximum number of viewers is connected", headers={"Retry-After": "5"}
+        )
+    address = request.client.host if request.client else ""
+    if address not in LOOPBACK and service.feed.streams_of(address) >= STREAMS_PER_CLIENT:
+        raise ProblemError(429, "this client has too many streams", headers={"Retry-After": "5"})
+    client = Client(brief=query_of(request).view == "brief", address=address)
+    number = request.headers.get("last-event-id", "")
+    # Any other text is not an id of this service: the stream begins anew, as with EventSource.
+    if number.isascii() and number.isdigit() and len(number) <= 18:
+        service.feed.resume(client, int(number))
+    else:
+        service.feed.join(client)
+    return Stream(_frames(service, client), media_type="text/event-stream")
 
 
 async def _frames(service: Service, client: Client) -> AsyncIterator[bytes]:
@@ -344,65 +448,139 @@ async def _frames(service: Service, client: Client) -> AsyncIterator[bytes]:
         service.feed.leave(client)
 
 
-def _filter(given: Mapping[str, str], service: Service) -> Filter:
-    sensors = None
-    if "sensor_id" in given or "sensor_type" in given:
-        sensors = tuple(
-            row
-            for row, sensor in enumerate(service.feed.sensors)
-            if given.get("sensor_id", sensor.id) == sensor.id
-            and given.get("sensor_type", sensor.type) == sensor.type
-        )
-    kind = given.get("target_type")
-    types = service.feed.reported_types
-    if kind is not None and kind not in types:
-        raise ProblemError(400, f"target_type must be one of {', '.join(types)}")
-    return Filter(
-        sensors=sensors,
-        types=None if kind is None else (types.index(kind),),
-        track=None
-        if "track_id" not in given
-        else whole_number(given, "track_id", 0, 10**9 - 1, least=0),
-        since_us=instant_us(given, "since"),
-        until_us=instant_us(given, "until"),
-        confidence=unit_number(given, "min_confidence"),
+@get(
+    "/health/live",
+    security=[{}],
+    **described("Yes", responses={503: ResponseSpec(Liveness, description="No")}),
+)
+async def live(request: AnyRequest) -> Response[Liveness]:
+    """Whether the simulation is alive: it has not failed and no call is stuck."""
+    run = _served(request).service.run
+    reasons = list(run.progress().stuck)
+    is_alive = run.state != "failed" and not reasons
+    return _json(Liveness(run.state, reasons), 200 if is_alive else 503)
+
+
+@get(
+    "/health/ready",
+    security=[{}],
+    **described("Yes", responses={503: ResponseSpec(Readiness, description="No")}),
+)
+async def ready(request: AnyRequest) -> Response[Readiness]:
+    """Whether cycles end in time, no sink has failed and no backlog grows."""
+    served = _served(request)
+    try:
+        health = await asyncio.wait_for(served.readiness.get(), _STATUS_S)
+        readiness = Readiness(health.ready, health.reasons)
+    except TimeoutError:
+        readiness = Readiness(False, [f"the status is not available within {_STATUS_S:g} s"])
+    return _json(readiness, 200 if readiness.ready else 503, _lateness(served.service))
+
+
+@get("/metrics", media_type="text/plain", **described("Metrics"))
+async def metrics(request: AnyRequest) -> Response[bytes]:
+    """Metrics in Prometheus's text format."""
+    return Response(await _served(request).metrics.get(), media_type=CONTENT_TYPE)
+
+
+ROUTES = [
+    trigger,
+    retry_output,
+    status,
+    config_options,
+    config,
+    configure,
+    detections,
+    tracks,
+    activity,
+    stream,
+    live,
+    ready,
+    metrics,
+]
+
+
+def document() -> dict[str, Any]:
+    """Return the OpenAPI document of the service."""
+    document = document_of(
+        ROUTES, "A live simulation of overhead infrared missile-warning sensors."
+    )
+    # Of OpenAPI 3.2 (`itemSchema`), by its registered name for 3.1: the schema of each event, its
+    # data read as JSON.
+    events = document["paths"]["/stream"]["get"]["responses"]["200"]["content"]
+    events["text/event-stream"]["x-oai-itemSchema"] = {"$ref": f"{SCHEMAS}StreamEvent"}
+    return document
+
+
+def application(service: Service) -> Litestar:
+    """Return the application of a service."""
+    return application_of(ROUTES, document, State({"served": Served(service)}))
+
+
+def application_of(
+    routes: list[Any], openapi_document: Callable[[], Any], state: State
+) -> Litestar:
+    """Return the application of routes, with the page and the OpenAPI document."""
+    return Litestar(
+        route_handlers=[*page_routes(openapi_document), *routes],
+        exception_handlers={
+            ProblemError: answer_problem,
+            HTTPException: answer_http,
+            Exception: answer_defect,
+        },
+        before_request=_read_query,
+        state=state,
+        openapi_config=None,
+        logging_config=None,
     )
 
 
-def _is_cursor(given: Mapping[str, str]) -> bool:
-    word = given.get("after")
-    if word is not None and not (
-        0 < len(word) <= 12 and word.isascii() and word.isalnum() and word == word.lower()
-    ):
-        raise ProblemError(400, "after must be the `next` of a page")
-    return word is not None
+async def _read_query(request: AnyRequest) -> None:
+    """Read the query of a route that says which parameters it has."""
+    scope: Any = request.scope
+    kind: type[Query] | None = scope["route_handler"].opt.get("query")
+    if kind is not None:
+        scope["query"] = read_query(scope["query_string"], kind)
 
 
-def _base36(number: int) -> str:
-    digits = ""
-    while number or not digits:
-        number, digit = divmod(number, 36)
-        digits = "0123456789abcdefghijklmnopqrstuvwxyz"[digit] + digits
-    return digits
+def query_of(request: AnyRequest) -> Any:
+    """Return the query of a request, an instance of the route's class of queries."""
+    scope: Any = request.scope
+    return scope["query"]
 
 
-def _idempotency_key(headers: Mapping[str, str]) -> str | None:
-    key = headers.get("idempotency-key")
-    if key is not None and not (
-        0 < len(key) <= _KEY_LENGTH and key.isascii() and key.isprintable()
-    ):
-        raise ProblemError(
-            400, f"Idempotency-Key must have 1 to {_KEY_LENGTH} printable ASCII characters"
-        )
-    return key
+def page_routes(openapi_document: Callable[[], Any]) -> list[Any]:
+    """Return the routes of the page's files and of the OpenAPI document."""
+    folders = {folder: _files(folder) for folder in (_PAGE, _PAGE / "vendor")}
+    # Encoded when it is wanted: a service starts sooner.
+    openapi = cache(lambda: msgspec.json.encode(openapi_document()))
+
+    @get("/", media_type=_CONTENT_TYPES[".html"])
+    async def page() -> bytes:
+        return folders[_PAGE]["index.html"]
+
+    @get("/page/{name:str}")
+    async def part(name: FromPath[str]) -> Response[bytes]:
+        return _file(folders[_PAGE], name)
+
+    @get("/page/vendor/{name:str}")
+    async def vendored_part(name: FromPath[str]) -> Response[bytes]:
+        return _file(folders[_PAGE / "vendor"], name)
+
+    @get("/openapi.json", media_type=_JSON)
+    async def openapi_json() -> bytes:
+        return await asyncio.to_thread(openapi)
+
+    return [page, part, vendored_part, openapi_json]
 
 
-def _json(
-    value: Any, status: int = 200, headers: Mapping[str, str] | None = None
-) -> Response[bytes]:
-    return Response(
-        msgspec.json.encode(value),
-        status_code=status,
-        media_type=_JSON,
-        headers=dict(headers or {}),
-    )
+def _files(folder: Path) -> dict[str, bytes]:
+    return {
+        path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in _CONTENT_TYPES
+    }
+
+
+def _file(files: Mapping[str, bytes], name: str) -> Response[bytes]:
+    if name not in files:
+        raise ProblemError(404, "there is no such file")
+    return Response(files[name], media_type=_CONTENT_TYPES[Path(name).suffix])

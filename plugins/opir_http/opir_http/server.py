@@ -22,13 +22,11 @@ from opir_http.settings import (
 )
 
 _CHECK_S = 2.0
-_LONGEST_HEADERS = 16 * 1024
 _BACKLOG = 512
 
-#: Time, s, that clients have at the end to receive the last frames, and after which uvicorn cancels
-#: requests, which prints tracebacks.
+#: Time, s, that clients have at the end to receive the last frames: uvicorn cancels requests after
+#: 2 s, which prints tracebacks.
 _CUT_S = 0.8
-_CANCEL_S = 2
 
 
 class Connection(H11Protocol):
@@ -56,10 +54,8 @@ class Connection(H11Protocol):
             len(self.connections) > MAXIMUM_CONNECTIONS
             or self._of_client() > CONNECTIONS_PER_CLIENT
         ):
-            if (
-                sum(getattr(other, "_is_reserved", False) for other in self.connections)
-                >= RESERVED_CONNECTIONS
-            ):
+            reserved = sum(getattr(peer, "_is_reserved", False) for peer in self.connections)
+            if reserved >= RESERVED_CONNECTIONS:
                 transport.close()
                 return
             self._is_reserved = True
@@ -72,8 +68,8 @@ class Connection(H11Protocol):
         address = self.client[0] if self.client else ""
         if address in LOOPBACK:
             return 0
-        others = (getattr(other, "client", None) for other in self.connections)
-        return sum(client is not None and client[0] == address for client in others)
+        clients = (getattr(peer, "client", None) for peer in self.connections)
+        return sum(client is not None and client[0] == address for client in clients)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Cancel the check."""
@@ -135,9 +131,9 @@ class Server(uvicorn.Server):
                 log_config=None,
                 access_log=False,
                 server_header=False,
-                h11_max_incomplete_event_size=_LONGEST_HEADERS,
+                h11_max_incomplete_event_size=16 * 1024,
                 timeout_keep_alive=15,
-                timeout_graceful_shutdown=_CANCEL_S,
+                timeout_graceful_shutdown=2,
                 backlog=_BACKLOG,
             )
         )

@@ -3,25 +3,33 @@
 import hashlib
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
-import numpy as np
 from attrs import asdict, evolve, fields
 
 from opir_core.errors import OpirError
 from opir_core.host import Watchdog
 from opir_core.live import LiveRun, LiveStatus
-from opir_core.output import SinkStatus, chosen_renderer, timestamp_text
+from opir_core.output import SinkStatus, chosen_renderer
+from opir_core.plugin import EncoderContext
+from opir_http.answers import (
+    Clock,
+    CountsAnswer,
+    Health,
+    LaunchedAnswer,
+    Retried,
+    SinkState,
+    Status,
+    Viewers,
+)
 from opir_http.feed import Feed
-from opir_http.health import Backlogs, Health
+from opir_http.health import Backlogs
 from opir_http.problems import ProblemError, problem_of
 from opir_http.reading import refuse_names, refuse_other_names
-from opir_http.sensors import sensor_documents
+from opir_http.sensors import sensor_states, timestamp
 from opir_http.settings import LIVE, HttpSettings
-
-_KEYS = 1000
 
 
 class Service:
@@ -32,58 +40,68 @@ class Service:
     def __init__(self, run: LiveRun, settings: HttpSettings) -> None:
         self.run = run
         self.settings = settings
-        bounds = settings.history, settings.maximum_tracks
-        _, render = chosen_renderer(run.plan.host)
-        plan = run.plan
-        sensors = plan.sensors
-        epoch_us = run.scene.epoch_us
-        names = plan.hypothesis_names
         self.feed = Feed(
-            sensors, epoch_us, *bounds, self.status, plan.reported_types, render, hypotheses=names
+            EncoderContext(
+                sensors=run.plan.sensors,
+                epoch_us=run.scene.epoch_us,
+                reported_types=run.plan.reported_types,
+                render=chosen_renderer(run.plan.host)[1],
+            ),
+            settings.history,
+            settings.maximum_tracks,
+            self.status,
+            run.plan.hypothesis_names,
         )
         self.answers = Answers()
         self._writing = threading.Lock()
         self._backlogs = Backlogs()
-        #: What watches the run, once it is served.
+        #: Watches the run while it is served.
         self.watchdog: Watchdog | None = None
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> Status:
         """Return state and counts of the simulation, its sensors and its sinks."""
         live = self.run.status()
-        plan = self.run.plan
-        return {
-            "scene": plan.scene.name,
-            "state": live.state,
-            "error": live.error or live.tracker_error,
-            "health": asdict(self.health(live)),
-            "clock": {
-                "timestamp": self._timestamp(live.time_ns),
-                "epoch": self._timestamp(0),
-                "time_s": live.time_ns * 1e-9,
-                "duration_s": plan.scene.duration_s,
-                "speed": live.speed,
-                "lap": live.lap,
-                "cycle": live.cycle,
-                "late_s": round(live.late_s, 6),
-                "latest_s": round(live.latest_s, 6),
-                "late_cycles": live.late_cycles,
-                "cycle_age_s": round(live.cycle_age_s, 6),
-            },
-            "counts": {
-                "looks": live.looks,
-                "detections": live.detections,
-                "targets": live.targets,
-                "targets_launched": live.targets_launched,
-                "tracks": len(self.feed.tracks),
-            },
-            "sensors": self._sensors(live),
-            "sinks": [asdict(sink) | {"lag": _lag(sink)} for sink in live.sinks],
-            "viewers": {
-                "connected": self.feed.viewers,
-                "dropped_frames": self.feed.dropped_frames,
-                "dropped_windows": self.feed.dropped_windows,
-            },
-        }
+        scene = self.run.plan.scene
+        return Status(
+            scene=scene.name,
+            state=live.state,  # type: ignore[arg-type]
+            error=live.error or live.tracker_error,
+            health=self.health(live),
+            clock=Clock(
+                timestamp=self._timestamp(live.time_ns),
+                epoch=self._timestamp(0),
+                time_s=live.time_ns * 1e-9,
+                duration_s=scene.duration_s,
+                speed=live.speed,
+                lap=live.lap,
+                cycle=live.cycle,
+                late_s=round(live.late_s, 6),
+                latest_s=round(live.latest_s, 6),
+                late_cycles=live.late_cycles,
+                cycle_age_s=round(live.cycle_age_s, 6),
+            ),
+            counts=CountsAnswer(
+                looks=live.looks,
+                detections=live.detections,
+                targets=live.targets,
+                targets_launched=live.targets_launched,
+                tracks=len(self.feed.tracks),
+            ),
+            sensors=sensor_states(
+                self.run.plan.sensors,
+                live.time_ns * 1e-9,
+                [sensor.detections for sensor in live.sensors],
+                [sensor.last_detection_s for sensor in live.sensors],
+                self.run.scene.epoch_us,
+                [sensor.health for sensor in live.sensors],
+            ),
+            sinks=[SinkState(**asdict(sink), lag=_lag(sink)) for sink in live.sinks],
+            viewers=Viewers(
+                connected=self.feed.viewers,
+                dropped_frames=self.feed.dropped_frames,
+                dropped_windows=self.feed.dropped_windows,
+            ),
+        )
 
     def config(self) -> dict[str, Any]:
         """Return the present configuration: the scene's settings, and those of the service under
@@ -95,14 +113,14 @@ class Service:
         """Return the entity tag of the present configuration."""
         return etag_of(self.config())
 
-    def configure(self, wanted: Mapping[str, Any], if_match: str) -> tuple[int, str]:
+    def configure(self, settings: Mapping[str, Any], if_match: str) -> tuple[int, str]:
         """Apply a configuration, as a whole or not at all; return its first cycle and its entity
         tag.
         """
         with self._writing:
             if if_match not in ("*", self.etag()):
                 raise ProblemError(412, "the configuration is not that of If-Match; get it again")
-            scene = dict(wanted)
+            scene = dict(settings)
             refuse_other_names(self.run.settings_mapping(), scene)
             http = self._http(scene.pop("http", None))
             try:
@@ -110,28 +128,28 @@ class Service:
             except OpirError as error:
                 raise problem_of(error) from error
             self.settings = http
-            self.feed.tracks.most = http.maximum_tracks
+            self.feed.tracks.maximum = http.maximum_tracks
             self.run.settings = evolve(self.run.settings, maximum_targets=http.maximum_targets)
             return cycle, self.etag()
 
-    def launch(self, block: Mapping[str, Any]) -> dict[str, Any]:
+    def launch(self, block: Mapping[str, Any]) -> LaunchedAnswer:
         """Add a launch to the run and return the answer."""
         refuse_names(block)
         try:
             launched = self.run.launch(block)
         except OpirError as error:
             raise problem_of(error) from error
-        return {
-            "id": launched.target_id,
-            "time_s": launched.time_s,
-            "timestamp": self._timestamp(round(launched.time_s * 1e9)),
-            "cycle": launched.cycle,
-        }
+        return LaunchedAnswer(
+            id=launched.target_id,
+            time_s=launched.time_s,
+            timestamp=self._timestamp(round(launched.time_s * 1e9)),
+            cycle=launched.cycle,
+        )
 
-    def retry(self, output: str) -> dict[str, Any]:
+    def retry(self, output: str) -> Retried:
         """Let an output that its destination refuses try again at once."""
         try:
-            return {"output": output, "was_parked": self.run.retry_output(output)}
+            return Retried(output, self.run.retry_output(output))
         except OpirError as error:
             raise ProblemError(404, str(error)) from error
 
@@ -146,45 +164,55 @@ class Service:
             reasons.append(f"the stream has failed: {self.feed.error}")
         reasons += [reason for sink in live.sinks if (reason := self._backlogs.reason(sink))]
         stuck = ["the run has failed"] if live.state == "failed" else list(progress.stuck)
-        return Health.of(reasons, stuck, live.cycle_age_s, self.watchdog)
+        watchdog = self.watchdog
+        return Health(
+            ready=not reasons,
+            alive=not stuck,
+            reasons=reasons,
+            stuck=stuck,
+            beat_age_s=round(live.cycle_age_s, 6),
+            pauses=0 if watchdog is None else watchdog.pauses,
+            longest_pause_s=0.0 if watchdog is None else round(watchdog.longest_pause_s, 3),
+        )
 
-    def _http(self, wanted: Any) -> HttpSettings:
+    def _http(self, block: Any) -> HttpSettings:
         """Return the service's new settings; raises `ProblemError` if they are invalid or need a
         restart.
         """
-        ours = asdict(self.settings)
-        if not isinstance(wanted, Mapping) or set(wanted) != set(ours):
+        present = asdict(self.settings)
+        if not isinstance(block, Mapping) or set(block) != set(present):
             raise ProblemError(
-                422, "http has missing or unknown keys", (("http", f"needs {', '.join(ours)}"),)
+                422, "http has missing or unknown keys", (("http", f"needs {', '.join(present)}"),)
             )
-        errors = []
-        for attribute in fields(HttpSettings):
-            try:
-                _checked(attribute, wanted[attribute.name])
-            except (TypeError, ValueError) as error:
-                errors.append((f"http.{attribute.name}", str(error)))
-        if errors:
-            raise ProblemError(422, "http is not valid", tuple(errors))
+        if errors := tuple(_errors(block)):
+            raise ProblemError(422, "http is not valid", errors)
         fixed = tuple(
             (f"http.{key}", "needs a restart")
-            for key in ours
-            if key not in LIVE and wanted[key] != ours[key]
+            for key, value in present.items()
+            if key not in LIVE and block[key] != value
         )
         if fixed:
             raise ProblemError(409, "some settings need a restart", fixed)
-        return HttpSettings(**wanted)
-
-    def _sensors(self, live: LiveStatus) -> list[dict[str, Any]]:
-        counts = [sensor.detections for sensor in live.sensors]
-        last_s = [sensor.last_detection_s for sensor in live.sensors]
-        health = [sensor.health for sensor in live.sensors]
-        epoch_us = self.run.scene.epoch_us
-        return sensor_documents(
-            self.run.plan.sensors, live.time_ns * 1e-9, counts, last_s, epoch_us, health
-        )
+        return HttpSettings(**block)
 
     def _timestamp(self, time_ns: int) -> str:
-        return timestamp_text(np.array([self.run.scene.epoch_us + time_ns // 1000]))[0]
+        return timestamp(self.run.scene.epoch_us + time_ns // 1000)
+
+
+def _errors(block: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield path and message of each setting of the service that is not valid."""
+    kinds: Any = {bool: bool, int: int, float: (int, float), str: str}
+    for attribute in fields(HttpSettings):
+        value = block[attribute.name]
+        kind: Any = attribute.type
+        path = f"http.{attribute.name}"
+        if not isinstance(value, kinds[kind]) or isinstance(value, bool) != (kind is bool):
+            yield path, f"is not {kind.__name__}"
+        elif attribute.validator is not None:
+            try:
+                attribute.validator(None, attribute, value)
+            except (TypeError, ValueError) as error:
+                yield path, str(error)
 
 
 class Answers:
@@ -193,15 +221,15 @@ class Answers:
     """
 
     def __init__(self) -> None:
-        self._answers: OrderedDict[str, tuple[str, dict[str, Any] | None]] = OrderedDict()
+        self._answers: OrderedDict[str, tuple[str, LaunchedAnswer | None]] = OrderedDict()
 
-    def begin(self, key: str, body: bytes) -> dict[str, Any] | None:
+    def begin(self, key: str, body: bytes) -> LaunchedAnswer | None:
         """Return the answer of a key; None reserves the key for this request."""
         mark = hashlib.sha256(body).hexdigest()
         previous = self._answers.get(key)
         if previous is None:
             self._answers[key] = mark, None
-            while len(self._answers) > _KEYS:
+            while len(self._answers) > 1000:
                 self._answers.popitem(last=False)
             return None
         if previous[0] != mark:
@@ -210,7 +238,7 @@ class Answers:
             raise ProblemError(409, "the request with this Idempotency-Key is being processed")
         return previous[1]
 
-    def end(self, key: str, answer: dict[str, Any] | None) -> None:
+    def end(self, key: str, answer: LaunchedAnswer | None) -> None:
         """Keep the answer of a key; without an answer, release the key."""
         if answer is None:
             self._answers.pop(key, None)
@@ -229,14 +257,3 @@ def _lag(sink: SinkStatus) -> int:
     way.
     """
     return max(0, sink.given + sink.recovered - sink.delivered - sink.dropped - sink.withheld)
-
-
-def _checked(attribute: Any, value: Any) -> None:
-    """Raise `ValueError` or `TypeError` if a value is invalid for an attribute of the settings."""
-    kinds = {bool: (bool,), int: (int,), float: (int, float), str: (str,)}
-    if not isinstance(value, kinds[attribute.type]) or (
-        attribute.type is not bool and isinstance(value, bool)
-    ):
-        raise TypeError(f"is not {attribute.type.__name__}")
-    if attribute.validator is not None:
-        attribute.validator(None, attribute, value)

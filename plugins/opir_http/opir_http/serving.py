@@ -101,8 +101,8 @@ def serve(arguments: argparse.Namespace) -> int:
 def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Service:
     """Return the service that the arguments describe, not yet started."""
     plugins = host or Host.discover()
-    now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    scene = scene_of(arguments, plugins, first=(f"epoch={now}",) if arguments.epoch_now else ())
+    start = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    scene = scene_of(arguments, plugins, first=(f"epoch={start}",) if arguments.epoch_now else ())
     settings = HttpSettings(
         host=arguments.host,
         port=arguments.port,
@@ -196,12 +196,12 @@ def _read_token(path: Path) -> str:
 def _check_permissions(path: Path) -> None:
     """Reject a token file that other users can read or write."""
     try:
-        found = path.stat()
+        mode = path.stat().st_mode
     except OSError:
         return
-    if os.name == "posix" and stat.S_ISREG(found.st_mode) and found.st_mode & 0o077:
+    if os.name == "posix" and stat.S_ISREG(mode) and mode & 0o077:
         raise ServeError(
-            f"--token-file: other users can open the file (mode {stat.S_IMODE(found.st_mode):03o});"
+            f"--token-file: other users can open the file (mode {stat.S_IMODE(mode):03o});"
             f" chmod 600 {path}"
         )
 

@@ -33,14 +33,14 @@ Position = tuple[str, float, float, float]
 
 
 class TrackDocuments:
-    """The latest estimate of each track, at most `most`: those not updated for longest are removed.
+    """The latest estimate of each track, at most `maximum`: those not updated for longest are removed.
 
     `hypotheses` are the names of the run's hypotheses.
     """
 
-    def __init__(self, epoch_us: int, most: int = 1_000, hypotheses: Sequence[str] = ()) -> None:
+    def __init__(self, epoch_us: int, maximum: int = 1_000, hypotheses: Sequence[str] = ()) -> None:
         self._epoch_us = epoch_us
-        self.most = most
+        self.maximum = maximum
         self._hypotheses = hypotheses
         self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
         #: Earlier positions of each track, one after the other: Unix time, µs, latitude and
@@ -52,15 +52,15 @@ class TrackDocuments:
 
     def take(self, tracks: Tracks) -> Document:
         """Add estimates, sorted by tick; return the document with the last one of each track."""
-        last = {number: row for row, number in enumerate(tracks.track.tolist())}
-        tracks = tracks.take(list(last.values()))
+        row_of = {number: row for row, number in enumerate(tracks.track.tolist())}
+        tracks = tracks.take(list(row_of.values()))
         documents = self.documents(tracks)
         unix_us, _ = writable_unix_microseconds(tracks.tick_s, self._epoch_us)
         for document, time_us in zip(documents, unix_us.tolist(), strict=True):
             self._documents_by_track[document["track_id"]] = document
             self._documents_by_track.move_to_end(document["track_id"])
             self._extend_trail(document, time_us)
-        while len(self._documents_by_track) > self.most:
+        while len(self._documents_by_track) > self.maximum:
             removed, _ = self._documents_by_track.popitem(last=False)
             self._trails.pop(removed, None)
         return {"tracks": documents}

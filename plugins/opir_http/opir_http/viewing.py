@@ -4,28 +4,25 @@ import argparse
 import asyncio
 import socket
 import sys
+from functools import partial
 from typing import Any
 
 import msgspec
-from litestar import Litestar, Request, Response, get
-from litestar.exceptions import HTTPException
+from litestar import Litestar, Response, get
+from litestar.datastructures import State
 
 from opir_core import load_run
 from opir_core.plugin import Host
+from opir_http import answers
 from opir_http.gate import Gate
-from opir_http.openapi import view_document
-from opir_http.problems import ProblemError, answer_defect, answer_http, answer_problem
-from opir_http.reading import instant_us, number_within, query
-from opir_http.replay import LONGEST_S, Replay
-from opir_http.routes import page_routes
+from opir_http.openapi import described, document_of
+from opir_http.problems import ProblemError
+from opir_http.queries import LONGEST_S, SPAN_RULE, ReplayQuery, time_us
+from opir_http.replay import Replay
+from opir_http.routes import AnyRequest, application_of, encoded, query_of
 from opir_http.server import Server
 from opir_http.serving import bound_socket, start_text, token_of
 from opir_http.settings import HttpSettings
-
-_JSON = "application/json"
-_STEPS_S = 0.1, 600.0
-
-AnyRequest = Request[Any, Any, Any]
 
 
 def view(arguments: argparse.Namespace) -> int:
@@ -33,7 +30,7 @@ def view(arguments: argparse.Namespace) -> int:
     token = token_of(arguments)
     replay = Replay(load_run(arguments.run_path, Host.discover()))
     with bound_socket(arguments) as listening:
-        asyncio.run(_served(replay, token, listening, arguments.host))
+        asyncio.run(_serve(replay, token, listening, arguments.host))
     return 0
 
 
@@ -44,41 +41,42 @@ def view_server(replay: Replay, token: str | None, on_start: Any = lambda: None)
     return Server(Gate(app, lambda: settings, token), lambda: None, on_start)
 
 
-def view_application(replay: Replay) -> Litestar:
+@get("/status", **described())
+async def status(request: AnyRequest) -> Response[answers.Status]:
+    """State and counts of the simulation, its sensors and its sinks."""
+    return encoded(request.app.state.status)
+
+
+@get("/replay", **described(query=ReplayQuery))
+async def replay(request: AnyRequest) -> Response[answers.ReplayAnswer]:
+    """A part of the saved run: detections (of many a sample), estimates of tracks once a step,
+    exact counts.
+    """
+    query: ReplayQuery = query_of(request)
+    run: Replay = request.app.state.replay
+    since_us = time_us(query, "since")
+    until_us = time_us(query, "until")
+    if since_us is None or until_us is None or not 0 <= until_us - since_us <= LONGEST_S * 1e6:
+        raise ProblemError(400, SPAN_RULE)
+    answer = partial(run.part, since_us, until_us, query.step_s)
+    return encoded(await asyncio.to_thread(lambda: msgspec.json.encode(answer())))
+
+
+_ROUTES = [status, replay]
+
+
+def view_document() -> dict[str, Any]:
+    """Return the OpenAPI document of `opir view`."""
+    return document_of(_ROUTES, "A saved run of overhead infrared sensors.")
+
+
+def view_application(run: Replay) -> Litestar:
     """Return the application that shows a saved run."""
-    status = msgspec.json.encode(replay.status())
-
-    @get("/status")
-    async def saved_status(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        return Response(status, media_type=_JSON)
-
-    @get("/replay")
-    async def part(request: AnyRequest) -> Response[bytes]:
-        given = query(request.scope["query_string"], ("since", "until", "step_s"))
-        since_us = instant_us(given, "since")
-        until_us = instant_us(given, "until")
-        if since_us is None or until_us is None or not 0 <= until_us - since_us <= LONGEST_S * 1e6:
-            raise ProblemError(400, f"since and until must be given, at most {LONGEST_S:g} s apart")
-        step_s = number_within(given, "step_s", 1.0, *_STEPS_S)
-        found = await asyncio.to_thread(
-            lambda: msgspec.json.encode(replay.part(since_us, until_us, step_s))
-        )
-        return Response(found, media_type=_JSON)
-
-    return Litestar(
-        route_handlers=[*page_routes(view_document()), saved_status, part],
-        exception_handlers={
-            ProblemError: answer_problem,
-            HTTPException: answer_http,
-            Exception: answer_defect,
-        },
-        openapi_config=None,
-        logging_config=None,
-    )
+    state = State({"replay": run, "status": msgspec.json.encode(run.status())})
+    return application_of(_ROUTES, view_document, state)
 
 
-async def _served(replay: Replay, token: str | None, listening: socket.socket, host: str) -> None:
+async def _serve(replay: Replay, token: str | None, listening: socket.socket, host: str) -> None:
     def print_address() -> None:
         sys.stdout.write(start_text(host, listening.getsockname()[1]))
         sys.stdout.flush()

@@ -19,6 +19,7 @@ from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, LogLocator, NullFormatter
 
 from opir_report.palette import GRID, INK, MUTED, PAPER, SERIES, Hue
+from opir_report.words import number_words
 
 #: Settings of matplotlib while a plot is drawn. Text stays text in SVG: it can be searched and
 #: scaled.
@@ -96,72 +97,79 @@ def without_data(axes: Axes, words: str) -> Axes:
     return axes
 
 
-#: Widths of a letter and of the gaps of an entry in a legend, inches; height of a row, points.
-_LETTER_IN = 0.062
-_GAPS_IN = 0.24
-_ROW_PT = 12.5
-#: Lengths of a line with dashes and of a mark alone in a legend, in units of its font size, and of
-#: that size in inches.
-_LINE_LENGTH = 3.2
-_MARK_LENGTH = 1.2
-_FONT_IN = 8.0 / 72.0
+def legend_entry(label: str, colour: str = INK, **style: Any) -> Line2D:
+    """Return an entry of a legend."""
+    return Line2D([], [], color=colour, label=label, **style)
 
 
 def legend_of(axes: Axes, hues: Sequence[Hue], marks: Sequence[Line2D] = ()) -> None:
     """Draw a legend of the series' hues and of other marks above the axes."""
-    lines = [
-        Line2D([], [], color=hue.colour, linestyle=hue.dashes, label=hue.label) for hue in hues
-    ]
+    lines = [legend_entry(hue.label, hue.colour, linestyle=hue.dashes) for hue in hues]
     legend_above(axes, [*lines, *marks])
 
 
 def legend_beside(
-    axes: Axes, hues: Sequence[Hue], title: str = "", *, whole: bool = False, marker: str = "o"
+    axes: Axes, hues: Sequence[Hue], title: str = "", *, is_shared: bool = False, marker: str = "o"
 ) -> None:
-    """Draw a legend of series with marks above the axes, or above their whole figure."""
+    """Draw a legend of series with marks above the axes, or above their figure."""
     lines = [
-        Line2D(
-            [],
-            [],
-            color=hue.colour,
-            linestyle=hue.dashes or "",
-            marker=marker,
-            markersize=4,
-            label=hue.label,
-        )
+        legend_entry(hue.label, hue.colour, linestyle=hue.dashes or "", marker=marker, markersize=4)
         for hue in hues
     ]
-    legend_above(axes, lines, title, whole=whole)
+    legend_above(axes, lines, title, is_shared=is_shared)
 
 
 def legend_above(
-    axes: Axes, lines: Sequence[Line2D], title: str = "", *, whole: bool = False
+    axes: Axes, lines: Sequence[Line2D], title: str = "", *, is_shared: bool = False
 ) -> None:
-    """Draw a legend of lines above the axes, off the data, or above the whole figure; a title of
-    the axes moves up.
+    """Draw a legend of lines above the axes, off the data, or above the figure if panels share it;
+    a title of the axes moves up.
     """
-    figure = axes.figure
-    part = axes.get_subplotspec()
-    panels = 1 if whole or part is None else part.get_geometry()[1]
-    width_in = figure.bbox.width / figure.dpi / panels - 0.9
     has_lines = any(line.get_linestyle() != "None" for line in lines)
-    handle = _LINE_LENGTH if has_lines else _MARK_LENGTH
-    longest_in = (
-        _GAPS_IN
-        + _FONT_IN * handle
-        + _LETTER_IN * max(len(str(line.get_label())) for line in lines)
-    )
-    columns = int(min(max(width_in // longest_in, 1), len(lines)))
-    style: dict[str, Any] = {"handles": lines, "ncols": columns, "handlelength": handle}
+    # Length of a line with dashes, or of a mark, in units of the font size, 8 pt.
+    handle_length = 3.2 if has_lines else 1.2
+    width_in = panel_width_in(axes, is_shared=is_shared) - 0.9
+    columns = _legend_columns(lines, handle_length, width_in)
+    style: dict[str, Any] = {"handles": lines, "ncols": columns, "handlelength": handle_length}
     if title:
         style |= {"title": title, "title_fontsize": 8, "alignment": "left"}
-    if whole:
-        figure.legend(loc="outside upper left", **style)
+    if is_shared:
+        axes.figure.legend(loc="outside upper left", **style)
         return
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.3, **style)
+    _lift_title(axes, rows=-(-len(lines) // columns) + bool(title))
+
+
+def _lift_title(axes: Axes, rows: int) -> None:
+    """Move the title of axes above the rows of a legend."""
     if axes.get_title("left"):
-        rows = -(-len(lines) // columns) + bool(title)
-        axes.set_title(axes.get_title("left"), loc="left", pad=9.0 + _ROW_PT * rows)
+        axes.set_title(axes.get_title("left"), loc="left", pad=9.0 + 12.5 * rows)
+
+
+def _legend_columns(lines: Sequence[Line2D], handle_length: float, width_in: float) -> int:
+    """Return how many entries of a legend fit beside each other."""
+    # An entry has gaps of 0.24 inches, a letter is 0.062 inches wide.
+    letters = max(len(str(line.get_label())) for line in lines)
+    entry_in = 0.24 + handle_length * 8.0 / 72.0 + 0.062 * letters
+    return int(min(max(width_in // entry_in, 1), len(lines)))
+
+
+def panel_width_in(axes: Axes, *, is_shared: bool = False) -> float:
+    """Return the width of a figure, inches, divided by its columns of panels unless they share
+    it.
+    """
+    figure = axes.figure
+    panel = axes.get_subplotspec()
+    columns = 1 if is_shared or panel is None else panel.get_geometry()[1]
+    return float(figure.bbox.width / figure.dpi / columns)
+
+
+def number_ticks(axis: Axis, *, is_log: bool) -> None:
+    """Write the ticks of an axis as numbers to a few digits."""
+    if is_log:
+        log_ticks(axis)
+    else:
+        axis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
 
 
 def log_ticks(axis: Axis) -> None:
@@ -198,13 +206,17 @@ def svg_of(
         FigureCanvasSVG(figure)
         draw(figure)
         figure.savefig(stream, format="svg", metadata={"Date": None})
-    text = stream.getvalue()
+    label = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    head = f'<svg role="img" aria-label="{label}" '
+    return _shortened(stream.getvalue()).replace("<svg ", head, 1)
+
+
+def _shortened(text: str) -> str:
+    """Return the `svg` element of a file, without unused parts and with places to 2 decimals."""
     text = _GLOBAL_STYLE.sub("", text)
     text = _METADATA.sub("", text[text.index("<svg") :].rstrip())
     text = _IDS.sub("", text)
-    text = _GEOMETRY.sub(lambda found: _PLACES.sub(r"\1", found[0]), text)
-    label = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
+    return _GEOMETRY.sub(lambda attribute: _PLACES.sub(r"\1", attribute[0]), text)
 
 
 def print_bytes(draw: Callable[[Figure], object], height_in: float, form: str) -> bytes:

@@ -15,7 +15,7 @@ from opir_report.pages.study_report import studies_in, study_page
 from opir_report.saved_study import is_study
 
 _SCENES = {".yaml", ".yml"}
-_HERE = "command line"
+_COMMAND = "command line"
 
 
 def report(arguments: argparse.Namespace) -> int:
@@ -24,17 +24,17 @@ def report(arguments: argparse.Namespace) -> int:
     if not out.name or out.is_dir():
         raise SceneError(
             [Problem("--out", f"{str(out)!r} is a folder; give the path of a file in it")],
-            source=_HERE,
+            source=_COMMAND,
         )
-    page = _page([Path(each) for each in arguments.paths])
+    page = _page([Path(path) for path in arguments.paths])
     written = write_page(page, out, with_data=not arguments.no_data)
     sys.stdout.write(f"{written[0]}: report\n")
     if len(written) > 1:
         sys.stdout.write(f"{written[1].parent}: data of {len(written) - 1} figures\n")
     if arguments.figures is not None:
         files = write_figures(page, Path(arguments.figures), _forms(arguments.formats))
-        tables = sum(each.suffix == ".tex" for each in files)
-        names = len({each.stem for each in files}) - tables
+        tables = sum(file.suffix == ".tex" for file in files)
+        names = len({file.stem for file in files}) - tables
         sys.stdout.write(f"{arguments.figures}: {names} figures, {tables} tables\n")
     return 0
 
@@ -51,14 +51,14 @@ def _page(paths: Sequence[Path]) -> ReportPage:
         return study_page(studies_in(paths))
     if len(paths) > 1:
         words = "several reports in one are of studies: give one run, or the folders of studies"
-        raise SceneError([Problem("", words)], source=_HERE)
+        raise SceneError([Problem("", words)], source=_COMMAND)
     return run_page(load_run(paths[0]))
 
 
 def _forms(text: str) -> Sequence[str]:
-    forms = [each.strip().lower() for each in text.split(",")]
-    unknown = [each for each in forms if each not in FORMS]
+    forms = [form.strip().lower() for form in text.split(",")]
+    unknown = [form for form in forms if form not in FORMS]
     if unknown:
         words = f"{unknown[0]!r} is no format; there are {', '.join(FORMS)}"
-        raise SceneError([Problem("--formats", words)], source=_HERE)
+        raise SceneError([Problem("--formats", words)], source=_COMMAND)
     return forms

@@ -3,7 +3,7 @@ of the same seeds.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
@@ -12,6 +12,14 @@ from scipy.special import stdtrit
 from opir_core.arrays import FloatArray
 from opir_report.figure_data import FigureData
 from opir_report.saved_study import SavedStudy
+
+
+class MeanInterval(NamedTuple):
+    """Means (...,) and the ends of their 95 % intervals."""
+
+    mean: FloatArray
+    low: FloatArray
+    high: FloatArray
 
 
 @frozen(eq=False)
@@ -33,19 +41,13 @@ class FactorialRuns:
         combinations.
         """
         runs = study.runs
-        if (
-            runs is None
-            or not len(runs)
-            or figure not in runs.columns
-            or study.definition["design"] != "factorial"
-        ):
+        if study.definition["design"] != "factorial" or not runs or figure not in runs.columns:
             return None
-        levels = tuple(list(dict.fromkeys(runs[path].tolist())) for path in study.paths)
-        shape = [*map(len, levels), int(runs["replicate"].max()) + 1]
-        values = np.full(shape, np.nan)
+        levels = tuple(runs.levels(path) for path in study.paths)
+        values = np.full([*map(len, levels), int(runs["replicate"].max()) + 1], np.nan)
         places = [
-            np.array([own.index(value) for value in runs[path].tolist()])
-            for path, own in zip(study.paths, levels, strict=True)
+            np.array([own_levels.index(value) for value in runs[path].tolist()])
+            for path, own_levels in zip(study.paths, levels, strict=True)
         ]
         values[(*places, runs["replicate"])] = runs[figure]
         return cls(figure, tuple(study.paths), levels, values)
@@ -53,32 +55,33 @@ class FactorialRuns:
     def at(self, path: str, level: Any) -> "FactorialRuns":
         """Return the runs at one level of a setting, which then no longer varies."""
         axis = self.paths.index(path)
-        others = [place for place in range(len(self.paths)) if place != axis]
-        values = np.take(self.values, self.levels[axis].index(level), axis=axis)
-        paths = tuple(self.paths[place] for place in others)
-        levels = tuple(self.levels[place] for place in others)
-        return evolve(self, paths=paths, levels=levels, values=values)
+        return evolve(
+            self,
+            paths=self.paths[:axis] + self.paths[axis + 1 :],
+            levels=self.levels[:axis] + self.levels[axis + 1 :],
+            values=np.take(self.values, self.levels[axis].index(level), axis=axis),
+        )
 
-    def averaged(self, kept: Sequence[str]) -> FloatArray:
-        """Return means over the settings that are not kept: an axis for each of `kept` in its
-        order, and the runs.
+    def averaged(self, paths: Sequence[str]) -> FloatArray:
+        """Return means over the other settings: an axis for each of `paths` in its order, and the
+        runs.
 
-        A run counts only with a value at all of these settings: elsewhere it is nan.
+        A run counts only with a value at all of the other settings: elsewhere it is nan.
         """
-        others = tuple(place for place, path in enumerate(self.paths) if path not in kept)
-        left = [path for path in self.paths if path in kept]
+        others = tuple(axis for axis, path in enumerate(self.paths) if path not in paths)
+        axes = [path for path in self.paths if path in paths]
         means = self.values.mean(axis=others) if others else self.values
-        return np.transpose(means, [*(left.index(path) for path in kept), len(left)])
+        return np.transpose(means, [*(axes.index(path) for path in paths), len(axes)])
 
-    def rows(self, kept: Sequence[str]) -> FigureData:
-        """Return a row for each combination of the settings kept: their values, figure, mean,
-        low_95, high_95.
+    def rows(self, paths: Sequence[str]) -> FigureData:
+        """Return a row for each combination of some settings: their values, figure, mean, low_95,
+        high_95.
         """
-        mean, low, high = intervals(self.averaged(kept))
-        grid = np.meshgrid(*(np.arange(len(self._levels_of(path))) for path in kept), indexing="ij")
+        mean, low, high = intervals(self.averaged(paths))
+        levels = {path: np.array(self.levels_of(path)) for path in paths}
+        grid = np.meshgrid(*(np.arange(len(levels[path])) for path in paths), indexing="ij")
         columns = {
-            path: np.array(self._levels_of(path))[place.ravel()]
-            for path, place in zip(kept, grid, strict=True)
+            path: levels[path][place.ravel()] for path, place in zip(paths, grid, strict=True)
         }
         columns["figure"] = np.full(mean.size, self.figure)
         return FigureData(
@@ -93,23 +96,25 @@ class FactorialRuns:
         mean, low, high = intervals(means[-1] - means[0])
         return float(mean), float(low), float(high)
 
-    def _levels_of(self, path: str) -> list[Any]:
+    def levels_of(self, path: str) -> list[Any]:
+        """Return the levels of a setting."""
         return self.levels[self.paths.index(path)]
 
 
-def intervals(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def intervals(values: FloatArray) -> MeanInterval:
     """Return means of values (..., n) over the last axis, and the ends of their 95 % intervals
     (Student's t).
 
     nan does not count; a mean without values is nan, as is an interval of fewer than two.
     """
-    known = np.isfinite(values)
-    count = known.sum(axis=-1)
-    mean = np.where(known, values, 0.0).sum(axis=-1) / np.where(count > 0, count, np.nan)
-    squares = np.where(known, np.square(values - mean[..., None]), 0.0).sum(axis=-1)
+    is_known = np.isfinite(values)
+    count = is_known.sum(axis=-1)
+    divisor = np.where(count > 0, count, np.nan)
+    mean = np.where(is_known, values, 0.0).sum(axis=-1) / divisor
+    squares = np.where(is_known, np.square(values - mean[..., None]), 0.0).sum(axis=-1)
     freedom = np.where(count > 1, count - 1.0, np.nan)
-    half = stdtrit(freedom, 0.975) * np.sqrt(squares / freedom / np.where(count > 0, count, np.nan))
-    return mean, mean - half, mean + half
+    half = stdtrit(freedom, 0.975) * np.sqrt(squares / freedom / divisor)
+    return MeanInterval(mean, mean - half, mean + half)
 
 
 def ranked_settings(runs: FactorialRuns) -> list[str]:
@@ -118,7 +123,8 @@ def ranked_settings(runs: FactorialRuns) -> list[str]:
     """
     spans = dict[str, float]()
     for path, levels in zip(runs.paths, runs.levels, strict=True):
-        mean = intervals(runs.averaged([path]))[0]
+        mean = intervals(runs.averaged([path])).mean
+        mean = mean[np.isfinite(mean)]
         if len(levels) > 1:
-            spans[path] = float(np.ptp(mean[np.isfinite(mean)])) if np.isfinite(mean).any() else 0.0
+            spans[path] = float(np.ptp(mean)) if len(mean) else 0.0
     return sorted(spans, key=lambda path: -spans[path])

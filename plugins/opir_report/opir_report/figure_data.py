@@ -17,8 +17,15 @@ class FigureData:
     @classmethod
     def of_rows(cls, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> "FigureData":
         """Return the columns of rows of plain values."""
-        parts = list(zip(*rows, strict=True)) or [()] * len(names)
-        return cls({name: np.asarray(part) for name, part in zip(names, parts, strict=True)})
+        columns = list(zip(*rows, strict=True)) or [()] * len(names)
+        return cls({name: np.asarray(values) for name, values in zip(names, columns, strict=True)})
+
+    @classmethod
+    def joined(cls, tables: "Sequence[FigureData]") -> "FigureData":
+        """Return the rows of tables of the same columns."""
+        return cls(
+            {name: np.concatenate([table[name] for table in tables]) for name in tables[0].columns}
+        )
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
@@ -30,6 +37,14 @@ class FigureData:
     def where(self, rows: Any) -> "FigureData":
         """Return some of the rows."""
         return FigureData({name: column[rows] for name, column in self.columns.items()})
+
+    def levels(self, name: str) -> list[Any]:
+        """Return the distinct values of a column, in order."""
+        return list(dict.fromkeys(self.columns[name].tolist()))
+
+    def at(self, name: str, value: Any) -> "FigureData":
+        """Return the rows with a value in a column."""
+        return self.where(self.columns[name] == value)
 
     def write(self, path: Path) -> None:
         """Write the columns to a Parquet file."""

@@ -59,6 +59,11 @@ class Hue:
     dashes: Any
     label: str
 
+    @property
+    def style(self) -> dict[str, Any]:
+        """The style of a line."""
+        return {"color": self.colour, "linestyle": self.dashes}
+
 
 @frozen
 class Hues:
@@ -70,15 +75,15 @@ class Hues:
     @classmethod
     def of(cls, ids: Sequence[str], types: Sequence[str]) -> "Hues":
         """Return the hues of targets with ids (n,) and types (n,)."""
-        names = list(ids) if len(ids) <= len(SERIES) else list(types)
-        distinct = list(dict.fromkeys(names))
-        is_alone = len(ids) <= len(SERIES)
-        labels = (
-            [f"{own} ({kind})" for own, kind in zip(ids, types, strict=True)]
-            if is_alone
-            else distinct
-        )
-        hues = {name: series_hue(number, labels[number]) for number, name in enumerate(distinct)}
+        names = list(types)
+        labels = list(dict.fromkeys(types))
+        if len(ids) <= len(SERIES):
+            names = list(ids)
+            labels = [f"{target} ({kind})" for target, kind in zip(ids, types, strict=True)]
+        hues = {
+            name: series_hue(number, labels[number])
+            for number, name in enumerate(dict.fromkeys(names))
+        }
         return cls(tuple(hues[name] for name in names), tuple(hues.values()))
 
 

@@ -1,10 +1,12 @@
-"""What several plots of a run need: its evidence, the target of each track, the last estimates, the
-hues of targets.
+"""Data that several plots of a run share: its evidence, the target of each track, the last
+estimates, the hues of targets.
 """
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from opir_scoring import (
     Ownership,
     RunEvidence,
@@ -24,13 +26,9 @@ from opir_core.plugin import ImpactRegion, TargetClass, Tracks
 from opir_report.maps.clipping import dense
 from opir_report.palette import Hues
 
-_ELLIPSE_POINTS = 73
-#: Longest step along an edge of a region.
-_STEP_M = 100e3
-
 
 class RunFacts:
-    """A run with what plots derive from it, each computed once."""
+    """A run with the data that plots derive from it, each computed once."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -53,16 +51,18 @@ class RunFacts:
     @cached_property
     def truth(self) -> list[dict[str, object]]:
         """The true launch, burnout and impact of each launch."""
-        return [dict(each) for each in self.plan.targets.truth()][: self.launches]
+        return [dict(events) for events in self.plan.targets.truth()][: self.launches]
 
-    def right_code(self, target: int) -> int:
-        """Return the code of the type that detections of a target should report, -1 if the run
-        reports no such type.
+    @cached_property
+    def right_codes(self) -> IntArray:
+        """The code of the type that detections of each launch should report, -1 if the run reports
+        no such type.
         """
-        right = self.plan.host.component(TargetClass, self.types[target]).reported_type
-        names = list(self.run.reported_types)
-        own = self.types[target]
-        return names.index(own) if own in names else names.index(right) if right in names else -1
+        codes = {name: code for code, name in enumerate(self.run.reported_types)}
+        types = {
+            kind: self.plan.host.component(TargetClass, kind).reported_type for kind in self.types
+        }
+        return np.array([codes.get(kind, codes.get(types[kind], -1)) for kind in self.types])
 
     def true_point(self, target: int, name: str) -> tuple[float, float]:
         """Return latitude and longitude, rad, of a target's `launch`, `burnout` or `impact`; nan
@@ -71,13 +71,14 @@ class RunFacts:
         latitude, longitude, _ = place_of(self.truth[target].get(name))
         return float(latitude), float(longitude)
 
+    def target_names(self, targets: IntArray) -> NDArray[np.object_]:
+        """Return the ids (n,) of launches (n,)."""
+        return np.array([self.ids[target] for target in targets.tolist()], dtype=object)
+
     def in_force(self, target: int) -> Tracks:
         """Return the estimates (n,) of the track in force of a target, by tick."""
-        return (
-            self.run.tracks.take(self._rows_of[target])
-            if target in self._rows_of
-            else Tracks.empty()
-        )
+        rows = self._rows_of.get(target)
+        return Tracks.empty() if rows is None else self.run.tracks.take(rows)
 
     @cached_property
     def last(self) -> dict[int, int]:
@@ -88,17 +89,16 @@ class RunFacts:
     @cached_property
     def last_with_impact(self) -> dict[int, int]:
         """The row of the last estimate with a predicted impact of each target that has one."""
-        known = np.isfinite(self.run.tracks.impact[:, 0]) | self.run.tracks.impact_regions.astype(
-            bool
-        )
-        found = {target: rows[known[rows]] for target, rows in self._rows_of.items()}
-        return {target: int(rows[-1]) for target, rows in found.items() if len(rows)}
+        tracks = self.run.tracks
+        has_impact = np.isfinite(tracks.impact[:, 0]) | tracks.impact_regions.astype(bool)
+        rows_of = {target: rows[has_impact[rows]] for target, rows in self._rows_of.items()}
+        return {target: int(rows[-1]) for target, rows in rows_of.items() if len(rows)}
 
     @cached_property
     def _rows_of(self) -> dict[int, IntArray]:
         rows = rows_in_force(self.evidence, self.owners)
-        target = self._targets_of(rows)
-        return {each: rows[target == each] for each in np.unique(target).tolist()}
+        targets = self._targets_of(rows)
+        return {target: rows[targets == target] for target in np.unique(targets).tolist()}
 
     def _targets_of(self, rows: IntArray) -> IntArray:
         if not len(rows):
@@ -106,56 +106,72 @@ class RunFacts:
         return self.owners.target[np.searchsorted(self.owners.track, self.run.tracks.track[rows])]
 
 
-def containment_rings(tracks: Tracks, row: int) -> dict[float, tuple[float, list[FloatArray]]]:
-    """Return area, km², and rings of the impact regions of an estimate by containment, else of its
-    ellipses.
+class Containment(NamedTuple):
+    """A region on the ground: its area, km², and its rings (n, 2), closed latitudes and longitudes,
+    rad, with the region on their left.
+    """
+
+    area_km2: float
+    rings: list[FloatArray]
+
+
+def containment_rings(tracks: Tracks, row: int) -> dict[float, Containment]:
+    """Return the impact regions of an estimate by containment, else its ellipses.
 
     The regions are those of the most probable condition.
-    Rings (n, 2) are closed latitudes and longitudes, rad, with the region on their left.
     """
     regions = tracks.impact_regions[row]
     if regions:
         return {
-            region.containment: (
-                float(region.area_km2),
-                [
-                    _left_ring(region, ring, is_hole=place > 0)
-                    for rings in region.polygons
-                    for place, ring in enumerate(rings)
-                ],
-            )
+            region.containment: _region(region)
             for region in regions
             if region.condition == regions[0].condition
         }
     ellipses = {
         containment: _ellipse(tracks, row, containment) for containment in TRACK_CONTAINMENTS
     }
-    return {containment: found for containment, found in ellipses.items() if found is not None}
+    return {
+        containment: ellipse for containment, ellipse in ellipses.items() if ellipse is not None
+    }
+
+
+def largest_rings(tracks: Tracks, row: int) -> list[FloatArray]:
+    """Return the rings of the largest impact region of an estimate."""
+    regions = list(containment_rings(tracks, row).values())
+    return regions[-1].rings if regions else []
+
+
+def _region(region: ImpactRegion) -> Containment:
+    rings = [
+        _left_ring(region, ring, is_hole=number > 0)
+        for polygon in region.polygons
+        for number, ring in enumerate(polygon)
+    ]
+    return Containment(float(region.area_km2), rings)
 
 
 def _left_ring(region: ImpactRegion, ring: FloatArray, *, is_hole: bool) -> FloatArray:
-    """Return a ring of a region, with the region on its left and points along edges, straight on
-    the region's chart.
+    """Return a ring of a region, with the region on its left and a point each 100 km along edges,
+    straight on the region's chart.
     """
     chart = region.chart()
-    flat = dense(chart.points(ring), _STEP_M)
+    flat = dense(chart.points(ring), 100e3)
     (x, y), (east, north) = flat[:-1].T, flat[1:].T
     is_left = float(np.sum(x * north - east * y)) > 0.0
     return chart.places(flat if is_left != is_hole else flat[::-1])
 
 
-def _ellipse(tracks: Tracks, row: int, containment: float) -> tuple[float, list[FloatArray]] | None:
-    one = tracks.take(slice(row, row + 1))
-    axes = containment_ellipse(one.impact_covariance[:, :2, :2], containment, one.impact_sigmas)
-    major, minor, bearing = (float(each[0]) for each in axes)
+def _ellipse(tracks: Tracks, row: int, containment: float) -> Containment | None:
+    track = tracks.take(slice(row, row + 1))
+    axes = containment_ellipse(track.impact_covariance[:, :2, :2], containment, track.impact_sigmas)
+    major, minor, bearing = (float(values[0]) for values in axes)
     if not np.isfinite(major):
         return None
-    angle = -np.linspace(0.0, 2.0 * np.pi, _ELLIPSE_POINTS)
+    angle = -np.linspace(0.0, 2.0 * np.pi, 73)
     along = major * np.cos(angle)
     across = minor * np.sin(angle)
-    everywhere = np.ones(len(angle))
-    latitude, longitude = (value * everywhere for value in one.impact[0, :2].tolist())
+    latitude, longitude = (np.full(len(angle), value) for value in track.impact[0, :2].tolist())
     edge = geodesic_direct(
         latitude, longitude, bearing + np.arctan2(across, along), np.hypot(along, across)
     )
-    return 1e-6 * np.pi * major * minor, [np.stack([edge[0], edge[1]], axis=1)]
+    return Containment(1e-6 * np.pi * major * minor, [np.stack([edge[0], edge[1]], axis=1)])

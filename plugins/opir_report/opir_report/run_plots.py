@@ -1,6 +1,8 @@
 """`run.plot`: the plots of a run, each a method that returns matplotlib axes."""
 
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -44,24 +46,19 @@ class RunPlots:
 
         The projection is azimuthal equidistant about the launches.
         """
-        axes = new_axes(MAP_IN) if ax is None else ax
-        with rc_context(STYLE):
-            return launch_map(axes, self.facts, self.ground_tracks)
+        return self._drawn(launch_map, self.ground_tracks, ax=ax, height_in=MAP_IN)
 
     def world(self, ax: Axes | None = None) -> Axes:
         """Draw the Earth with the satellites, the edges of their fields of view, and the
         launches.
         """
-        axes = new_axes(WORLD_IN) if ax is None else ax
-        with rc_context(STYLE):
-            return world_map(axes, self.facts, self.ground_tracks, fields_of_view(self.facts.plan))
+        views = fields_of_view(self.facts.plan)
+        return self._drawn(world_map, self.ground_tracks, views, ax=ax, height_in=WORLD_IN)
 
     def timeline(self, ax: Axes | None = None) -> Axes:
         """Draw the number of detections of each sensor over time, by target."""
         counts = detection_counts(self.facts)
-        axes = new_axes(timeline_height_in(counts)) if ax is None else ax
-        with rc_context(STYLE):
-            return timeline(axes, self.facts, counts)
+        return self._drawn(timeline, counts, ax=ax, height_in=timeline_height_in(counts))
 
     def impact(self, target: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw the last predicted impact regions of a target with its true impact.
@@ -69,12 +66,14 @@ class RunPlots:
         `target` is an id, by default that of the first target with a predicted impact. `KeyError`
         for an unknown one.
         """
-        axes = new_axes(5.0) if ax is None else ax
-        with rc_context(STYLE):
-            if target is None and not self.facts.last_with_impact:
+
+        def draw(axes: Axes, facts: RunFacts) -> Axes:
+            if target is None and not facts.last_with_impact:
                 return without_data(axes, "no impact was predicted")
-            number = min(self.facts.last_with_impact) if target is None else self._number(target)
-            return impact_map(axes, self.facts, number)
+            number = min(facts.last_with_impact) if target is None else self._number(target)
+            return impact_map(axes, facts, number)
+
+        return self._drawn(draw, ax=ax, height_in=5.0)
 
     def snr(self, target: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw the expected SNR along the boost of a target, by sensor, in each sensor's reference
@@ -96,9 +95,7 @@ class RunPlots:
         """Draw the confidence of detections over time, by target, and the type probability of
         tracks.
         """
-        axes = new_axes(3.8) if ax is None else ax
-        with rc_context(STYLE):
-            return confidence_plot(axes, self.facts, confidences(self.facts))
+        return self._drawn(confidence_plot, confidences(self.facts), ax=ax)
 
     def hypotheses(self, track: int | None = None, ax: Axes | None = None) -> Axes:
         """Draw the probability of each hypothesis of a track over time.
@@ -106,59 +103,55 @@ class RunPlots:
         `track` is one of the tracks of the first launches or sources, by default the first.
         `KeyError` for others.
         """
-        axes = new_axes(3.8) if ax is None else ax
-        known = list(weighed_tracks(self.facts))
-        if track is not None and track not in known:
-            raise KeyError(
-                f"no plot of the track {track}; there are those of"
-                f" {', '.join(map(str, known)) or 'none'}"
-            )
-        number = next(iter(known), -1) if track is None else track
-        with rc_context(STYLE):
-            return hypotheses_plot(axes, self.facts, hypothesis_history(self.facts), number)
+        tracks = list(weighed_tracks(self.facts))
+        if track is not None and track not in tracks:
+            names = ", ".join(map(str, tracks)) or "none"
+            raise KeyError(f"no plot of the track {track}; there are those of {names}")
+        number = next(iter(tracks), -1) if track is None else track
+        return self._drawn(hypotheses_plot, hypothesis_history(self.facts), number, ax=ax)
 
     def latency(self, ax: Axes | None = None) -> Axes:
         """Draw the distribution of latencies to the first detection, by sensor type, against the
         closed form.
         """
-        axes = new_axes(4.0) if ax is None else ax
         pairs = pair_latencies(self.facts)
-        with rc_context(STYLE):
-            return latency_plot(axes, self.facts, pairs, latency_curves(pairs))
+        return self._drawn(latency_plot, pairs, latency_curves(pairs), ax=ax, height_in=4.0)
 
     def containment(self, ax: Axes | None = None) -> Axes:
         """Draw the area of the 95 % impact regions over time, and whether they contain the true
         impact.
         """
-        axes = new_axes(4.0) if ax is None else ax
-        with rc_context(STYLE):
-            return containment_plot(axes, self.facts, region_history(self.facts))
+        return self._drawn(containment_plot, region_history(self.facts), ax=ax, height_in=4.0)
 
     def nees(self, ax: Axes | None = None) -> Axes:
         """Draw the NEES of the tracks' states over time, divided by 6, with its 99 % band."""
-        axes = new_axes(3.8) if ax is None else ax
-        with rc_context(STYLE):
-            return nees_plot(axes, self.facts, nees_history(self.facts))
+        return self._drawn(nees_plot, nees_history(self.facts), ax=ax)
 
     def scorecard(self, ax: Axes | None = None) -> Axes:
         """Draw the scores of the run's tracks as a table."""
-        axes = new_axes(3.6) if ax is None else ax
-        with rc_context(STYLE):
-            return score_table(axes, self.facts)
+        return self._drawn(score_table, ax=ax, height_in=3.6)
 
     def _signal(self, panel: str, target: str | None, ax: Axes | None) -> Axes:
-        axes = new_axes(3.8) if ax is None else ax
-        with rc_context(STYLE):
-            if not self.facts.ids:
+        def draw(axes: Axes, facts: RunFacts) -> Axes:
+            if not facts.ids:
                 return without_data(axes, "the scene has no launches")
             number = 0 if target is None else self._number(target)
-            return signal_plot(axes, self.facts, number, signals(self.facts, number), panel)
+            return signal_plot(axes, facts, number, signals(facts, number), panel)
+
+        return self._drawn(draw, ax=ax)
+
+    def _drawn(
+        self, draw: Callable[..., Axes], *data: Any, ax: Axes | None, height_in: float = 3.8
+    ) -> Axes:
+        """Draw into axes, or into a new figure of a height, in the style of reports."""
+        axes = new_axes(height_in) if ax is None else ax
+        with rc_context(STYLE):
+            return draw(axes, self.facts, *data)
 
     def _number(self, target: str) -> int:
         if target not in self.facts.ids:
-            raise KeyError(
-                f"the run has no target {target!r}; it has {', '.join(self.facts.ids) or 'none'}"
-            )
+            names = ", ".join(self.facts.ids) or "none"
+            raise KeyError(f"the run has no target {target!r}; it has {names}")
         return self.facts.ids.index(target)
 
 

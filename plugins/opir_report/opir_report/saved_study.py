@@ -20,8 +20,6 @@ RESULTS = "results.parquet"
 RUNS = "runs.parquet"
 #: The setting by which studies side by side differ.
 STUDY = "study"
-#: The version of the definition that is read.
-_VERSION = 2
 
 
 @frozen(eq=False)
@@ -58,12 +56,12 @@ class SavedStudy:
     @property
     def figures_of_metrics(self) -> dict[str, list[str]]:
         """The figures of each metric that have a value in some design."""
-        known = set(self.results["figure"][np.isfinite(self.results["mean"])].tolist())
-        own = {
-            name: [each for each in figures if each in known]
-            for name, figures in self.definition["metrics"].items()
+        known_figures = set(self.results["figure"][np.isfinite(self.results["mean"])].tolist())
+        metrics = {
+            metric: [figure for figure in figures if figure in known_figures]
+            for metric, figures in self.definition["metrics"].items()
         }
-        return {name: figures for name, figures in own.items() if figures}
+        return {metric: figures for metric, figures in metrics.items() if figures}
 
     @property
     def requirements(self) -> list[dict[str, Any]]:
@@ -72,29 +70,37 @@ class SavedStudy:
         """
         return list(self.definition.get("requirements", ()))
 
+    def requirements_on(self, figure: str) -> list[dict[str, Any]]:
+        """Return the requirements on a figure."""
+        return [each for each in self.requirements if each["figure"] == figure]
+
     @property
     def shown(self) -> list[str]:
-        """The figures that were asked for, by default the first of each metric; only those with a
-        value.
-        """
-        known = self.figures_of_metrics
-        every = {name for figures in known.values() for name in figures}
-        asked = [name for name in self.definition.get("shown", ()) if name in every]
-        return asked or [figures[0] for figures in known.values()]
+        """The requested figures, by default the first of each metric; only those with a value."""
+        metrics = self.figures_of_metrics.values()
+        names = {name for figures in metrics for name in figures}
+        requested = [name for name in self.definition.get("shown", ()) if name in names]
+        return requested or [figures[0] for figures in metrics]
+
+    @property
+    def varying(self) -> list[str]:
+        """The figures of `shown` that are not constant."""
+        return [figure for figure in self.shown if self.constant(figure) is None]
 
     def constant(self, figure: str) -> float | None:
         """Return the value that a figure has for every launch of every run of every design, or
         None.
         """
         rows = self.rows(figure)
-        means = rows["mean"]
-        # Quantiles and mean of equal values are equal but for rounding.
-        spread = [rows[name] for name in ("q10", "median", "q90")]
-        if not len(means) or not self.is_whole(figure).all():
+        if not len(rows) or not self.is_whole(figure).all():
             return None
-        if all(np.allclose(each, means[0], rtol=1e-9, atol=0.0) for each in (means, *spread)):
-            return float(means[0]) if not np.any(rows["sd"] > 1e-9 * abs(means[0])) else None
-        return None
+        value = float(rows["mean"][0])
+        # Quantiles and mean of equal values are equal but for rounding.
+        is_constant = all(
+            np.allclose(rows[name], value, rtol=1e-9, atol=0.0)
+            for name in ("mean", "q10", "median", "q90")
+        ) and not np.any(rows["sd"] > 1e-9 * abs(value))
+        return value if is_constant else None
 
     def is_whole(self, figure: str) -> BoolArray:
         """Return of which designs (n,) a figure's mean is over all launches that it applies to, in
@@ -102,26 +108,24 @@ class SavedStudy:
         """
         return np.asarray(self.rows(figure)["share"] == 1.0)
 
-    def share_text(self, figure: str, least: float, most: float) -> str:
+    def share_text(self, figure: str, least: float, largest: float) -> str:
         """Return of which share of launches, or else of runs, means are: `of 5 % of launches`, ""
         for all.
         """
-        if least == most == 1.0:
+        if least == largest == 1.0:
             return ""
-        ends = dict.fromkeys(map(percent_text, (least, most)))
-        of = "launches" if figure in self.definition.get("shares", {}) else "runs"
-        return f"of {' to '.join(ends)} of {of}"
+        ends = dict.fromkeys(map(percent_text, (least, largest)))
+        events = "launches" if figure in self.definition.get("shares", {}) else "runs"
+        return f"of {' to '.join(ends)} of {events}"
 
     def shares_text(self, figure: str) -> str:
         """Return of which share of launches, or runs, the means of all designs are, "" for all of
         them.
         """
         shares = np.nan_to_num(self.rows(figure)["share"])
-        return (
-            self.share_text(figure, float(np.min(shares)), float(np.max(shares)))
-            if len(shares)
-            else ""
-        )
+        if not len(shares):
+            return ""
+        return self.share_text(figure, float(np.min(shares)), float(np.max(shares)))
 
     def rows(self, figure: str) -> FigureData:
         """Return the rows of a figure, one per design, with the intervals of means cut at the
@@ -131,8 +135,7 @@ class SavedStudy:
         """
         if figure not in self.units:
             raise KeyError(f"the study has no figure {figure!r}; it has {', '.join(self.units)}")
-        rows = self.results.where(self.results["figure"] == figure)
-        return self.cut(figure, rows)
+        return self.cut(figure, self.results.at("figure", figure))
 
     def cut(self, figure: str, rows: FigureData) -> FigureData:
         """Return rows with the intervals of a figure's means, `low_95` and `high_95`, cut at the
@@ -179,14 +182,14 @@ class SavedStudy:
     def _labels(
         self, rows: FigureData, paths: Sequence[str], words: Callable[[str, str], str]
     ) -> list[str]:
-        columns = [
-            [words(path, level_text(value)) for value in rows[path].tolist()] for path in paths
+        columns = [rows[path].tolist() for path in paths]
+        return [
+            ", ".join(
+                words(path, level_text(values[row]))
+                for path, values in zip(paths, columns, strict=True)
+            )
+            for row in range(len(rows))
         ]
-        return (
-            [", ".join(parts) for parts in zip(*columns, strict=True)]
-            if columns
-            else [""] * len(rows)
-        )
 
 
 def level_text(value: object) -> str:
@@ -206,14 +209,11 @@ def read_study(path: Path) -> SavedStudy:
     folder = path.parent if path.name == DEFINITION else path
     finish_interrupted(folder / DEFINITION)
     try:
-        definition = json.loads((folder / DEFINITION).read_text(encoding="utf-8"))
-        for entry in definition.get(FILES_KEY, ()):
-            if file_digest(folder / entry["name"]) != entry["sha256"]:
-                raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
+        definition = _definition(folder)
         table = parquet.read_table(folder / RESULTS)
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
-        raise SceneError([Problem("", words)], source=str(folder)) from error
+        raise _study_error(words, folder) from error
     except (
         ValueError,
         LookupError,
@@ -222,17 +222,28 @@ def read_study(path: Path) -> SavedStudy:
         RecursionError,
         ArrowException,
     ) as error:
-        words = (
-            f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are"
-            f" kept"
-        )
-        raise SceneError([Problem("", words)], source=str(folder)) from error
+        reason = str(error).splitlines()[0]
+        words = f"has damaged results ({reason}); run the study again: its runs are kept"
+        raise _study_error(words, folder) from error
     version = definition.get("study_version") if isinstance(definition, dict) else None
-    if version != _VERSION:
-        words = f"of study version {version}, where {_VERSION} is read: run the study anew"
+    if version != 2:
+        words = f"of study version {version}, where 2 is read: run the study anew"
         raise SceneError([Problem("study_version", words)], source=str(folder / DEFINITION))
     runs = parquet.read_table(folder / RUNS) if (folder / RUNS).is_file() else None
     return SavedStudy(definition, _columns(table), None if runs is None else _columns(runs))
+
+
+def _definition(folder: Path) -> Any:
+    """Return the definition of a study; raises `ValueError` if a file of it has changed."""
+    definition = json.loads((folder / DEFINITION).read_text(encoding="utf-8"))
+    for entry in definition.get(FILES_KEY, ()):
+        if file_digest(folder / entry["name"]) != entry["sha256"]:
+            raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
+    return definition
+
+
+def _study_error(words: str, source: object) -> SceneError:
+    return SceneError([Problem("", words)], source=str(source))
 
 
 def _columns(table: Any) -> FigureData:
@@ -243,45 +254,47 @@ def joined_studies(studies: Sequence[SavedStudy]) -> SavedStudy:
     """Return studies side by side as one that varies the study too; raises `SceneError` if they
     vary other settings.
 
-    Only the figures that all have are kept. Differences stay those from the first design of each
-    study.
+    The study has only the figures that all studies have. Differences are from the first design of
+    each study.
     """
-    first = studies[0]
     if len(studies) == 1:
-        return first
-    for other in studies[1:]:
-        if set(other.paths) != set(first.paths):
-            ours, theirs = (", ".join(each.paths) or "nothing" for each in (first, other))
-            words = (
-                f"vary different settings: {first.definition['study']} {ours};"
-                f" {other.definition['study']} {theirs}"
-            )
-            raise SceneError([Problem("", words)], source="the studies")
-    figures = [name for name in first.units if all(name in each.units for each in studies)]
-    names = _distinct([str(each.definition["study"]) for each in studies])
-    counts = np.cumsum([0, *(len(each.definition["designs"]) for each in studies)])
-    parts = [each.results.where(np.isin(each.results["figure"], figures)) for each in studies]
-    definition = {
-        **first.definition,
+        return studies[0]
+    _check_paths(studies)
+    definition = studies[0].definition
+    figures = [name for name in studies[0].units if all(name in study.units for study in studies)]
+    names = _distinct([str(study.definition["study"]) for study in studies])
+    metrics = definition["metrics"].items()
+    shared = {
         "study": " and ".join(names),
-        "vary": [STUDY, *first.paths],
-        "figures": {name: first.units[name] for name in figures},
+        "vary": [STUDY, *studies[0].paths],
+        "figures": {name: studies[0].units[name] for name in figures},
         "bounds": {name: _shared_bounds(studies, name) for name in figures},
         "metrics": {
-            metric: [each for each in own if each in figures]
-            for metric, own in first.definition["metrics"].items()
+            metric: [name for name in own_figures if name in figures]
+            for metric, own_figures in metrics
         },
-        "designs": [design for each in studies for design in each.definition["designs"]],
+        "designs": [design for study in studies for design in study.definition["designs"]],
     }
-    return SavedStudy(definition, _joined(parts, names, counts))
+    return SavedStudy({**definition, **shared}, _joined(studies, names, figures))
+
+
+def _check_paths(studies: Sequence[SavedStudy]) -> None:
+    """Raise `SceneError` for studies that vary different settings."""
+    first = studies[0]
+    for study in studies[1:]:
+        if set(study.paths) != set(first.paths):
+            settings, other_settings = (
+                f"{each.definition['study']} {', '.join(each.paths) or 'nothing'}"
+                for each in (first, study)
+            )
+            words = f"vary different settings: {settings}; {other_settings}"
+            raise _study_error(words, "the studies")
 
 
 def _shared_bounds(studies: Sequence[SavedStudy], figure: str) -> list[float | None]:
     """Return the bounds of a figure that all studies have."""
-    own = [each.definition.get("bounds", {}).get(figure, (None, None)) for each in studies]
-    return [
-        end if all(each[side] == end for each in own) else None for side, end in enumerate(own[0])
-    ]
+    bounds = [study.definition.get("bounds", {}).get(figure, (None, None)) for study in studies]
+    return [ends[0] if len(set(ends)) == 1 else None for ends in zip(*bounds, strict=True)]
 
 
 def _distinct(names: list[str]) -> list[str]:
@@ -291,14 +304,17 @@ def _distinct(names: list[str]) -> list[str]:
     ]
 
 
-def _joined(parts: Sequence[FigureData], names: Sequence[str], counts: Any) -> FigureData:
-    """Return the rows of studies one after another, with the study's name and designs numbered
-    on.
+def _joined(
+    studies: Sequence[SavedStudy], names: Sequence[str], figures: Sequence[str]
+) -> FigureData:
+    """Return the rows of figures of studies one after another, with the study's name and designs
+    numbered on.
     """
-    shared = [name for name in parts[0].columns if all(name in each.columns for each in parts)]
-    columns = {name: np.concatenate([each[name] for each in parts]) for name in shared}
-    columns["design"] = np.concatenate(
-        [each["design"] + add for each, add in zip(parts, counts, strict=False)]
-    )
-    columns[STUDY] = np.repeat(np.array(names), [len(each) for each in parts])
+    tables = [study.results.where(np.isin(study.results["figure"], figures)) for study in studies]
+    shared = [name for name in tables[0].columns if all(name in table.columns for table in tables)]
+    columns = {name: np.concatenate([table[name] for table in tables]) for name in shared}
+    lengths = [len(table) for table in tables]
+    counts = [len(study.definition["designs"]) for study in studies]
+    columns["design"] += np.repeat(np.cumsum([0, *counts[:-1]]), lengths)
+    columns[STUDY] = np.repeat(np.array(names), lengths)
     return FigureData(columns)

@@ -50,9 +50,6 @@ _SETTINGS = {
     "sensors.without": "sensors left out",
 }
 _INDEX = re.compile(r"\[([^]]*)\]")
-#: From here on a unit of a thousand or a million is shown, of figures in m and km².
-_KILO = 1e4
-_MEGA = 1e6
 
 
 @frozen
@@ -68,12 +65,12 @@ def shown_unit(unit: str, values: FloatArray) -> ShownUnit:
     1e6.
     """
     largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
-    if unit == "m" and largest >= _KILO:
+    if unit == "m" and largest >= 1e4:
         return ShownUnit("km", 1e3)
-    if unit == "m/s" and largest >= _KILO:
+    if unit == "m/s" and largest >= 1e4:
         return ShownUnit("km/s", 1e3)
-    if unit in ("km2", "km²") and largest >= _MEGA:
-        return ShownUnit("million km²", _MEGA)
+    if unit in ("km2", "km²") and largest >= 1e6:
+        return ShownUnit("million km²", 1e6)
     return ShownUnit(_WRITTEN.get(unit, unit))
 
 
@@ -97,17 +94,17 @@ def setting_words(path: str) -> tuple[str, str]:
     """
     if path in _SETTINGS:
         return _SETTINGS[path], ""
-    *before, last = path.split(".")
-    item = _INDEX.search(last)
-    name = _INDEX.sub("", last)
+    *parents, key = path.split(".")
+    item = _INDEX.search(key)
+    name = _INDEX.sub("", key)
     unit = ""
     for end, written in _UNITS.items():
         if name.endswith(end) and name != end[1:]:
             name = name.removesuffix(end)
             unit = written
             break
-    if name.isupper() and before:  # a target class, as in detection_probability.ICBM
-        return f"{setting_words('.'.join(before))[0]} of {name}", unit
+    if name.isupper() and parents:  # a target class, as in detection_probability.ICBM
+        return f"{setting_words('.'.join(parents))[0]} of {name}", unit
     words = _words(name)
     return (f"{words} {item[1]}" if item is not None and item[1] != "*" else words), unit
 
@@ -138,4 +135,4 @@ def number_words(value: float, digits: int = 4) -> str:
 
 
 def _words(name: str) -> str:
-    return " ".join(_ABBREVIATIONS.get(part, part) for part in re.split("[_-]", name))
+    return " ".join(_ABBREVIATIONS.get(word, word) for word in re.split("[_-]", name))

@@ -46,8 +46,8 @@ def test_lateness_is_reported_as_the_clock_has_it(monkeypatch: pytest.MonkeyPatc
     late_s, latest_s = map(list, zip(*lateness, strict=True))
     assert late_s == pytest.approx(LATE_S, abs=1e-9)
     assert latest_s == pytest.approx([0.004, 0.3, 0.3, 0.3, 0.3], abs=1e-9)
-    clock = service.status()["clock"]
-    assert (clock["late_s"], clock["latest_s"]) == (0.02, 0.3)
+    clock = service.status().clock
+    assert (clock.late_s, clock.latest_s) == (0.02, 0.3)
     lines = dict(
         line.rsplit(" ", 1)
         for line in metrics_text(service).splitlines()

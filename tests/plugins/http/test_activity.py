@@ -17,12 +17,14 @@ def test_counts_are_those_of_the_last_two_minutes() -> None:
     activity = Activity(["A", "B", "C"])
     for rows in np.array_split(np.arange(len(time_us)), np.sort(rng.integers(0, len(time_us), 40))):
         activity.add(sensor[rows], time_us[rows])
-    last_s = START_S + 599
-    found = activity.document(last_s * 1_000_000 + 999_999)
-    assert found["first_s"] == last_s - SECONDS
+    end_s = START_S + 599
+    document = activity.document(end_s * 1_000_000 + 999_999)
+    assert document["first_s"] == end_s - SECONDS
     for number, name in enumerate("ABC"):
-        due = Counter((time_us[sensor == number] // 1_000_000).tolist())
-        assert found["sensors"][name] == [due[found["first_s"] + at] for at in range(SECONDS + 1)]
+        expected = Counter((time_us[sensor == number] // 1_000_000).tolist())
+        assert document["sensors"][name] == [
+            expected[document["first_s"] + at] for at in range(SECONDS + 1)
+        ]
 
 
 def test_what_is_older_is_forgotten() -> None:

@@ -17,10 +17,10 @@ def findings(
 ) -> tuple[int, dict[str, list[tuple[str, str]]]]:
     """Return the exit code, and state and text of the findings by area."""
     code = main(["doctor", "--json", *words])
-    found: dict[str, list[tuple[str, str]]] = {}
+    areas: dict[str, list[tuple[str, str]]] = {}
     for row in json.loads(capsys.readouterr().out):
-        found.setdefault(row["area"], []).append((row["state"], row["text"]))
-    return code, found
+        areas.setdefault(row["area"], []).append((row["state"], row["text"]))
+    return code, areas
 
 
 def under(limits: str, *words: str) -> str:
@@ -32,11 +32,11 @@ def under(limits: str, *words: str) -> str:
 
 
 def test_a_sound_machine_has_no_failure(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    code, found = findings(capsys, str(EXAMPLES / "first_light.yaml"))
+    code, areas = findings(capsys, str(EXAMPLES / "first_light.yaml"))
     assert code == 0
-    assert found["scene"] == [("ok", "first-light: 1 outputs")]
-    assert "numpy" in found["versions"][0][1]
-    assert {state for rows in found.values() for state, _ in rows} <= {"ok", "warn"}
+    assert areas["scene"] == [("ok", "first-light: 1 outputs")]
+    assert "numpy" in areas["versions"][0][1]
+    assert {state for rows in areas.values() for state, _ in rows} <= {"ok", "warn"}
 
 
 def test_the_table_ends_with_the_counts(capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,9 +52,9 @@ def test_small_limits_are_reported_with_the_remedy() -> None:
 
 
 def test_a_port_in_use_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as held:
-        _, found = findings(capsys, "--port", str(held.getsockname()[1]))
-    ((state, text),) = found["port"]
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        _, areas = findings(capsys, "--port", str(listener.getsockname()[1]))
+    ((state, text),) = areas["port"]
     assert state == "warn"
     assert "is in use: opir serve --port 0" in text
 
@@ -65,12 +65,12 @@ def test_an_invalid_scene_and_a_missing_folder_fail(
     scene = tmp_path / "scene.yaml"
     text = (EXAMPLES / "first_light.yaml").read_text()
     scene.write_text(text.replace("path: events.jsonl", f"path: {tmp_path}/no/events.jsonl"))
-    code, found = findings(capsys, str(scene))
-    assert (code, found["outputs[0] (jsonl)"][0][0]) == (5, "fail")
+    code, areas = findings(capsys, str(scene))
+    assert (code, areas["outputs[0] (jsonl)"][0][0]) == (5, "fail")
     scene.write_text(text.replace("seed", "sed"))
-    code, found = findings(capsys, str(scene))
+    code, areas = findings(capsys, str(scene))
     assert code == 5
-    assert "did you mean seed?" in found["scene"][0][1]
+    assert "did you mean seed?" in areas["scene"][0][1]
 
 
 def test_a_full_spool_is_reported(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -81,8 +81,8 @@ def test_a_full_spool_is_reported(capsys: pytest.CaptureFixture[str], tmp_path: 
     outputs = f"  - kafka: {{spool: {{path: {spool}, max_bytes: 1048576, when_full: wait}}}}"
     text = (EXAMPLES / "first_light.yaml").read_text()
     scene.write_text(text.replace("  - jsonl: {path: events.jsonl}", outputs))
-    _, found = findings(capsys, str(scene))
-    assert ("warn", f"{spool}: 2.0 MiB full: when_full is wait") in found[
+    _, areas = findings(capsys, str(scene))
+    assert ("warn", f"{spool}: 2.0 MiB full: when_full is wait") in areas[
         "outputs[0] (kafka) spool"
     ]
 
@@ -91,15 +91,15 @@ def test_a_plugin_that_is_missing_is_reported(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("OPIR_PLUGINS", "dsp,http,no-such-plugin")
-    _, found = findings(capsys)
-    assert any(state == "warn" and "no-such-plugin" in text for state, text in found["plugins"])
+    _, areas = findings(capsys)
+    assert any(state == "warn" and "no-such-plugin" in text for state, text in areas["plugins"])
 
 
-def test_an_output_without_a_spool_is_reported_what_it_can_lose(
+def test_the_losses_of_an_output_without_a_spool_are_reported(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    _, found = findings(capsys, str(EXAMPLES / "first_light.yaml"))
-    ((state, text),) = found["outputs[0] (jsonl) spool"]
+    _, areas = findings(capsys, str(EXAMPLES / "first_light.yaml"))
+    ((state, text),) = areas["outputs[0] (jsonl) spool"]
     assert state == "ok"
     assert "is lost with the process" in text
     assert "spool: {path: FILE}" in text

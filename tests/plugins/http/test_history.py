@@ -28,16 +28,16 @@ def test_detections_pass_if_they_pass_every_filter() -> None:
         "until_us": (int(time_us[250]), time_us < time_us[250]),
         "confidence": (0.3, rows.confidence >= 0.3),
     }
-    for given in product((False, True), repeat=len(passes)):
-        chosen = {
-            name: each
-            for (name, each), is_given in zip(passes.items(), given, strict=True)
+    for choice in product((False, True), repeat=len(passes)):
+        checks = {
+            name: check
+            for (name, check), is_given in zip(passes.items(), choice, strict=True)
             if is_given
         }
-        criteria = Filter(**{name: value for name, (value, _) in chosen.items()})
-        kept = np.flatnonzero(
-            np.all([np.ones(COUNT, bool), *(mask for _, mask in chosen.values())], axis=0)
+        criteria = Filter(**{name: value for name, (value, _) in checks.items()})
+        rows_shown = np.flatnonzero(
+            np.all([np.ones(COUNT, bool), *(mask for _, mask in checks.values())], axis=0)
         )
-        lines, further = history.page(criteria, None, COUNT)
-        assert [int(line) for line in lines] == kept[::-1].tolist(), chosen.keys()
-        assert further is None
+        lines, following = history.page(criteria, None, COUNT)
+        assert [int(line) for line in lines] == rows_shown[::-1].tolist(), checks.keys()
+        assert following is None

@@ -8,6 +8,7 @@ import http.client
 import json
 import socket
 from pathlib import Path
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
@@ -18,28 +19,21 @@ from opir_http.gate import in_origin_form
 from opir_http.history import History
 from waiting import until
 
-from opir_core.plugin import Detections
-
 
 def lines_of(count, start=0):
     return [b"%d" % number for number in range(start, start + count)]
 
 
 def detections(count):
-    columns = {
-        name: getattr(Detections.empty(), name)
-        for name in ("track", "confidence", "reported_type", "sensor")
-    }
-    return type(
-        "Rows", (), {name: np.zeros(count, column.dtype) for name, column in columns.items()}
-    )()
+    names = ("track", "confidence", "reported_type", "sensor")
+    return SimpleNamespace(**{name: np.zeros(count, np.int64) for name in names})
 
 
 def history(counts, size=8):
-    found = History(size)
+    stored = History(size)
     for count in counts:
-        found.add(detections(count), np.zeros(count, np.int64), lines_of(count, found.total))
-    return found
+        stored.add(detections(count), np.zeros(count, np.int64), lines_of(count, stored.total))
+    return stored
 
 
 @pytest.mark.parametrize(
@@ -62,8 +56,8 @@ def raw(stand, target, host="localhost", more=""):
             f"GET {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{more}\r\n".encode()
         )
         answer = b""
-        while part := connection.recv(65536):
-            answer += part
+        while chunk := connection.recv(65536):
+            answer += chunk
     head, _, body = answer.partition(b"\r\n\r\n")
     return int(head.split()[1]), head.decode("latin-1").lower(), body
 
@@ -107,23 +101,23 @@ def test_every_answer_has_one_charset(stand: Stand, target: str) -> None:
     assert kind.count("charset") == (0 if "json" in kind else 1)
 
 
-def frames_of(stand, count, last=None):
+def frames_of(stand, count, number=None):
     """Return the id and the ids of detections of the first frames of detections of a stream."""
     with socket.create_connection(("127.0.0.1", stand.port), timeout=60) as connection:
-        more = "" if last is None else f"Last-Event-ID: {last}\r\n"
+        more = "" if number is None else f"Last-Event-ID: {number}\r\n"
         connection.sendall(f"GET /stream HTTP/1.1\r\nHost: localhost\r\n{more}\r\n".encode())
         text = b""
-        found = []
-        while len(found) < count:
+        frames = []
+        while len(frames) < count:
             text += connection.recv(65536)
             # Chunks are one frame each, with their length in hexadecimal before them.
-            found = [
-                part
-                for part in text.split(b"\r\n")
-                if b"event: detections" in part and part.endswith(b"\n\n")
+            frames = [
+                chunk
+                for chunk in text.split(b"\r\n")
+                if b"event: detections" in chunk and chunk.endswith(b"\n\n")
             ]
     rows = []
-    for frame in found:
+    for frame in frames:
         values = dict(line.split(b": ", 1) for line in frame.strip().split(b"\n"))
         data = json.loads(values[b"data"])
         rows.append(
@@ -134,26 +128,26 @@ def frames_of(stand, count, last=None):
 
 def test_a_stream_goes_on_after_the_last_event_that_arrived(tmp_path: Path) -> None:
     with serving(tmp_path) as running:
-        first = frames_of(running, 3)
-        known = [name for _, names, _ in first for name in names]
-        last = first[1][0]
-        again = frames_of(running, 2, last)
-        assert again[0][2] is None
-        assert again[0][1][: len(first[2][1])] == first[2][1]
-        assert not set(again[0][1]) & set(known[: -len(first[2][1])])
-        assert again[1][0] > again[0][0]
-        assert not set(again[1][1]) & set(again[0][1])
+        frames = frames_of(running, 3)
+        ids = [name for _, names, _ in frames for name in names]
+        number = frames[1][0]
+        resumed = frames_of(running, 2, number)
+        assert resumed[0][2] is None
+        assert resumed[0][1][: len(frames[2][1])] == frames[2][1]
+        assert not set(resumed[0][1]) & set(ids[: -len(frames[2][1])])
+        assert resumed[1][0] > resumed[0][0]
+        assert not set(resumed[1][1]) & set(resumed[0][1])
         # An id of another run, or what is none, begins a stream as without it.
         assert frames_of(running, 1, 10**9)[0][2] is not None
         assert frames_of(running, 1, "x")[0][2] is not None
 
 
-def events_of(stand, kinds, last):
+def events_of(stand, kinds, number):
     """Return the events of a stream after a number, as its schema has them, until there is one of
     each kind.
     """
     connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=60)
-    connection.request("GET", "/stream", headers={"Last-Event-ID": str(last)})
+    connection.request("GET", "/stream", headers={"Last-Event-ID": str(number)})
     response = connection.getresponse()
     events = []
     fields = {}
@@ -174,7 +168,7 @@ def test_every_frame_conforms_to_the_schema_of_the_stream(tmp_path: Path) -> Non
     scene = SCENE + "tracker: kepler-arc\n"
     with serving(tmp_path, "--speed", "20", "--history", "100", scene=scene) as running:
         until(lambda: running.service.feed.history.total > 200)
-        events = events_of(running, {"dropped", "detections", "tracks", "status"}, last=1)
+        events = events_of(running, {"dropped", "detections", "tracks", "status"}, number=1)
     assert [event["event"] for event in events[:2]] == ["dropped", "detections"]
     assert events[1]["data"]["cycle"] is None
     for event in [

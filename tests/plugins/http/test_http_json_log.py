@@ -27,7 +27,7 @@ sys.stdout.fileno()
 """
 
 
-def test_whatever_a_process_prints_or_logs_is_json_on_standard_error() -> None:
+def test_all_output_is_json_on_standard_error() -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True, timeout=60
     )

@@ -1,16 +1,15 @@
 """Who may ask the service, and how much: viewers, writes, targets, tokens, slow callers."""
 
+import asyncio
 import json
 import socket
 import time
 from pathlib import Path
 
 import pytest
-from attrs import evolve
 from http_service import LAUNCH, Stand, serving
 from opir_http import gate, server
 from opir_http.feed import QUEUED_FRAMES, Client, LossyQueue
-from opir_http.serving import ServeError, token_of
 from waiting import until
 
 
@@ -25,8 +24,6 @@ def test_a_full_queue_loses_the_oldest_and_counts_them() -> None:
 
 
 def test_a_slow_viewer_loses_the_oldest_and_is_reported() -> None:
-    import asyncio
-
     async def view() -> list[bytes]:
         client = Client(brief=False)
         for number in range(QUEUED_FRAMES + 3):
@@ -49,25 +46,23 @@ def test_viewers_are_bounded(tmp_path: Path) -> None:
             config | {"http": config["http"] | {"maximum_viewers": 1}},
             {"If-Match": "*"},
         )
-        with socket.create_connection(("127.0.0.1", running.port), timeout=60) as first:
-            first.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            assert first.recv(15).startswith(b"HTTP/1.1 200")
-            second = running.ask("GET", "/stream")
-        assert (second.status, second.headers["retry-after"]) == (503, "5")
+        with socket.create_connection(("127.0.0.1", running.port), timeout=60) as viewer:
+            viewer.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert viewer.recv(15).startswith(b"HTTP/1.1 200")
+            refused = running.ask("GET", "/stream")
+        assert (refused.status, refused.headers["retry-after"]) == (503, "5")
         until(lambda: running.service.feed.viewers == 0)
 
 
-def test_too_many_writes_are_reported_to_wait(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("rate", "longest_s"), [(0.5, 3), (0.01, 101)])
+def test_too_many_writes_are_reported_to_wait(tmp_path: Path, rate: float, longest_s: int) -> None:
     with serving(tmp_path) as running:
         config = running.ask("GET", "/config").json
-        slower = config | {"http": config["http"] | {"writes_per_s": 0.5}}
+        slower = config | {"http": config["http"] | {"writes_per_s": rate}}
         assert running.ask("PUT", "/config", slower, {"If-Match": "*"}).status == 200
-        answers = [running.ask("POST", "/trigger", b"{}") for _ in range(4)]
-        assert 429 in [answer.status for answer in answers]
-        assert (
-            int(next(answer for answer in answers if answer.status == 429).headers["retry-after"])
-            >= 1
-        )
+        refused = [running.ask("POST", "/trigger", b"{}") for _ in range(4)][-1]
+        assert refused.status == 429
+        assert 1 <= int(refused.headers["retry-after"]) <= longest_s
         assert running.ask("GET", "/status").status == 200
 
 
@@ -78,51 +73,22 @@ def test_targets_are_bounded(tmp_path: Path) -> None:
         assert (refused.status, refused.headers["retry-after"]) == (429, "1")
 
 
-def test_a_token_is_needed_where_there_is_one(tmp_path: Path) -> None:
+def test_a_service_with_a_token_asks_for_it(tmp_path: Path) -> None:
     token = "correct-horse-battery"
     with serving(tmp_path, token=token) as running:
-        assert running.ask("GET", "/status").status == 401
-        assert (
-            running.ask("GET", "/status", headers={"Authorization": f"Bearer {token}x"}).status
-            == 401
-        )
-        assert (
-            running.ask("GET", "/status", headers={"Authorization": f"Basic {token}"}).status == 401
-        )
-        assert (
-            running.ask("GET", "/status", headers={"Authorization": f"Bearer {token}"}).status
-            == 200
-        )
-        assert running.ask("GET", "/health/live").status == 200
-        assert running.ask("GET", "/").status == 200
-        assert (
-            token.encode()
-            not in running.ask("GET", "/config", headers={"Authorization": f"Bearer {token}"}).body
-        )
+        for words, status in (("Bearer {}x", 401), ("Basic {}", 401), ("Bearer {}", 200)):
+            headers = {"Authorization": words.format(token)}
+            answer = running.ask("GET", "/config", headers=headers)
+            assert answer.status == status
+            assert token.encode() not in answer.body
+        for path, status in (("/status", 401), ("/health/live", 200), ("/", 200)):
+            assert running.ask("GET", path).status == status
 
 
 def test_writes_to_the_configuration_can_be_switched_off(tmp_path: Path) -> None:
     with serving(tmp_path, "--no-config-writes") as running:
         config = running.ask("GET", "/config").json
         assert running.ask("PUT", "/config", config, {"If-Match": "*"}).status == 403
-
-
-def test_other_addresses_need_a_token(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    import argparse
-
-    monkeypatch.delenv("OPIR_HTTP_TOKEN", raising=False)
-    with pytest.raises(ServeError, match="bearer token"):
-        token_of(argparse.Namespace(host="0.0.0.0", token_file=None))
-    monkeypatch.setenv("OPIR_HTTP_TOKEN", "short")
-    with pytest.raises(ServeError, match="at least 16"):
-        token_of(argparse.Namespace(host="0.0.0.0", token_file=None))
-    secret = tmp_path / "token"
-    secret.write_text("from-a-file-of-ours\n")
-    secret.chmod(0o600)
-    assert (
-        token_of(argparse.Namespace(host="0.0.0.0", token_file=str(secret)))
-        == "from-a-file-of-ours"
-    )
 
 
 def trickle(slow: socket.socket, words: bytes) -> None:
@@ -153,7 +119,7 @@ def test_whoever_sends_a_letter_at_a_time_is_let_go(
         assert running.ask("GET", "/status").status == 200
 
 
-def test_a_configuration_that_no_machine_can_bear_is_refused_and_later_ones_are_not(
+def test_only_a_configuration_of_too_much_work_is_refused(
     stand: Stand,
 ) -> None:
     answer = stand.ask("GET", "/config")
@@ -171,11 +137,3 @@ def test_a_configuration_that_no_machine_can_bear_is_refused_and_later_ones_are_
     refused = stand.ask("PUT", "/config", slow, {"If-Match": tag})
     assert (refused.status, refused.json["errors"][0]["path"]) == (422, "http.writes_per_s")
     assert stand.ask("PUT", "/config", config, {"If-Match": tag}).status == 200
-
-
-def test_the_slowest_rate_of_writes_is_answered_with_a_time(tmp_path: Path) -> None:
-    with serving(tmp_path) as stand:
-        stand.service.settings = evolve(stand.service.settings, writes_per_s=0.01)
-        answers = [stand.ask("POST", "/trigger", {}) for _ in range(3)]
-        assert answers[-1].status == 429
-        assert 0 < int(answers[-1].headers["retry-after"]) <= 101

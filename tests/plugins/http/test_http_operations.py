@@ -35,7 +35,7 @@ def rules() -> list[dict[str, Any]]:
     return [rule for group in groups for rule in group["rules"]]
 
 
-def test_the_unit_starts_a_supervised_service_that_pings_before_systemd_gives_up() -> None:
+def test_the_unit_starts_a_service_that_notifies_in_time() -> None:
     unit = configparser.ConfigParser(interpolation=None, strict=False)
     unit.optionxform = str  # type: ignore[assignment, method-assign]
     unit.read(FOLDER / "opir.service")
@@ -46,9 +46,9 @@ def test_the_unit_starts_a_supervised_service_that_pings_before_systemd_gives_up
     assert arguments.supervise
     assert arguments.unready_after < arguments.dead_after < float(service["WatchdogSec"])
     assert service["RestartPreventExitStatus"].split() == ["2", "3"]
-    known = dict(re.findall(r"^ +(\d+) +(.+)$", EXIT_CODES, flags=re.MULTILINE))
-    assert "scene" in known["2"]
-    assert "component" in known["3"]
+    meanings = dict(re.findall(r"^ +(\d+) +(.+)$", EXIT_CODES, flags=re.MULTILINE))
+    assert "scene" in meanings["2"]
+    assert "component" in meanings["3"]
     assert str(STUCK) not in service["RestartPreventExitStatus"].split()
 
 
@@ -68,21 +68,21 @@ def test_the_container_serves_and_asks_for_readiness() -> None:
     assert all((ROOT / package / "pyproject.toml").is_file() for package in packages)
 
 
-def test_every_alert_names_metrics_that_the_service_has_and_every_queue_and_heartbeat_has_an_alert(
+def test_alerts_name_metrics_and_watch_queues_and_heartbeats(
     tmp_path: Path,
 ) -> None:
     with serving(tmp_path) as stand:
         page = stand.ask("GET", "/metrics").body.decode()
     kinds = dict(re.findall(r"^# TYPE (\S+) (\S+)$", page, flags=re.MULTILINE))
-    there = {*kinds, *(f"{name}_bucket" for name, kind in kinds.items() if kind == "histogram")}
-    named = {name for rule in rules() for name in METRIC.findall(rule["expr"])}
-    assert named <= there
+    metrics = {*kinds, *(f"{name}_bucket" for name, kind in kinds.items() if kind == "histogram")}
+    names = {name for rule in rules() for name in METRIC.findall(rule["expr"])}
+    assert names <= metrics
     watched = {"opir_ready", "opir_stuck", "opir_up", "opir_stream_up", "opir_cycle_age_seconds"}
     watched |= {
         f"opir_sink_{name}"
         for name in ("busy_seconds", "parked", "up", "queued_windows", "spooled")
     }
-    assert watched | {"opir_sink_events_dropped_total", "opir_sink_unbalanced"} <= named
+    assert watched | {"opir_sink_events_dropped_total", "opir_sink_unbalanced"} <= names
 
 
 def test_rules_are_whole() -> None:

@@ -3,12 +3,14 @@ names.
 """
 
 import json
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
 import pytest
 from http_service import LAUNCH, SCENE, Stand, conforms, serving
-from opir_http.openapi import document
+from opir_http.routes import document
 
 
 @pytest.mark.parametrize(
@@ -96,7 +98,7 @@ OUTPUT = """
 """
 
 
-def test_no_configuration_names_another_file_or_sends_a_secret_elsewhere(
+def test_no_configuration_names_another_file_or_secret(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("OPIR_TEST_PASSWORD", "the-word-itself")
@@ -108,28 +110,22 @@ def test_no_configuration_names_another_file_or_sends_a_secret_elsewhere(
     ) as running:
         config = running.ask("GET", "/config")
         assert b"the-word-itself" not in config.body + running.ask("GET", "/status").body
-        places = {
-            "outputs[0].jsonl.path": lambda whole: whole["outputs"][0]["jsonl"].update(
-                path=str(tmp_path / "evil")
+        for place, keys, value in (
+            ("outputs[0].jsonl.path", (0, "jsonl", "path"), str(tmp_path / "evil")),
+            ("outputs[0].jsonl.spool.path", (0, "jsonl", "spool", "path"), "evil"),
+            ("outputs[1]", (1, "kafka", "bootstrap_servers"), "evil.example:9092"),
+            (
+                "outputs[1].kafka.security.password_variable",
+                (1, "kafka", "security", "password_variable"),
+                "HOME",
             ),
-            "outputs[0].jsonl.spool.path": lambda whole: whole["outputs"][0]["jsonl"][
-                "spool"
-            ].update(path="evil"),
-            "outputs[1]": lambda whole: whole["outputs"][1]["kafka"].update(
-                bootstrap_servers="evil.example:9092"
-            ),
-            "outputs[1].kafka.security.password_variable": lambda whole: whole["outputs"][1][
-                "kafka"
-            ]["security"].update(password_variable="HOME"),
-        }
-        for place, change in places.items():
-            wanted = config.json
-            change(wanted)
-            answer = running.ask("PUT", "/config", wanted, {"If-Match": "*"})
-            assert (answer.status, place in [error["path"] for error in answer.json["errors"]]) == (
-                409,
-                True,
-            )
+        ):
+            changed = config.json
+            *path, key = keys
+            reduce(getitem, path, changed["outputs"])[key] = value
+            answer = running.ask("PUT", "/config", changed, {"If-Match": "*"})
+            assert answer.status == 409
+            assert place in [error["path"] for error in answer.json["errors"]]
         assert running.ask("PUT", "/config", config.json, {"If-Match": "*"}).status == 200
         assert not list(tmp_path.glob("evil*"))
 
@@ -152,19 +148,6 @@ def test_other_content_types_are_refused(stand: Stand, kind: str) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "header",
-    [{"Origin": "https://elsewhere.example"}, {"Origin": "null"}, {"Sec-Fetch-Site": "cross-site"}],
-)
-def test_no_form_of_a_browser_is_taken(stand: Stand, header: dict[str, str]) -> None:
-    assert (
-        stand.ask(
-            "POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM} | header
-        ).status
-        == 403
-    )
-
-
 def test_what_curl_posts_by_default_is_read_as_json(stand: Stand) -> None:
     assert (
         stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM}).status
@@ -173,20 +156,19 @@ def test_what_curl_posts_by_default_is_read_as_json(stand: Stand) -> None:
     assert stand.ask("POST", "/trigger", b"type=ICBM", {"Content-Type": FORM}).status == 400
 
 
-def test_other_methods_are_refused_and_no_origin_is_let_in(stand: Stand) -> None:
-    for method, path in (
-        ("DELETE", "/config"),
-        ("POST", "/status"),
-        ("PATCH", "/config"),
-        ("PUT", "/trigger"),
-    ):
-        answer = stand.ask(method, path, b"{}")
-        assert answer.status == 405
-        assert answer.headers["allow"]
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [("DELETE", "/config"), ("POST", "/status"), ("PATCH", "/config"), ("PUT", "/trigger")],
+)
+def test_other_methods_are_refused(stand: Stand, method: str, path: str) -> None:
+    answer = stand.ask(method, path, b"{}")
+    assert answer.status == 405
+    assert answer.headers["allow"]
+
+
+def test_no_other_origin_reads_an_answer(stand: Stand) -> None:
     answer = stand.ask("GET", "/status", headers={"Origin": "https://elsewhere.example"})
     assert not [name for name in answer.headers if name.startswith("access-control")]
-    assert answer.headers["x-content-type-options"] == "nosniff"
-    assert "default-src 'none'" in answer.headers["content-security-policy"]
 
 
 #: What the OWASP cheat sheet of HTTP headers asks of a page that nobody frames and that uses no
@@ -208,7 +190,8 @@ SECURITY_HEADERS = {
 def test_every_answer_has_the_security_headers(stand: Stand, method: str, path: str) -> None:
     answer = stand.ask(method, path)
     assert SECURITY_HEADERS.items() <= dict(answer.headers).items()
-    assert "frame-ancestors 'none'" in answer.headers["content-security-policy"]
+    for words in ("default-src 'none'", "frame-ancestors 'none'"):
+        assert words in answer.headers["content-security-policy"]
 
 
 def test_options_name_the_methods_of_each_path(stand: Stand) -> None:
@@ -217,7 +200,3 @@ def test_options_name_the_methods_of_each_path(stand: Stand) -> None:
         assert answer.status == 204
         expected = {*item, "options"} | ({"head"} if "get" in item else set())
         assert {word.strip().lower() for word in answer.headers["allow"].split(",")} == expected
-
-
-def test_a_name_that_is_not_ours_is_not_served(stand: Stand) -> None:
-    assert stand.ask("GET", "/status", headers={"Host": "rebound.example"}).status == 421

@@ -13,14 +13,13 @@ import pytest
 from http_service import LAUNCH, Stand, conforms, serving
 from hypothesis import HealthCheck, given, settings, strategies as st
 from opir_http import health
-from opir_http.openapi import document
+from opir_http.routes import document
 from waiting import until, within
 
-from opir_core.interfaces.contexts import EncoderContext
-from opir_core.output.events.forge import ForgeEncoder
-from opir_core.planning.plan import compile_plan
-from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.simulation.engine import Engine
+from opir_core import Engine, compile_plan, scene_from_mapping
+from opir_core.output import ForgeEncoder
+from opir_core.plugin import EncoderContext
+from opir_core.reading import scene_mapping
 
 
 def test_every_answer_is_what_the_document_says(stand: Stand) -> None:
@@ -84,11 +83,11 @@ def test_a_launch_gives_the_events_of_a_batch(tmp_path: Path) -> None:
 
 def test_an_idempotency_key_launches_once(stand: Stand) -> None:
     key = {"Idempotency-Key": "once"}
-    first, second = (stand.ask("POST", "/trigger", LAUNCH, key) for _ in range(2))
-    assert (first.status, second.status, second.json) == (202, 202, first.json)
-    assert second.headers["idempotent-replayed"] == "true"
-    other = stand.ask("POST", "/trigger", LAUNCH | {"type": "SRBM"}, key)
-    assert other.status == 422
+    answer, replay = (stand.ask("POST", "/trigger", LAUNCH, key) for _ in range(2))
+    assert (answer.status, replay.status, replay.json) == (202, 202, answer.json)
+    assert replay.headers["idempotent-replayed"] == "true"
+    conflict = stand.ask("POST", "/trigger", LAUNCH | {"type": "SRBM"}, key)
+    assert conflict.status == 422
     refused = [
         stand.ask("POST", "/trigger", {"type": "X"}, {"Idempotency-Key": "bad"}).status
         for _ in range(2)
@@ -96,10 +95,10 @@ def test_an_idempotency_key_launches_once(stand: Stand) -> None:
     assert refused == [422, 422]
 
 
-def test_a_configuration_changes_whole_at_a_cycle_or_not_at_all(stand: Stand) -> None:
-    before = stand.ask("GET", "/config")
-    tag = {"If-Match": before.headers["etag"]}
-    config = before.json
+def test_a_configuration_changes_as_a_whole_or_not_at_all(stand: Stand) -> None:
+    response = stand.ask("GET", "/config")
+    tag = {"If-Match": response.headers["etag"]}
+    config = response.json
     config["sensors"][0]["members"][0]["scan_period_ms"] = 400.0
     config["sensors"][0]["members"][0]["detection_probability"]["ICBM"] = 0.9
     config["confidence"] = {"model": "weighted", "band": 0.2, "count": 0.2, "geometry": 0.6}
@@ -108,11 +107,11 @@ def test_a_configuration_changes_whole_at_a_cycle_or_not_at_all(stand: Stand) ->
     answer = stand.ask("PUT", "/config", config, tag)
     assert answer.status == 200, answer.body
     conforms(answer.json, "Configured")
-    after = stand.ask("GET", "/config")
-    assert (after.json, after.headers["etag"]) == (config, answer.headers["etag"])
-    assert stand.service.feed.tracks.most == 40
+    later = stand.ask("GET", "/config")
+    assert (later.json, later.headers["etag"]) == (config, answer.headers["etag"])
+    assert stand.service.feed.tracks.maximum == 40
     assert (
-        stand.ask("GET", "/config", headers={"If-None-Match": after.headers["etag"]}).status == 304
+        stand.ask("GET", "/config", headers={"If-None-Match": later.headers["etag"]}).status == 304
     )
     assert stand.ask("PUT", "/config", config, tag).status == 412
     assert stand.ask("PUT", "/config", config).status == 428
@@ -123,7 +122,7 @@ def test_a_configuration_changes_whole_at_a_cycle_or_not_at_all(stand: Stand) ->
         422,
         ["confidence"],
     )
-    assert stand.ask("GET", "/config").json == after.json
+    assert stand.ask("GET", "/config").json == later.json
 
 
 def test_settings_that_need_a_restart_are_refused_by_name(stand: Stand) -> None:
@@ -142,26 +141,26 @@ def test_settings_that_need_a_restart_are_refused_by_name(stand: Stand) -> None:
     )
 
 
-def test_pages_of_detections_follow_one_another_and_filters_hold(stand: Stand) -> None:
+def test_pages_of_detections_are_in_order_and_filtered(stand: Stand) -> None:
     total = stand.service.feed.history.total
-    seen = []
+    ids = []
     cursor = ""
     for _ in range(3):
         page = stand.ask("GET", f"/detections?limit=7{cursor}").json
-        seen += [event["detection_id"] for event in page["detections"]]
+        ids += [event["detection_id"] for event in page["detections"]]
         cursor = f"&after={page['next']}"
-    assert len(seen) == len(set(seen)) == 21
+    assert len(ids) == len(set(ids)) == 21
     assert total >= 21
-    some = stand.ask(
+    page_of_dsp = stand.ask(
         "GET", "/detections?limit=1000&sensor_type=DSP&min_confidence=0.5&target_type=ICBM"
     ).json
-    assert some["detections"]
-    for event in some["detections"]:
+    assert page_of_dsp["detections"]
+    for event in page_of_dsp["detections"]:
         assert (event["sensor_type"], event["target_type"]) == ("DSP", "ICBM")
         assert event["confidence"] >= 0.5
-    middle = some["detections"][len(some["detections"]) // 2]["timestamp"]
-    early = stand.ask("GET", f"/detections?limit=1000&until={middle}").json["detections"]
-    assert all(event["timestamp"] < middle for event in early)
+    middle = page_of_dsp["detections"][len(page_of_dsp["detections"]) // 2]["timestamp"]
+    earlier = stand.ask("GET", f"/detections?limit=1000&until={middle}").json["detections"]
+    assert all(event["timestamp"] < middle for event in earlier)
     assert not stand.ask("GET", "/detections?sensor_id=NOBODY").json["detections"]
 
 
@@ -174,7 +173,7 @@ def test_metrics_are_prometheus_text_with_bounded_labels(stand: Stand) -> None:
     assert "opir_cycle_late_seconds_bucket" in answer.body.decode()
 
 
-def test_a_sink_whose_figures_do_not_add_up_is_in_the_metrics(
+def test_unbalanced_figures_of_a_sink_are_in_the_metrics(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stand.service.run._sinks[0], "unbalanced", 7)
@@ -231,7 +230,7 @@ def streamed(stand: Stand, path: str, count: int) -> list[tuple[str, Any]]:
         response = connection.getresponse()
         events = list[tuple[str, Any]]()
         kind = ""
-        while len(events) < count or "status" not in {known for known, _ in events}:
+        while len(events) < count or "status" not in {name for name, _ in events}:
             line = response.readline().decode()
             assert line, "the stream has ended"
             if line.startswith("event: "):
@@ -291,9 +290,9 @@ def test_no_launch_breaks_the_service(stand: Stand, body: Any) -> None:
 def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) -> None:
     config = stand.ask("GET", "/config").json
     key = data.draw(st.sampled_from(sorted(config)))
-    part = config[key]
-    if isinstance(part, dict) and data.draw(st.booleans()):
-        part[data.draw(st.sampled_from(sorted(part)) | st.text(max_size=5))] = data.draw(
+    block = config[key]
+    if isinstance(block, dict) and data.draw(st.booleans()):
+        block[data.draw(st.sampled_from(sorted(block)) | st.text(max_size=5))] = data.draw(
             json_values
         )
     else:
@@ -304,7 +303,7 @@ def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) 
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_an_output_that_is_refused_is_reported_by_health_and_tries_again_when_reported_to(
+def test_a_refused_output_is_reported_and_tries_again(
     tmp_path: Path,
 ) -> None:
     spool = {"path": str(tmp_path / "spool")}
@@ -329,23 +328,23 @@ def test_an_output_that_is_refused_is_reported_by_health_and_tries_again_when_re
 
 
 @pytest.mark.slow
-def test_what_an_output_without_a_spool_can_lose_is_said_at_the_start(
+def test_the_losses_without_a_spool_are_reported_at_the_start(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     pytest.importorskip("opir_kafka")
     kafka = {"bootstrap_servers": "127.0.0.1:9", "topic": "t"}
-    kept = {"path": str(tmp_path / "spool")}
+    spool = {"path": str(tmp_path / "spool")}
     outputs = [
         {"kafka": kafka},
-        {"kafka": {**kafka, "spool": kept}},
+        {"kafka": {**kafka, "spool": spool}},
         {"jsonl": {"path": str(tmp_path / "lines")}},
     ]
     with serving(tmp_path, "--speed", "20", "--set", f"outputs={json.dumps(outputs)}") as running:
         reported = running.ask("GET", "/status").json
     assert [sink["has_spool"] for sink in reported["sinks"]] == [False, True, False]
     conforms(reported, "Status")
-    (said,) = [
+    (warning,) = [
         record.getMessage() for record in caplog.records if "no spool" in record.getMessage()
     ]
-    assert said.startswith("outputs[0] (kafka): no spool: what waits")
-    assert "at most 64 MiB" in said
+    assert warning.startswith("outputs[0] (kafka): no spool: what waits")
+    assert "at most 64 MiB" in warning

@@ -10,12 +10,12 @@ from typing import Any
 import jsonschema
 import pytest
 from http_service import SCENE, Stand
-from opir_http.openapi import view_document
 from opir_http.replay import Replay
+from opir_http.viewing import view_document
 from page_browser import viewing
 
+from opir_core import load_run
 from opir_core.cli.main import main
-from opir_core.output.saved_runs import load_run
 
 START = "2026-04-01T12:00:00Z"
 END = "2026-04-01T12:04:00Z"
@@ -58,13 +58,13 @@ def lines(path: Path) -> list[Any]:
 def test_parts_have_every_event_of_the_file_once(stand: Stand, folder: Path) -> None:
     saved = lines(folder / "events.jsonl")
     seconds = [f"2026-04-01T12:{second // 60:02}:{second % 60:02}Z" for second in range(0, 241, 20)]
-    found = [
+    events = [
         event
         for since, until in pairwise(seconds)
         for event in part(stand, since, until)["detections"]
     ]
     names = ("detection_id", "timestamp", "sensor_id", "target_type")
-    assert [[event[name] for name in names] for event in found] == [
+    assert [[event[name] for name in names] for event in events] == [
         [event[name] for name in names]
         for event in sorted(saved, key=lambda event: event["timestamp"])
     ]
@@ -72,9 +72,9 @@ def test_parts_have_every_event_of_the_file_once(stand: Stand, folder: Path) -> 
 
 
 @pytest.mark.slow
-def test_counts_and_last_estimates_are_those_of_the_files(stand: Stand, folder: Path) -> None:
-    whole = part(stand, START, END, 600.0)
-    counted = {name: sum(counts) for name, counts in whole["activity"]["sensors"].items()}
+def test_counts_and_estimates_are_those_of_the_files(stand: Stand, folder: Path) -> None:
+    answer = part(stand, START, END, 600.0)
+    counted = {name: sum(counts) for name, counts in answer["activity"]["sensors"].items()}
     events = lines(folder / "events.jsonl")
     assert counted == {
         name: sum(event["sensor_id"] == name for event in events) for name in counted
@@ -86,12 +86,12 @@ def test_counts_and_last_estimates_are_those_of_the_files(stand: Stand, folder: 
         for line in sorted(estimates, key=lambda line: line["time_s"])
     }
     epoch = datetime(2026, 4, 1, 12, tzinfo=UTC)
-    last = {
+    texts = {
         number: f"{epoch + timedelta(seconds=time_s):%Y-%m-%dT%H:%M:%S.%fZ}"
         for number, time_s in last_s.items()
     }
-    assert {track["track_id"]: track["timestamp"] for track in whole["tracks"]} == last
-    assert last
+    assert {track["track_id"]: track["timestamp"] for track in answer["tracks"]} == texts
+    assert texts
 
 
 @pytest.mark.slow

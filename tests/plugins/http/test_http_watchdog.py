@@ -16,7 +16,7 @@ TRACKED = SCENE + "tracker: rogue\n"
 
 
 @pytest.mark.slow
-def test_health_fails_while_a_tracker_hangs_and_other_routes_answer(tmp_path: Path) -> None:
+def test_health_fails_while_a_tracker_hangs(tmp_path: Path) -> None:
     hang = Hang()
     host = rogue_host("opir_trackers", "kepler-arc", "step", hang)
     with serving(tmp_path, *WORDS, scene=TRACKED, host=host) as stand:
@@ -56,7 +56,7 @@ def test_a_stream_that_fails_is_not_ready_and_goes_on(
 ) -> None:
     with serving(tmp_path, *WORDS) as stand:
 
-        def failing(*_given: object) -> None:
+        def failing(*_arguments: object) -> None:
             raise SystemExit(0)
 
         with monkeypatch.context() as patched:
@@ -66,8 +66,8 @@ def test_a_stream_that_fails_is_not_ready_and_goes_on(
                 "the stream has failed: SystemExit"
                 in stand.ask("GET", "/health/ready").json["reasons"][0]
             )
-        before = stand.service.feed.history.total
-        until(lambda: stand.service.feed.history.total > before)
+        count = stand.service.feed.history.total
+        until(lambda: stand.service.feed.history.total > count)
         until(lambda: stand.ask("GET", "/health/ready").status == 200)
 
 
@@ -86,13 +86,13 @@ def test_a_tracker_that_raises_ends_alone_and_is_reported(tmp_path: Path) -> Non
         assert reason.endswith(status["error"])
         assert status["state"] == "running"
         assert stand.ask("GET", "/health/live").status == 200
-        before = status["counts"]["detections"]
-        until(lambda: stand.ask("GET", "/status").json["counts"]["detections"] > before)
+        count = status["counts"]["detections"]
+        until(lambda: stand.ask("GET", "/status").json["counts"]["detections"] > count)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("part", "deed", "reported"),
+    ("method", "deed", "reported"),
     [
         (("opir_trackers", "kepler-arc", "step"), "hang", "no cycle has ended for "),
         (("opir_confidence_models", "weighted", "confidence"), "SystemExit", "the run has failed"),
@@ -100,12 +100,12 @@ def test_a_tracker_that_raises_ends_alone_and_is_reported(tmp_path: Path) -> Non
     ],
 )
 def test_the_supervisor_ends_the_process_with_its_own_code(
-    tmp_path: Path, part: tuple[str, ...], deed: str, reported: str
+    tmp_path: Path, method: tuple[str, ...], deed: str, reported: str
 ) -> None:
-    key = "tracker" if part[0] == "opir_trackers" else "confidence"
+    key = "tracker" if method[0] == "opir_trackers" else "confidence"
     (tmp_path / "scene.yaml").write_text(f"{SCENE}{key}: rogue\n", encoding="utf-8")
     script = Path(__file__).parents[2] / "support" / "rogue_service.py"
-    rogue = [sys.executable, str(script), *part, deed]
+    rogue = [sys.executable, str(script), *method, deed]
     words = ["serve", str(tmp_path / "scene.yaml"), "--port", "0", "--supervise", *WORDS]
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))

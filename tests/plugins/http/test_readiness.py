@@ -40,29 +40,48 @@ class RunWithBacklog:
         return SimpleNamespace(delays=[], stuck=[])
 
 
-@pytest.mark.parametrize("kept_in", ["spooled", "queued"])
-def test_a_backlog_that_grew_at_three_looks_is_not_ready_until_it_shrinks(
-    kept_in: str, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture
+def run() -> Any:
+    return RunWithBacklog()
+
+
+@pytest.fixture
+def served(run: Any) -> service.Service:
+    return service.Service(run, HttpSettings())
+
+
+@pytest.fixture
+def messages(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Messages of the log, which checks 100 times a second."""
+    messages = list[str]()
+    monkeypatch.setattr(health, "LOOK_S", 0.01)
+    monkeypatch.setattr(health, "warn", messages.append)
+    return messages
+
+
+def reasons(*texts: str) -> Any:
+    return SimpleNamespace(reasons=list(texts))
+
+
+@pytest.mark.parametrize("place", ["spooled", "queued"])
+def test_a_backlog_that_grew_three_times_is_not_ready(
+    place: str, run: Any, served: service.Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(health, "LOOK_S", 0.0)
-    run: Any = RunWithBacklog()
-    served = service.Service(run, HttpSettings())
-    found = []
-    for waiting in (0, 1, 2, 2, 3, 4, 3, 3, 4, 5, 0, 1):
-        setattr(run, kept_in, waiting)
-        found.append(served.health().ready)
-    assert found == [True, True, True, True, False, False, True, True, True, True, True, True]
+    ready = []
+    for events in (0, 1, 2, 2, 3, 4, 3, 3, 4, 5, 0, 1):
+        setattr(run, place, events)
+        ready.append(served.health().ready)
+    assert ready == [True, True, True, True, False, False, True, True, True, True, True, True]
 
 
-def test_between_two_looks_a_backlog_is_judged_by_the_last() -> None:
-    run: Any = RunWithBacklog()
-    served = service.Service(run, HttpSettings())
+def test_a_backlog_is_checked_once_a_second(run: Any, served: service.Service) -> None:
     for run.spooled in range(10):
         assert served.health().ready
 
 
 @pytest.mark.parametrize(
-    ("state", "reported"),
+    ("state", "reason"),
     [
         ("open", "the sink outputs[0] delivers nothing: no broker (failed attempts: 3)"),
         (
@@ -72,59 +91,48 @@ def test_between_two_looks_a_backlog_is_judged_by_the_last() -> None:
         ("failed", "the sink outputs[0] has failed: no broker"),
     ],
 )
-def test_the_reason_and_the_attempts_of_a_sink_are_reported_in_each_state(
-    state: str, reported: str
+def test_each_state_of_a_sink_has_its_reason(
+    state: str, reason: str, run: Any, served: service.Service
 ) -> None:
-    run: Any = RunWithBacklog()
     run.state = state
     run.error = "no broker"
     run.attempts = 0 if state == "failed" else 3
-    found = service.Service(run, HttpSettings()).health()
-    assert (found.ready, found.alive, found.reasons) == (False, True, (reported,))
+    state_of_health = served.health()
+    assert (state_of_health.ready, state_of_health.alive) == (False, True)
+    assert state_of_health.reasons == [reason]
 
 
-def test_the_log_says_once_why_a_service_is_not_ready_and_when_it_is_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(health, "LOOK_S", 0.01)
-    said = list[str]()
-    looks = list[int]()
+def test_the_log_has_a_reason_once_and_its_end(messages: list[str]) -> None:
+    checks = list[int]()
     stopping = threading.Event()
-    monkeypatch.setattr(health, "warn", said.append)
 
-    def found() -> health.Health:
-        looks.append(0)
-        reasons = [f"no cycle for {len(looks)}.5 s"] if len(looks) < 20 else []
-        return health.Health.of(reasons, [], 0.0, None)
+    def present_health() -> Any:
+        checks.append(0)
+        return reasons(*([f"no cycle for {len(checks)}.5 s"] if len(checks) < 20 else []))
 
-    health.log_health(found, stopping)
-    until(lambda: len(looks) > 25)
+    health.log_health(present_health, stopping)
+    until(lambda: len(checks) > 25)
     stopping.set()
-    assert said == ["not ready: no cycle for 1.5 s", "ready again"]
+    assert messages == ["not ready: no cycle for 1.5 s", "ready again"]
 
 
-def test_the_log_has_each_output_once_whatever_its_figures_and_nothing_of_a_run_that_was_stopped(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(health, "LOOK_S", 0.01)
-    said = list[str]()
-    stopping = threading.Event()
-    monkeypatch.setattr(health, "warn", said.append)
-    lost = "the sink outputs[{}].kafka delivers nothing: no broker{}"
-    looks = iter(
+def test_the_log_ignores_figures_and_ends_with_the_run(messages: list[str]) -> None:
+    text = "the sink outputs[{}].kafka delivers nothing: no broker{}"
+    checks = iter(
         [
-            [lost.format(0, ""), lost.format(1, "")],
-            [lost.format(0, " (failed attempts: 3)"), lost.format(1, " (failed attempts: 12)")],
-            [health.STOPPED],
+            reasons(text.format(0, ""), text.format(1, "")),
+            reasons(
+                text.format(0, " (failed attempts: 3)"), text.format(1, " (failed attempts: 12)")
+            ),
+            reasons(health.STOPPED),
         ]
     )
     threads = set(threading.enumerate())
-    health.log_health(lambda: health.Health.of(next(looks), [], 0.0, None), stopping)
+    health.log_health(lambda: next(checks), threading.Event())
     until(lambda: set(threading.enumerate()) <= threads)
-    assert said == [f"not ready: {lost.format(number, '')}" for number in (0, 1)]
+    assert messages == [f"not ready: {text.format(number, '')}" for number in (0, 1)]
 
 
-def test_a_run_that_starts_says_so() -> None:
-    run: Any = RunWithBacklog()
+def test_a_run_that_starts_is_not_ready(run: Any, served: service.Service) -> None:
     run.status = lambda: SimpleNamespace(state="starting", sinks=(), cycle_age_s=0.0)
-    assert service.Service(run, HttpSettings()).health().reasons == ("the run is starting",)
+    assert served.health().reasons == ["the run is starting"]

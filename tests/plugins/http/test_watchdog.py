@@ -50,7 +50,7 @@ def test_systemd_is_notified_only_while_cycles_end(tmp_path: Path, kind: str) ->
         assert reasons == ["stuck here"]
 
 
-def test_a_service_manager_that_is_away_or_means_another_process_is_ignored(tmp_path: Path) -> None:
+def test_an_absent_service_manager_is_ignored(tmp_path: Path) -> None:
     Notifier.of({}).send("READY=1")
     Notifier.of({"NOTIFY_SOCKET": str(tmp_path / "nobody")}).send("READY=1")
     assert Notifier.of({"WATCHDOG_USEC": "100000", "WATCHDOG_PID": "1"}).within_s is None
@@ -68,7 +68,7 @@ def test_a_run_that_is_only_slow_is_not_reported_as_stuck() -> None:
     assert reasons == []
 
 
-def test_after_a_pause_of_its_own_a_run_has_its_whole_time_again(
+def test_a_pause_of_the_process_is_not_a_stuck_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock_s = [0.0]

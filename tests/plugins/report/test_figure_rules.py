@@ -8,8 +8,7 @@ import pytest
 from figure_rules import broken_rules, drawn_complaints
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from opir_report.pages.run_report import run_page
-from opir_report.pages.study_report import studies_in, study_page
+from reported_runs import report_page, study_report_page
 from scored_scene import SCENE
 from varied_studies import STUDIES, written
 
@@ -23,7 +22,7 @@ def complaints(page) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STUDIES)
 def test_pictures_of_studies(name: str, tmp_path: Path) -> None:
-    page = study_page(studies_in(written(tmp_path / name, name)))
+    page = study_report_page(written(tmp_path / name, name))
     assert page.figures()
     assert complaints(page) == []
 
@@ -31,14 +30,14 @@ def test_pictures_of_studies(name: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_pictures_of_studies_side_by_side(tmp_path: Path) -> None:
     folders = [written(tmp_path / str(number), "one-knob") for number in range(2)]
-    page = study_page(studies_in(folders))
+    page = study_report_page(*folders)
     assert "one-knob (1)" in page.html(None)
     assert complaints(page) == []
 
 
 @pytest.mark.slow
 def test_pictures_of_a_run() -> None:
-    second = {
+    target = {
         "id": "T2",
         "type": "SRBM",
         "launch": {"lat_deg": 30.0, "lon_deg": -118.0, "time_s": 5.0},
@@ -48,10 +47,10 @@ def test_pictures_of_a_run() -> None:
         **SCENE,
         "duration_s": 200.0,
         "detection": "snr",
-        "targets": [*SCENE["targets"], second],
+        "targets": [*SCENE["targets"], target],
         "tracker": {"model": "imm", "cadence_s": 4.0},
     }
-    page = run_page(opir_core.simulate(opir_core.scene_from_mapping(scene)))
+    page = report_page(opir_core.simulate(opir_core.scene_from_mapping(scene)))
     assert complaints(page) == []
 
 

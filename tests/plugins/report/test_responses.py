@@ -2,24 +2,22 @@
 question.
 """
 
-import json
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from figure_rules import drawn_complaints
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from opir_report.factorial import FactorialRuns, intervals, ranked_settings
 from opir_report.pages.sentences import answers, least_costly
-from opir_report.pages.study_report import studies_in, study_page
 from opir_report.plots.effects import FigureScale
 from opir_report.plots.responses import contour_pair, draw_contours, main_effect_rows, parts_of
 from opir_report.saved_study import SavedStudy, read_study
-from pyarrow import parquet
+from reported_runs import study_report_page
 from scipy.stats import t
+from varied_studies import write_study
 
 PERIOD = "sensors[*].scan_period_ms"
 COUNT = "sensors.count"
@@ -51,37 +49,22 @@ def noise_s() -> np.ndarray:
 @pytest.fixture
 def planted(tmp_path: Path) -> SavedStudy:
     """Return a study of all combinations whose runs follow the response."""
-    rows = []
-    runs = []
-    every = list(product(*LEVELS.values()))
-    for number, levels in enumerate(every):
-        knobs = dict(zip(LEVELS, levels, strict=True))
-        values = warning_s(*levels) + noise_s()
-        runs += [
-            {"design": number, **knobs, "replicate": run, "warning_time_s": values[run]}
-            for run in range(RUNS)
-        ]
-        low, high = t.interval(0.95, RUNS - 1, values.mean(), values.std(ddof=1) / RUNS**0.5)
-        same = {
-            name: values.mean() - values[0]
-            for name in ("difference", "difference_low_95", "difference_high_95")
-        }
-        rows.append(
-            {"design": number, **knobs, "figure": "warning_time_s", "unit": "s", "runs": RUNS, "first_seed": 1,
-             "last_seed": RUNS, "share": 1.0, "runs_with_value": RUNS, "mean": values.mean(), "low_95": low,
-             "high_95": high, "sd": values.std(ddof=1), "q10": values.min(), "median": np.median(values),
-             "q90": values.max(), **same}
-        )  # fmt: skip
-    parquet.write_table(pa.Table.from_pylist(rows), tmp_path / "results.parquet")
-    parquet.write_table(pa.Table.from_pylist(runs), tmp_path / "runs.parquet")
-    definition = {
-        "study_version": 2, "study": "planted", "scene": "s", "design": "factorial", "vary": list(LEVELS),
-        "runs": RUNS, "until": "", "figures": {"warning_time_s": "s"}, "metrics": {"warning_time": ["warning_time_s"]},
-        "question": "What buys warning time?", "split": TARGETS, "designs": [{"design": each} for each in range(18)],
-        "settings": {"warning_time": {"region_km2": 1e6, "launch_point_km": None}},
-        "requirements": [{"figure": "warning_time_s", "limit": 900.0, "is_least": True}],
-    }  # fmt: skip
-    (tmp_path / "study.json").write_text(json.dumps(definition), encoding="utf-8")
+    write_study(
+        tmp_path,
+        list(LEVELS),
+        list(product(*LEVELS.values())),
+        lambda levels: {
+            "warning_time_s": warning_s(*(levels[path] for path in LEVELS)) + noise_s()
+        },
+        study="planted",
+        design="factorial",
+        figures={"warning_time_s": "s"},
+        metrics={"warning_time": ["warning_time_s"]},
+        question="What buys warning time?",
+        split=TARGETS,
+        settings={"warning_time": {"region_km2": 1e6, "launch_point_km": None}},
+        requirements=[{"figure": "warning_time_s", "limit": 900.0, "is_least": True}],
+    )
     return read_study(tmp_path)
 
 
@@ -91,24 +74,26 @@ def test_intervals_are_those_of_student() -> None:
     values[2, 1:] = np.nan
     mean, low, high = intervals(values)
     for row in (0, 1):
-        known = values[row][np.isfinite(values[row])]
-        ends = t.interval(0.95, len(known) - 1, known.mean(), known.std(ddof=1) / len(known) ** 0.5)
-        np.testing.assert_allclose([mean[row], low[row], high[row]], [known.mean(), *ends])
+        finite = values[row][np.isfinite(values[row])]
+        ends = t.interval(
+            0.95, len(finite) - 1, finite.mean(), finite.std(ddof=1) / len(finite) ** 0.5
+        )
+        np.testing.assert_allclose([mean[row], low[row], high[row]], [finite.mean(), *ends])
     assert mean[2] == values[2, 0]
     assert np.isnan([low[2], high[2]]).all()
 
 
 def test_main_effects_are_means_over_the_other_settings(planted: SavedStudy) -> None:
     rows = main_effect_rows(planted, "warning_time_s")
-    for path, part, value, mean in zip(
+    for path, kind, value, mean in zip(
         *(rows[name].tolist() for name in ("path", "part", "value", "mean")), strict=True
     ):
-        others = [
+        values = [
             warning_s(*levels)
             for levels in product(*LEVELS.values())
-            if levels[0] == part and levels[list(LEVELS).index(path)] == float(value)
+            if levels[0] == kind and levels[list(LEVELS).index(path)] == float(value)
         ]
-        assert mean == pytest.approx(np.mean(others) + noise_s().mean())
+        assert mean == pytest.approx(np.mean(values) + noise_s().mean())
     assert len(rows) == 2 * (3 + 3)
 
 
@@ -119,22 +104,22 @@ def test_interactions_are_the_cells_of_the_response(planted: SavedStudy) -> None
         *(rows[name].tolist() for name in (COUNT, PERIOD, "mean")), strict=True
     ):
         expected = (
-            np.mean([warning_s(each, period, count) for each in LEVELS[TARGETS]]) + noise_s().mean()
+            np.mean([warning_s(kind, period, count) for kind in LEVELS[TARGETS]]) + noise_s().mean()
         )
         assert mean == pytest.approx(expected)
 
 
 def test_changes_are_paired_over_runs(planted: SavedStudy) -> None:
-    raid = parts_of(planted, "warning_time_s")[1].runs
+    raid_runs = parts_of(planted, "warning_time_s")[1].runs
     expected = np.mean(
         [
-            warning_s("raid of 8", 2000.0, each) - warning_s("raid of 8", 1e4, each)
-            for each in (1, 2, 4)
+            warning_s("raid of 8", 2000.0, count) - warning_s("raid of 8", 1e4, count)
+            for count in (1, 2, 4)
         ]
     )
     # The noise is common to all designs: it cancels.
-    np.testing.assert_allclose(raid.change(PERIOD), [expected] * 3, rtol=1e-9)
-    assert ranked_settings(raid) == [PERIOD, COUNT]
+    np.testing.assert_allclose(raid_runs.change(PERIOD), [expected] * 3, rtol=1e-9)
+    assert ranked_settings(raid_runs) == [PERIOD, COUNT]
 
 
 def test_a_run_counts_only_with_a_value_everywhere(planted: SavedStudy) -> None:
@@ -147,14 +132,14 @@ def test_a_run_counts_only_with_a_value_everywhere(planted: SavedStudy) -> None:
     assert np.isfinite(np.delete(means.ravel(), 2)).all()
 
 
-def test_the_contour_of_a_requirement_is_the_curve_of_the_response(planted: SavedStudy) -> None:
+def test_the_contour_of_a_requirement_follows_the_response(planted: SavedStudy) -> None:
     figure = Figure()
     FigureCanvasAgg(figure)
-    part = parts_of(planted, "warning_time_s")[0]
+    runs = parts_of(planted, "warning_time_s")[0].runs
     pair = contour_pair(planted, "warning_time_s")
     assert pair == (PERIOD, COUNT)
     scale = FigureScale.of(planted, "warning_time_s")
-    drawn = draw_contours(figure.add_subplot(), part.runs, pair, scale, planted.requirements)
+    drawn = draw_contours(figure.add_subplot(), runs, pair, scale, planted.requirements)
     (vertices,) = [path.vertices for path in drawn[0].get_paths()]
     assert len(vertices) > 2
     # On the edges between settings that were run a bilinear response is linear, as the contour is.
@@ -167,27 +152,31 @@ def test_the_contour_of_a_requirement_is_the_curve_of_the_response(planted: Save
 
 
 def test_the_answer_names_what_is_enough_and_what_changes_it(planted: SavedStudy) -> None:
-    one, raid = answers(planted)
-    assert one.startswith("One ICBM: ")
-    assert raid.startswith("Raid of 8: ")
+    single, raid_runs = answers(planted)
+    assert single.startswith("One ICBM: ")
+    assert raid_runs.startswith("Raid of 8: ")
     ends = t.interval(0.95, RUNS - 1, noise_s().mean(), noise_s().std(ddof=1) / RUNS**0.5)
-    every = [warning_s("one ICBM", *each) for each in product(LEVELS[PERIOD], LEVELS[COUNT])]
+    combinations = [
+        warning_s("one ICBM", *levels) for levels in product(LEVELS[PERIOD], LEVELS[COUNT])
+    ]
     sure, mean = (
-        sum(each + shift >= 900.0 for each in every) for shift in (ends[0], noise_s().mean())
+        sum(value + shift >= 900.0 for value in combinations)
+        for shift in (ends[0], noise_s().mean())
     )
     assert (
-        f"{sure} of 9 designs meet warning time at least 900 s with the whole 95 % interval" in one
+        f"{sure} of 9 designs meet warning time at least 900 s with the whole 95 % interval"
+        in single
     )
-    assert ("more by the mean alone" in one) == (mean > sure)
-    assert "from scan period 10000 ms to 2000 ms" in one
-    assert "from number of sensors 1 to 4" in one
+    assert ("more by the mean alone" in single) == (mean > sure)
+    assert "from scan period 10000 ms to 2000 ms" in single
+    assert "from number of sensors 1 to 4" in single
 
 
 def test_the_least_costly_are_not_undercut(planted: SavedStudy) -> None:
-    one = np.arange(9)  # periods from 10 s on, each with 1, 2 and 4 sensors
-    assert one[least_costly(planted, one)].tolist() == [0]
-    some = np.array([2, 4, 5, 7])  # 10 s with 4, 5 s with 2 and 4, 2 s with 2
-    assert some[least_costly(planted, some)].tolist() == [2, 4]
+    single = np.arange(9)  # periods from 10 s on, each with 1, 2 and 4 sensors
+    assert single[least_costly(planted, single)].tolist() == [0]
+    designs = np.array([2, 4, 5, 7])  # 10 s with 4, 5 s with 2 and 4, 2 s with 2
+    assert designs[least_costly(planted, designs)].tolist() == [2, 4]
 
 
 def test_a_requirement_that_nothing_meets_names_the_best(planted: SavedStudy) -> None:
@@ -207,17 +196,17 @@ def test_other_kinds_of_studies_have_no_such_section(planted: SavedStudy) -> Non
 
 @pytest.mark.slow
 def test_the_page_begins_with_question_and_answer(planted: SavedStudy, tmp_path: Path) -> None:
-    page = study_page(studies_in(tmp_path))
+    page = study_report_page(tmp_path)
     assert page.title == "What buys warning time?"
     assert page.summary == answers(planted)
-    names = [each.name for each in page.figures()]
+    names = [figure.name for figure in page.figures()]
     assert {
         f"{kind}-warning_time_s" for kind in ("main-effects", "interactions", "contours")
     } <= set(names)
-    assert [line for each in page.figures() for line in drawn_complaints(each)] == []
+    assert [line for figure in page.figures() for line in drawn_complaints(figure)] == []
     table = dict(page.tables()[-1].rows)
     assert (
         table["warning time"]
         == "region 1\N{NARROW NO-BREAK SPACE}000\N{NARROW NO-BREAK SPACE}000 km², launch point not required"
     )
-    assert table["runs"] == "4 of each design, seeds 1 to 4; all runs"
+    assert table["runs"] == "4 of each design, seeds 0 to 3; all runs"

@@ -11,11 +11,10 @@ from xml.etree import ElementTree
 
 import pyarrow.parquet
 import pytest
-from opir_report import map_svg, write_run_report
+from opir_report import INK, map_svg, write_run_report
 from opir_report.pages.page import themed
-from opir_report.pages.run_report import run_page
-from opir_report.palette import INK, ROLES
-from reported_runs import empty_run, example_run, scored_run
+from opir_report.palette import ROLES
+from reported_runs import empty_run, example_run, report_page, scored_run
 
 from opir_core.cli.main import main
 from opir_core.errors import SinkError
@@ -49,7 +48,7 @@ def test_nothing_is_fetched_and_nothing_is_run(report: Path) -> None:
     assert all(link.startswith("#") or (report.parent / link).is_file() for link in links)
 
 
-def test_pictures_are_well_formed_with_words_for_those_who_do_not_see_them(report: Path) -> None:
+def test_pictures_are_well_formed_and_described(report: Path) -> None:
     pictures = SVG.findall(report.read_text(encoding="utf-8"))
     assert len(pictures) >= 4
     for picture in pictures:
@@ -66,7 +65,7 @@ def test_ids_are_unique_and_references_have_a_target(report: Path) -> None:
     assert set(re.findall(r'(?:url\(#|href="#)([^)"]+)', text)) <= set(ids)
 
 
-def test_every_colour_has_a_dark_one(report: Path) -> None:
+def test_every_colour_has_a_value_in_dark_mode(report: Path) -> None:
     for picture in SVG.findall(report.read_text(encoding="utf-8")):
         assert not set(re.findall(r"(?<!, )#[0-9a-f]{6}", picture)) - {"#000000"}
     assert themed(f"fill: {INK}") == f"fill: var(--ink, {INK})"
@@ -75,7 +74,7 @@ def test_every_colour_has_a_dark_one(report: Path) -> None:
 
 @pytest.mark.slow
 def test_the_data_beside_the_report_are_those_of_its_figures(report: Path) -> None:
-    for figure in run_page(scored_run()).figures():
+    for figure in report_page(scored_run()).figures():
         table = pyarrow.parquet.read_table(report.with_suffix(".data") / f"{figure.name}.parquet")
         assert table.column_names == list(figure.data.columns)
         assert table.num_rows == len(figure.data) > 0
@@ -83,7 +82,7 @@ def test_the_data_beside_the_report_are_those_of_its_figures(report: Path) -> No
 
 @pytest.mark.slow
 def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
-    again = tmp_path / "report.html"
+    repeat = tmp_path / "report.html"
     code = (
         "import sys\nfrom pathlib import Path\nfrom opir_report import write_run_report\n"
         "from reported_runs import scored_run\nwrite_run_report(scored_run(), Path(sys.argv[1]))"
@@ -98,10 +97,10 @@ def test_a_run_has_one_report_to_the_byte(report: Path, tmp_path: Path) -> None:
         "PATH": "",
         "MPLCONFIGDIR": str(tmp_path),
     }
-    subprocess.run([sys.executable, "-c", code, str(again)], check=True, env=environment)
-    assert again.read_bytes() == report.read_bytes()
+    subprocess.run([sys.executable, "-c", code, str(repeat)], check=True, env=environment)
+    assert repeat.read_bytes() == report.read_bytes()
     for path in report.with_suffix(".data").iterdir():
-        assert (again.with_suffix(".data") / path.name).read_bytes() == path.read_bytes()
+        assert (repeat.with_suffix(".data") / path.name).read_bytes() == path.read_bytes()
 
 
 @pytest.mark.slow
@@ -135,7 +134,7 @@ def test_the_command_writes_the_report_of_files(tmp_path: Path, monkeypatch, cap
     assert {path.name for path in tmp_path.glob("report*")} == {"report.html"}
 
 
-def test_what_has_no_report_gets_one_message(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_path_without_a_report_gets_one_message(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["report", "scene.yaml"]) == 2
     assert "run it first, `opir run scene.yaml`" in capsys.readouterr().err

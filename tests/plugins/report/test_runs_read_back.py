@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from opir_report.pages.run_report import run_page
-from opir_scoring import evidence_of_run, scorecard
-from opir_scoring.evidence import evidence_of_files
+from opir_scoring import evidence_of_files, evidence_of_run, scorecard
 from random_scenes import TRACKERS, sensors, targets, tracked_scene
+from reported_runs import report_page
 
 import opir_core as opir
 from examples import examples
@@ -35,47 +34,49 @@ def scaled_interval(ends: list[Any]) -> list[Any]:
     return [low**power, high**power]
 
 
-def differences(ours: Any, theirs: Any, where: str, floor: float = 1e-6) -> list[str]:
+def differences(value: Any, other_value: Any, path: str, floor: float = 1e-6) -> list[str]:
     """Return the paths of what two plain values differ by."""
-    if isinstance(ours, dict) and isinstance(theirs, dict):
-        keys = [f"{where}.{key}: in one alone" for key in ours.keys() ^ theirs.keys()]
+    if isinstance(value, dict) and isinstance(other_value, dict):
+        keys = [f"{path}.{key}: in one alone" for key in value.keys() ^ other_value.keys()]
         return keys + [
             d
-            for key in ours.keys() & theirs.keys()
-            for d in differences(ours[key], theirs[key], f"{where}.{key}")
+            for key in value.keys() & other_value.keys()
+            for d in differences(value[key], other_value[key], f"{path}.{key}")
         ]
-    if where.endswith(".interval_95"):
-        ours = scaled_interval(ours)
-        theirs = scaled_interval(theirs)
-    if isinstance(ours, list | tuple) and isinstance(theirs, list | tuple):
-        if len(ours) != len(theirs):
-            return [f"{where}: {len(ours)} and {len(theirs)} values"]
+    if path.endswith(".interval_95"):
+        value = scaled_interval(value)
+        other_value = scaled_interval(other_value)
+    if isinstance(value, list | tuple) and isinstance(other_value, list | tuple):
+        if len(value) != len(other_value):
+            return [f"{path}: {len(value)} and {len(other_value)} values"]
         return [
             d
-            for k, pair in enumerate(zip(ours, theirs, strict=True))
-            for d in differences(*pair, f"{where}[{k}]")
+            for k, pair in enumerate(zip(value, other_value, strict=True))
+            for d in differences(*pair, f"{path}[{k}]")
         ]
-    if isinstance(ours, float) and isinstance(theirs, float | int):
-        is_same = math.isclose(ours, theirs, rel_tol=RELATIVE, abs_tol=floor) or (
-            math.isnan(ours) and math.isnan(theirs)
+    if isinstance(value, float) and isinstance(other_value, float | int):
+        is_same = math.isclose(value, other_value, rel_tol=RELATIVE, abs_tol=floor) or (
+            math.isnan(value) and math.isnan(other_value)
         )
     else:
-        is_same = ours == theirs
-    return [] if is_same else [f"{where}: {ours!r} and {theirs!r}"]
+        is_same = value == other_value
+    return [] if is_same else [f"{path}: {value!r} and {other_value!r}"]
 
 
 def figures_of(run: Any) -> dict[str, Any]:
     """Return the data of all figures of a run's report, its tables and its sentences, as plain
     values.
     """
-    page = run_page(run)
+    page = report_page(run)
     data = {
-        each.name: {name: np.asarray(column).tolist() for name, column in each.data.columns.items()}
-        for each in page.figures()
-        if each.data is not None
+        figure.name: {
+            name: np.asarray(column).tolist() for name, column in figure.data.columns.items()
+        }
+        for figure in page.figures()
+        if figure.data is not None
     }
-    tables = {each.caption: [list(row) for row in each.rows] for each in page.tables()}
-    captions = {each.name: each.caption for each in page.figures()}
+    tables = {table.caption: [list(row) for row in table.rows] for table in page.tables()}
+    captions = {figure.name: figure.caption for figure in page.figures()}
     return {
         "data": data,
         "tables": tables,

@@ -67,7 +67,7 @@ def test_differences_are_paired_from_the_first_design(folder: Path) -> None:
     assert axes.get_yticklabels()[0].get_text() == "50 ms, imm"
 
 
-def test_unknown_figures_and_paths_are_named_with_those_there_are(folder: Path) -> None:
+def test_unknown_figures_and_paths_list_the_known_ones(folder: Path) -> None:
     with pytest.raises(KeyError, match="no figure 'speed'; it has latency_s, area_km2"):
         StudyPlots(folder).effect("speed")
     with pytest.raises(KeyError, match=r"'seed' does not vary .*tracker do"):
@@ -98,10 +98,10 @@ def test_the_report_of_a_study_says_how_much_what_changes(
 
 @pytest.mark.slow
 def test_a_study_has_one_report_to_the_byte(folder: Path, tmp_path: Path) -> None:
-    first, second = (
+    page_a, page_b = (
         write_study_report(folder, tmp_path / f"{name}.html", with_data=False)[0] for name in "ab"
     )
-    assert first.read_bytes() == second.read_bytes()
+    assert page_a.read_bytes() == page_b.read_bytes()
 
 
 def test_a_damaged_study_gets_one_message(folder: Path, tmp_path: Path, capsys) -> None:
@@ -113,9 +113,9 @@ def test_a_damaged_study_gets_one_message(folder: Path, tmp_path: Path, capsys) 
     with pytest.raises(SceneError, match="no folder of a finished study"):
         StudyPlots(broken)
     definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
-    later = written_study(tmp_path / "later")
-    (later / "study.json").write_text(
+    newer = written_study(tmp_path / "later")
+    (newer / "study.json").write_text(
         json.dumps({**definition, "study_version": 3}), encoding="utf-8"
     )
     with pytest.raises(SceneError, match="study version 3, where 2 is read"):
-        StudyPlots(later)
+        StudyPlots(newer)

@@ -10,11 +10,12 @@ import pytest
 from figure_rules import drawn_complaints
 from opir_report.pages.page import ReportTable
 from opir_report.pages.paper import latex_table, markdown_table
-from opir_report.pages.study_report import studies_in, study_page
+from opir_report.pages.study_report import studies_in
 from opir_report.plots.panels import effect_panels
 from opir_report.plots.trades import convergence_rows, front_of, is_higher_better, tornado_rows
 from opir_report.saved_study import read_study
 from opir_report.words import figure_words, level_words, number_words, setting_words, shown_unit
+from reported_runs import study_report_page
 from saved_studies import PERIOD, TRACKER, written_study
 from varied_studies import written
 
@@ -24,17 +25,17 @@ from opir_core.errors import SceneError
 
 def test_the_front_is_what_no_other_point_beats() -> None:
     rng = np.random.default_rng(3)
-    first, second = rng.integers(0, 6, (2, 60)).astype(np.float64)
+    cost, other_cost = rng.integers(0, 6, (2, 60)).astype(np.float64)
     expected = [
         not any(
-            first[other] <= first[row]
-            and second[other] <= second[row]
-            and (first[other] < first[row] or second[other] < second[row])
-            for other in range(60)
+            cost[rival] <= cost[row]
+            and other_cost[rival] <= other_cost[row]
+            and (cost[rival] < cost[row] or other_cost[rival] < other_cost[row])
+            for rival in range(60)
         )
         for row in range(60)
     ]
-    assert front_of(first, second).tolist() == expected
+    assert front_of(cost, other_cost).tolist() == expected
 
 
 def test_a_tornado_has_the_range_of_marginal_means(tmp_path: Path) -> None:
@@ -51,22 +52,22 @@ def test_convergence_ends_at_the_mean_and_interval_of_all_runs(tmp_path: Path) -
     study = read_study(written(tmp_path / "a", "one-knob"))
     rows = convergence_rows(study, "latency_s")
     values = study.runs["latency_s"][study.runs["design"] == 1]
-    last = rows.where((rows["design"] == 1) & (rows["runs"] == len(values)))
+    final = rows.where((rows["design"] == 1) & (rows["runs"] == len(values)))
     low, high = t.interval(
         0.95, len(values) - 1, values.mean(), values.std(ddof=1) / len(values) ** 0.5
     )
     np.testing.assert_allclose(
-        [last[name][0] for name in ("mean", "low_95", "high_95")], [values.mean(), low, high]
+        [final[name][0] for name in ("mean", "low_95", "high_95")], [values.mean(), low, high]
     )
 
 
-def test_constants_are_a_line_of_text_and_what_was_asked_comes_first(tmp_path: Path) -> None:
-    page = study_page(studies_in(written(tmp_path / "a", "two-knobs")))
+def test_requested_figures_come_first_constants_are_text(tmp_path: Path) -> None:
+    page = study_report_page(written(tmp_path / "a", "two-knobs"))
     assert page.sections[0].name == "answer"
     assert page.figures()[0].name == "effect-latency_s"
     assert page.figures()[1].name == "effect-position_rmse_m"
-    other = next(each for each in page.sections if each.name == "metric-other")
-    assert "In every run: tracked 1." in other.text
+    section = next(section for section in page.sections if section.name == "metric-other")
+    assert "In every run: tracked 1." in section.text
     assert any(line.startswith("latency at most 0.5 s: met by") for line in page.summary)
 
 
@@ -80,7 +81,7 @@ def test_constants_are_a_line_of_text_and_what_was_asked_comes_first(tmp_path: P
         ("one-at-a-time", 3),
     ],
 )
-def test_a_second_setting_of_many_values_and_a_third_are_small_multiples(
+def test_settings_of_many_values_are_small_multiples(
     name: str, panels: int, tmp_path: Path
 ) -> None:
     assert len(effect_panels(read_study(written(tmp_path / "a", name)), "latency_s")) == panels
@@ -100,20 +101,20 @@ def test_intervals_are_cut_at_the_bounds_of_the_study(
     assert (rows["low_95"].min() == 0.0, rows["high_95"].max() == 0.9) == is_cut
 
 
-def test_what_is_better_is_known_or_not_said(tmp_path: Path) -> None:
+def test_the_better_direction_of_figures(tmp_path: Path) -> None:
     study = read_study(written(tmp_path / "a", "one-knob"))
-    found = [is_higher_better(study, each) for each in ("latency_s", "warned", "impact_area_km2")]
-    assert found == [False, True, False]
+    senses = [is_higher_better(study, name) for name in ("latency_s", "warned", "impact_area_km2")]
+    assert senses == [False, True, False]
 
 
 def test_studies_side_by_side_need_the_same_settings(tmp_path: Path) -> None:
-    first = written(tmp_path / "a", "one-knob")
-    second = written(tmp_path / "b", "two-knobs")
+    first_study = written(tmp_path / "a", "one-knob")
+    second_study = written(tmp_path / "b", "two-knobs")
     with pytest.raises(SceneError, match="vary different settings: one-knob sensors"):
-        studies_in([first, second])
-    both = studies_in([first, written_again(tmp_path / "c")])
-    assert both.paths == ["study", PERIOD]
-    rows = both.rows("latency_s")
+        studies_in([first_study, second_study])
+    joined = studies_in([first_study, written_again(tmp_path / "c")])
+    assert joined.paths == ["study", PERIOD]
+    rows = joined.rows("latency_s")
     assert rows["design"].tolist() == list(range(6))
     assert rows["study"].tolist() == ["one-knob"] * 3 + ["other"] * 3
 
@@ -140,7 +141,7 @@ def test_figures_and_tables_are_files_for_papers(tmp_path: Path, capsys) -> None
     ]
     assert main([*command, "--formats", "png,pdf"]) == 0
     assert "figures, 3 tables" in capsys.readouterr().out
-    names = {each.name for each in (tmp_path / "figures").iterdir()}
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert {"effect-latency_s.png", "effect-latency_s.pdf", "trade.png"} <= names
     assert (tmp_path / "figures" / "trade.png").read_bytes().startswith(b"\x89PNG")
     assert main([*command, "--formats", "gif"]) == 2
@@ -153,9 +154,9 @@ def test_the_path_of_an_optimisation_keeps_the_rules_of_figures(tmp_path: Path) 
     definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
     definition |= {"design": "optimise", "objective": {"figure": "latency_s", "is_largest": False}}
     (folder / "study.json").write_text(json.dumps(definition), encoding="utf-8")
-    page = study_page(studies_in(folder))
-    assert "path" in [each.name for each in page.figures()]
-    assert [line for each in page.figures() for line in drawn_complaints(each)] == []
+    page = study_report_page(folder)
+    assert "path" in [figure.name for figure in page.figures()]
+    assert [line for figure in page.figures() for line in drawn_complaints(figure)] == []
 
 
 def test_tables_are_escaped() -> None:

@@ -1,7 +1,7 @@
 """The ground of a map: sea, land, graticule with labels, and the axes' limits."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,22 +14,15 @@ from matplotlib.path import Path as Outline
 from opir_core.arrays import FloatArray
 from opir_report.maps.clipping import clipped
 from opir_report.maps.projections import MapProjection, RegionProjection, WorldProjection, nice_step
+from opir_report.maps.spheres import EARTH_RADIUS_KM
 from opir_report.palette import COAST, GRID, LAND, MUTED, SEA
 
 _STEPS_DEG = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
-_KM_PER_DEG = 111.195
-#: Closed curves with no more points enclose nothing.
-_FEWEST = 3
-#: Points of a line of the graticule, and places across a map at which the graticule's extent is
-#: found.
+#: Points of a line of the graticule.
 _LINE_POINTS = 121
-_SAMPLES = 25
-#: A map with more parallels has labels on them where the left edge has hardly any.
-_FEW_PARALLELS = 4
-#: Least distance of the labels below a map, as a share of its width; below one of the whole Earth,
-#: whose pole is short.
-_APART = 0.2
-_APART_WORLD = 0.17
+
+#: A place along an axis and its label.
+Tick = tuple[float, str]
 
 
 @cache
@@ -51,7 +44,8 @@ def filled(axes: Axes, projection: MapProjection, rings: list[FloatArray], **sty
     """
     limits = axes.get_xlim(), axes.get_ylim()
     curves = [clipped(curve, *limits) for curve in projection.curves(rings)]
-    curves = [curve for curve in curves if len(curve) > _FEWEST]
+    # Closed curves of three points enclose nothing.
+    curves = [curve for curve in curves if len(curve) > 3]
     if curves:
         codes = [
             [Outline.MOVETO, *[Outline.LINETO] * (len(curve) - 2), Outline.CLOSEPOLY]
@@ -62,11 +56,10 @@ def filled(axes: Axes, projection: MapProjection, rings: list[FloatArray], **sty
 
 def drawn_line(axes: Axes, projection: MapProjection, line: FloatArray, **style: Any) -> None:
     """Draw a line (n, 2) of latitudes and longitudes."""
-    parts = projection.lines(line)
     gap = np.full((1, 2), np.nan)
-    joined = [piece for part in parts for piece in (part, gap)][:-1]
-    if joined:
-        axes.plot(*np.concatenate(joined).T, **style)
+    pieces = [piece for segment in projection.lines(line) for piece in (segment, gap)][:-1]
+    if pieces:
+        axes.plot(*np.concatenate(pieces).T, **style)
 
 
 def drawn_world(axes: Axes, projection: WorldProjection) -> None:
@@ -86,32 +79,43 @@ def drawn_world(axes: Axes, projection: WorldProjection) -> None:
 def _world_graticule(axes: Axes, projection: WorldProjection) -> None:
     """Draw meridians and parallels, labelled below the map and left of it."""
     axes.grid(False)
-    first = np.ceil((projection.longitude_deg - 180.0) / 60.0) * 60.0
-    meridians = np.arange(first, first + 359.0, 60.0)
+    west = np.ceil((projection.longitude_deg - 180.0) / 60.0) * 60.0
+    meridians = np.arange(west, west + 359.0, 60.0)
     parallels = np.arange(-60.0, 61.0, 30.0)
-    along = np.linspace(-90.0, 90.0, _LINE_POINTS)
-    around = projection.longitude_deg + np.linspace(-179.9, 179.9, 361)
+    latitudes = np.linspace(-90.0, 90.0, _LINE_POINTS)
+    longitudes = projection.longitude_deg + np.linspace(-179.9, 179.9, 361)
     for longitude in meridians:
-        _draw_grid(axes, projection, along, np.full(len(along), longitude))
+        _draw_grid(axes, projection, latitudes, longitude)
     for latitude in parallels:
-        _draw_grid(axes, projection, np.full(len(around), latitude), around)
-    south_pole = projection.points(np.full(len(meridians), -0.5 * np.pi), np.radians(meridians))[
-        :, 0
-    ].tolist()
-    labels = [(x, longitude_text(each)) for x, each in zip(south_pole, meridians, strict=True)]
-    _set_ticks(axes.set_xticks, _apart(labels, _APART_WORLD * float(np.ptp(axes.get_xlim()))))
-    heights = projection.points(np.radians(parallels), np.zeros(len(parallels)))[:, 1].tolist()
+        _draw_grid(axes, projection, latitude, longitudes)
+    _label_world(axes, projection, meridians, parallels)
+
+
+def _label_world(
+    axes: Axes, projection: WorldProjection, meridians: FloatArray, parallels: FloatArray
+) -> None:
+    """Label meridians at the south pole and parallels at the left edge."""
+    pole = projection.points(np.full(len(meridians), -0.5 * np.pi), np.radians(meridians))
+    ticks = zip(pole[:, 0].tolist(), map(longitude_text, meridians), strict=True)
+    # The pole is short: labels keep 17 % of the width apart.
+    _set_ticks(axes.set_xticks, _separate(ticks, 0.17 * float(np.ptp(axes.get_xlim()))))
+    edge = projection.points(np.radians(parallels), np.zeros(len(parallels)))
     _set_ticks(
-        axes.set_yticks,
-        [(y, latitude_text(each)) for y, each in zip(heights, parallels, strict=True)],
+        axes.set_yticks, zip(edge[:, 1].tolist(), map(latitude_text, parallels), strict=True)
     )
 
 
 def _draw_grid(
-    axes: Axes, projection: MapProjection, latitude_deg: FloatArray, longitude_deg: FloatArray
+    axes: Axes,
+    projection: MapProjection,
+    latitude_deg: FloatArray | float,
+    longitude_deg: FloatArray | float,
 ) -> FloatArray:
-    """Draw a line of the graticule; return it on the map (n, 2)."""
-    line = projection.points(np.radians(latitude_deg), np.radians(longitude_deg))
+    """Draw a line of the graticule, of one latitude or one longitude; return it on the map (n,
+    2).
+    """
+    degrees = np.broadcast_arrays(latitude_deg, longitude_deg)
+    line = projection.points(*np.radians(degrees))
     axes.plot(*line.T, color=GRID, linewidth=0.6, zorder=0.7)
     return line
 
@@ -122,7 +126,7 @@ def drawn_ground(
     places: FloatArray,
     ratio: float,
     least_km: float,
-    parts: int = 9,
+    meridians: int = 9,
 ) -> None:
     """Draw the ground of a map of points (n, 2): that of the whole Earth, or as `drawn_region`
     does.
@@ -130,7 +134,7 @@ def drawn_ground(
     if isinstance(projection, WorldProjection):
         drawn_world(axes, projection)
     else:
-        drawn_region(axes, projection, places, ratio, least_km, parts)
+        drawn_region(axes, projection, places, ratio, least_km, meridians)
 
 
 def drawn_region(
@@ -139,11 +143,11 @@ def drawn_region(
     places: FloatArray,
     ratio: float,
     least_km: float,
-    parts: int,
+    meridians: int,
 ) -> None:
     """Draw the ground of a map of points (n, 2), with a margin and at least so wide.
 
-    `ratio` is width over height, `parts` the most meridians of the graticule.
+    `ratio` is width over height, `meridians` the most meridians of the graticule.
     """
     flat = projection.points(places[:, 0], places[:, 1])
     low = flat.min(axis=0)
@@ -155,8 +159,10 @@ def drawn_region(
     (west, south), (east, north) = middle - half, middle + half
     axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", facecolor=SEA)
     _land(axes, projection)
-    _graticule(axes, projection, nice_step(width / _KM_PER_DEG, parts, _STEPS_DEG))
-    _frame(axes)
+    width_deg = width / (EARTH_RADIUS_KM * np.radians(1.0))
+    _graticule(axes, projection, nice_step(width_deg, meridians, _STEPS_DEG))
+    axes.spines[["top", "right"]].set_visible(True)
+    axes.tick_params(length=2.5, labelsize=8)
 
 
 def _land(axes: Axes, projection: MapProjection) -> None:
@@ -171,47 +177,46 @@ def _land(axes: Axes, projection: MapProjection) -> None:
     )
 
 
-def _frame(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(True)
-    axes.tick_params(length=2.5, labelsize=8)
-
-
 def _graticule(axes: Axes, projection: RegionProjection, step_deg: float) -> None:
     """Draw meridians and parallels, and label them where they cross the lower and the left edge."""
     axes.grid(False)
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
-    parallels, meridians = _seen(projection, (west, east), (south, north), step_deg)
-    ticks: tuple[list[tuple[float, str]], list[tuple[float, str]]] = ([], [])
-    along = np.linspace(max(parallels[0], -89.9), min(parallels[-1], 89.9), _LINE_POINTS)
-    around = np.linspace(meridians[0], meridians[-1], _LINE_POINTS)
-    for longitude in meridians.tolist():
-        part = _draw_grid(axes, projection, along, np.full(len(along), longitude))
-        ticks[0].extend(
-            (x, longitude_text(longitude)) for x in _crossings(part[:, ::-1], south, west, east)
+    parallels, meridians = _visible_grid(projection, (west, east), (south, north), step_deg)
+    latitudes = np.linspace(max(parallels[0], -89.9), min(parallels[-1], 89.9), _LINE_POINTS)
+    longitudes = np.linspace(meridians[0], meridians[-1], _LINE_POINTS)
+    x_ticks = [
+        (x, longitude_text(longitude))
+        for longitude in meridians.tolist()
+        for x in _crossings(
+            _draw_grid(axes, projection, latitudes, longitude)[:, ::-1], south, west, east
         )
-    for latitude in parallels.tolist():
-        part = _draw_grid(axes, projection, np.full(len(around), latitude), around)
-        ticks[1].extend((y, latitude_text(latitude)) for y in _crossings(part, west, south, north))
-    _set_ticks(axes.set_xticks, _apart(ticks[0], _APART * (east - west)))
-    _set_ticks(axes.set_yticks, _apart(ticks[1], 0.0))
-    if len(ticks[1]) < 2 and len(parallels) > _FEW_PARALLELS:
+    ]
+    y_ticks = [
+        (y, latitude_text(latitude))
+        for latitude in parallels.tolist()
+        for y in _crossings(_draw_grid(axes, projection, latitude, longitudes), west, south, north)
+    ]
+    _set_ticks(axes.set_xticks, _separate(x_ticks, 0.2 * (east - west)))
+    _set_ticks(axes.set_yticks, _separate(y_ticks, 0.0))
+    if len(y_ticks) < 2 and len(parallels) > 4:
         _label_inside(axes, projection, parallels)
     axes.set(xlim=(west, east), ylim=(south, north))
 
 
 def _set_ticks(
-    place: Callable[[list[float], list[str]], object], ticks: list[tuple[float, str]]
+    set_ticks: Callable[[list[float], list[str]], object], ticks: Iterable[Tick]
 ) -> None:
-    place([value for value, _ in ticks], [text for _, text in ticks])
+    labels = dict(ticks)
+    set_ticks(list(labels), list(labels.values()))
 
 
-def _apart(ticks: list[tuple[float, str]], least: float) -> list[tuple[float, str]]:
-    """Return the ticks that keep the least distance from the one before, in order."""
-    kept: list[tuple[float, str]] = []
+def _separate(ticks: Iterable[Tick], gap: float) -> list[Tick]:
+    """Return the ticks that keep a distance from the previous one, in order."""
+    separate = list[Tick]()
     for tick in sorted(ticks):
-        if not kept or tick[0] - kept[-1][0] >= least:
-            kept.append(tick)
-    return kept
+        if not separate or tick[0] - separate[-1][0] >= gap:
+            separate.append(tick)
+    return separate
 
 
 def _label_inside(axes: Axes, projection: RegionProjection, parallels: FloatArray) -> None:
@@ -219,41 +224,43 @@ def _label_inside(axes: Axes, projection: RegionProjection, parallels: FloatArra
     left edge.
     """
     centre = np.full(len(parallels), projection.centre[1])
-    for place, latitude in zip(
-        projection.points(np.radians(parallels), centre), parallels.tolist(), strict=True
-    ):
+    points = projection.points(np.radians(parallels), centre)
+    for point, latitude in zip(points, parallels.tolist(), strict=True):
         if abs(latitude) < 90.0:
-            style: dict[str, Any] = {
-                "fontsize": 8,
-                "color": MUTED,
-                "clip_on": True,
-                "annotation_clip": True,
-            }
             axes.annotate(
-                latitude_text(latitude), place, (3, 2), textcoords="offset points", **style
+                latitude_text(latitude),
+                point,
+                (3, 2),
+                textcoords="offset points",
+                fontsize=8,
+                color=MUTED,
+                clip_on=True,
+                annotation_clip=True,
             )
 
 
-def _seen(
+def _visible_grid(
     projection: RegionProjection, x: tuple[float, float], y: tuple[float, float], step_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the parallels and meridians, degrees, that cover what a map shows; all meridians if it
-    shows a pole.
+    """Return the parallels and meridians, degrees, that cover a map; all meridians if it shows a
+    pole.
     """
-    across = np.meshgrid(np.linspace(*x, _SAMPLES), np.linspace(*y, _SAMPLES))
-    places = np.degrees(projection.places(np.stack([each.ravel() for each in across], axis=1)))
+    grid = np.meshgrid(np.linspace(*x, 25), np.linspace(*y, 25))
+    places = np.degrees(projection.places(np.stack([values.ravel() for values in grid], axis=1)))
     centre_deg = np.degrees(projection.centre[1])
-    east = np.mod(places[:, 1] - centre_deg + 180.0, 360.0) - 180.0
-    low = float(east.min()) + centre_deg
-    high = float(east.max()) + centre_deg
-    pole = projection.points(np.radians(np.array([90.0, -90.0])), np.zeros(2))
-    has_pole = (pole[:, 0] > x[0]) & (pole[:, 0] < x[1]) & (pole[:, 1] > y[0]) & (pole[:, 1] < y[1])
+    east_deg = np.mod(places[:, 1] - centre_deg + 180.0, 360.0) - 180.0
+    low = float(east_deg.min()) + centre_deg
+    high = float(east_deg.max()) + centre_deg
+    poles = projection.points(np.radians(np.array([90.0, -90.0])), np.zeros(2))
+    has_pole = np.all((poles > (x[0], y[0])) & (poles < (x[1], y[1])), axis=1)
     if has_pole.any():
         low = -180.0
         high = 180.0 - 2.0 * step_deg
-    bottom = -90.0 if has_pole[1] else float(places[:, 0].min())
-    top = 90.0 if has_pole[0] else float(places[:, 0].max())
-    return _multiples(bottom, top, step_deg), _multiples(low, high, step_deg)
+    parallels = (
+        -90.0 if has_pole[1] else float(places[:, 0].min()),
+        90.0 if has_pole[0] else float(places[:, 0].max()),
+    )
+    return _multiples(*parallels, step_deg), _multiples(low, high, step_deg)
 
 
 def _multiples(low: float, high: float, step: float) -> FloatArray:
@@ -265,11 +272,11 @@ def _crossings(line: FloatArray, edge: float, low: float, high: float) -> list[f
     """Return the second coordinates, within [low, high], where a line (n, 2) has its first one
     equal to `edge`.
     """
-    off = line[:, 0] - edge
-    rows = np.flatnonzero(off[:-1] * off[1:] < 0.0)
-    share = off[rows] / (off[rows] - off[rows + 1])
-    found = line[rows, 1] + share * (line[rows + 1, 1] - line[rows, 1])
-    return [value for value in found.tolist() if low <= value <= high]
+    distance = line[:, 0] - edge
+    rows = np.flatnonzero(distance[:-1] * distance[1:] < 0.0)
+    share = distance[rows] / (distance[rows] - distance[rows + 1])
+    values = line[rows, 1] + share * (line[rows + 1, 1] - line[rows, 1])
+    return [value for value in values.tolist() if low <= value <= high]
 
 
 def longitude_text(longitude_deg: float) -> str:

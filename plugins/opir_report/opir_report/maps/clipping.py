@@ -6,9 +6,6 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
 
-#: How far beyond a rectangle curves are cut, as a share of its sides: the cuts are not seen.
-_MARGIN = 0.02
-
 
 def clipped(curve: FloatArray, x: tuple[float, float], y: tuple[float, float]) -> FloatArray:
     """Return a closed curve (n, 2) cut to a rectangle, closed; empty where nothing is left.
@@ -17,7 +14,8 @@ def clipped(curve: FloatArray, x: tuple[float, float], y: tuple[float, float]) -
     winding numbers inside the rectangle stay the same.
     """
     for axis, (low, high) in enumerate((x, y)):
-        margin = _MARGIN * (high - low)
+        # A little beyond the rectangle, where the cuts are not seen.
+        margin = 0.02 * (high - low)
         for edge, sign in ((low - margin, 1.0), (high + margin, -1.0)):
             curve = _half_plane(curve, sign * (curve[:, axis] - edge))
             if not len(curve):
@@ -27,8 +25,9 @@ def clipped(curve: FloatArray, x: tuple[float, float], y: tuple[float, float]) -
 
 def dense(curve: FloatArray, step: float) -> FloatArray:
     """Return a curve (n, 2) with points along its straight edges, at most a step apart."""
-    parts = np.ceil(np.linalg.norm(np.diff(curve, axis=0), axis=1) / step).clip(1).astype(np.int64)
-    places = np.append(0, np.cumsum(parts))
+    length = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    steps = np.ceil(length / step).clip(1).astype(np.int64)
+    places = np.append(0, np.cumsum(steps))
     fine = np.arange(places[-1] + 1)
     return np.stack([np.interp(fine, places, column) for column in curve.T], axis=1)
 

@@ -21,20 +21,8 @@ from opir_report.maps.spheres import (
     unit_vectors,
 )
 
-_HALF_TURN_DEG = 180.0
-_POLE_DEG = 90.0
-_SPHERE_SR = 4.0 * np.pi
-#: Areas between this one and zero come from rounding, sr.
-_ROUNDING_SR = 1e-3
 #: Longest step along an edge of the map of the whole Earth, degrees.
 _STEP_DEG = 2.0
-#: Longest step on an azimuthal map, Earth's radii, and the halvings that reach it: near the point
-#: opposite to the centre a short edge goes far around the map.
-_LONGEST_STEP = 0.2
-_HALVINGS = 40
-#: The polynomial of the Equal Earth projection, and half the root of 3.
-_EQUAL_EARTH = (1.340264, -0.081106, 0.000893, 0.003796)
-_HALF_ROOT_3 = 0.5 * np.sqrt(3.0)
 
 
 def equal_earth(
@@ -46,13 +34,14 @@ def equal_earth(
     Source: B. Šavrič, T. Patterson and B. Jenny, International Journal of Geographical Information
     Science 33 (2019) 454.
     """
-    angle = np.arcsin(_HALF_ROOT_3 * np.sin(np.radians(latitude_deg)))
+    half_root_3 = 0.5 * np.sqrt(3.0)
+    angle = np.arcsin(half_root_3 * np.sin(np.radians(latitude_deg)))
     square = angle * angle
     sixth = square**3
-    first, second, third, fourth = _EQUAL_EARTH
-    slope = first + 3.0 * second * square + sixth * (7.0 * third + 9.0 * fourth * square)
-    x = np.radians(longitude_deg) * np.cos(angle) / (_HALF_ROOT_3 * slope)
-    return x, angle * (first + second * square + sixth * (third + fourth * square))
+    a1, a2, a3, a4 = (1.340264, -0.081106, 0.000893, 0.003796)
+    slope = a1 + 3.0 * a2 * square + sixth * (7.0 * a3 + 9.0 * a4 * square)
+    x = np.radians(longitude_deg) * np.cos(angle) / (half_root_3 * slope)
+    return x, angle * (a1 + a2 * square + sixth * (a3 + a4 * square))
 
 
 class WorldProjection:
@@ -81,10 +70,8 @@ class WorldProjection:
         return self._flat(self._degrees(latitude_rad, longitude_rad))
 
     def lines(self, line: FloatArray) -> list[FloatArray]:
-        """Return a line once for each turn of the map that it meets; the map's edge cuts the
-        rest.
-        """
-        return [self._flat(part) for part in _repeated(self._unrolled(refined(line)))]
+        """Return a line once for each turn of the map that it meets, cut at the map's edge."""
+        return [self._flat(turn) for turn in _repeated(self._unrolled(refined(line)))]
 
     def curves(self, rings: Sequence[FloatArray]) -> list[FloatArray]:
         """Return rings once for each turn of the map that they meet; those round a pole are closed
@@ -95,16 +82,16 @@ class WorldProjection:
         closed += _background(
             fine, sum(_signed_area(_cylindrical(ring)) for ring in closed), _world_deg
         )
-        bounds = (-_HALF_TURN_DEG, _HALF_TURN_DEG), (-_POLE_DEG, _POLE_DEG)
-        parts = [clipped(part, *bounds) for ring in closed for part in _repeated(ring)]
-        return [self._flat(dense(part, _STEP_DEG)) for part in parts if len(part)]
+        bounds = (-180.0, 180.0), (-90.0, 90.0)
+        curves = [clipped(curve, *bounds) for ring in closed for curve in _repeated(ring)]
+        return [self._flat(dense(curve, _STEP_DEG)) for curve in curves if len(curve)]
 
     def _degrees(self, latitude_rad: FloatArray, longitude_rad: FloatArray) -> FloatArray:
         """Return degrees east of the central meridian, in [-180, 180), and degrees north: (n,
         2).
         """
         east = np.degrees(longitude_rad) - self.longitude_deg
-        wrapped = np.mod(east + _HALF_TURN_DEG, 2 * _HALF_TURN_DEG) - _HALF_TURN_DEG
+        wrapped = np.mod(east + 180.0, 360.0) - 180.0
         return np.stack([wrapped, np.degrees(latitude_rad)], axis=-1)
 
     def _flat(self, degrees: FloatArray) -> FloatArray:
@@ -112,7 +99,7 @@ class WorldProjection:
 
     def _unrolled(self, line: FloatArray) -> FloatArray:
         places = self._degrees(line[:, 0], line[:, 1])
-        places[:, 0] = np.unwrap(places[:, 0], period=2 * _HALF_TURN_DEG)
+        places[:, 0] = np.unwrap(places[:, 0], period=360.0)
         return places
 
 
@@ -121,7 +108,7 @@ def _world_deg(sense: int) -> FloatArray:
     -1.
     """
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
-    return (corners * (_HALF_TURN_DEG, _POLE_DEG))[::sense]
+    return (corners * (180.0, 90.0))[::sense]
 
 
 def _cylindrical(flat: FloatArray) -> FloatArray:
@@ -133,7 +120,7 @@ def _closed_at_pole(flat: FloatArray, around: int) -> FloatArray:
     """Return a ring in degrees; one that goes round a pole is closed along that on its left."""
     if not around:
         return flat
-    pole_deg = _POLE_DEG * around
+    pole_deg = 90.0 * around
     return np.concatenate([flat, [[flat[-1, 0], pole_deg], [flat[0, 0], pole_deg]], flat[:1]])
 
 
@@ -146,10 +133,10 @@ def _background(
     On the map rings enclose the area `flat_sr`, which differs from that of their region by whole
     spheres: by one if the region holds the map's edge, as rings round a hole do.
     """
-    region_sr = (
-        np.mod(sum(area_sr(ring) for ring in rings) + _ROUNDING_SR, _SPHERE_SR) - _ROUNDING_SR
-    )
-    missing = round((region_sr - flat_sr) / _SPHERE_SR)
+    sphere_sr = 4.0 * np.pi
+    # Areas a little below zero come from rounding.
+    region_sr = np.mod(sum(area_sr(ring) for ring in rings) + 1e-3, sphere_sr) - 1e-3
+    missing = round((region_sr - flat_sr) / sphere_sr)
     return [edge(1 if missing > 0 else -1)] * abs(missing)
 
 
@@ -157,9 +144,10 @@ def _repeated(line: FloatArray) -> list[FloatArray]:
     """Return a line moved by whole turns to each place where it meets the map."""
     west = float(line[:, 0].min())
     east = float(line[:, 0].max())
-    first = int(np.ceil((-_HALF_TURN_DEG - east) / (2 * _HALF_TURN_DEG)))
-    last = int(np.floor((_HALF_TURN_DEG - west) / (2 * _HALF_TURN_DEG)))
-    return [line + np.array([2 * _HALF_TURN_DEG * turn, 0.0]) for turn in range(first, last + 1)]
+    turns_east = range(
+        int(np.ceil((-180.0 - east) / 360.0)), int(np.floor((180.0 - west) / 360.0)) + 1
+    )
+    return [line + np.array([360.0 * turn, 0.0]) for turn in turns_east]
 
 
 class RegionProjection:
@@ -206,7 +194,7 @@ class RegionProjection:
         fine = refined(line)
         flat = self.points(fine[:, 0], fine[:, 1])
         leaps = np.flatnonzero(np.linalg.norm(np.diff(flat, axis=0), axis=1) > EARTH_RADIUS_KM) + 1
-        return [part for part in np.split(flat, leaps) if len(part) > 1]
+        return [segment for segment in np.split(flat, leaps) if len(segment) > 1]
 
     def curves(self, rings: Sequence[FloatArray]) -> list[FloatArray]:
         """Return rings, with the edge of the map where the region holds the point opposite to the
@@ -223,15 +211,16 @@ class RegionProjection:
         map.
         """
         fine = refined(ring)
-        for _ in range(_HALVINGS):
+        # Near the point opposite to the centre a short edge goes around the map.
+        for _ in range(40):
             flat = self.points(fine[:, 0], fine[:, 1])
-            far = np.flatnonzero(
-                np.linalg.norm(np.diff(flat, axis=0), axis=1) > _LONGEST_STEP * EARTH_RADIUS_KM
-            )
-            if not len(far):
+            length_km = np.linalg.norm(np.diff(flat, axis=0), axis=1)
+            edges = np.flatnonzero(length_km > 0.2 * EARTH_RADIUS_KM)
+            if not len(edges):
                 break
             unit = unit_vectors(fine[:, 0], fine[:, 1])
-            fine = np.insert(fine, far + 1, latitudes_longitudes(unit[far] + unit[far + 1]), axis=0)
+            middles = latitudes_longitudes(unit[edges] + unit[edges + 1])
+            fine = np.insert(fine, edges + 1, middles, axis=0)
         return fine
 
 
@@ -269,8 +258,6 @@ def _signed_area(flat: FloatArray) -> float:
     return float(0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
 
 
-def nice_step(span: float, parts: int, steps: Sequence[float]) -> float:
-    """Return the smallest of ascending steps that divides a span into at most `parts` parts, or the
-    largest.
-    """
-    return next((step for step in steps if span / step <= parts), steps[-1])
+def nice_step(span: float, count: int, steps: Sequence[float]) -> float:
+    """Return the smallest of ascending steps, at most `count` of which fill a span, or the largest."""
+    return next((step for step in steps if span / step <= count), steps[-1])

@@ -33,16 +33,17 @@ def refined(line: FloatArray, step_rad: float = 0.02) -> FloatArray:
     if len(unit) < 2:
         return line
     angle = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(unit[1:] - unit[:-1], axis=1), 0.0, 1.0))
-    parts = np.ceil(angle / step_rad).clip(1).astype(np.int64)
-    edge = np.repeat(np.arange(len(parts)), parts)
-    share = (np.arange(len(edge)) - (np.cumsum(parts) - parts)[edge]) / parts[edge]
+    steps = np.ceil(angle / step_rad).clip(1).astype(np.int64)
+    edge = np.repeat(np.arange(len(steps)), steps)
+    share = (np.arange(len(edge)) - (np.cumsum(steps) - steps)[edge]) / steps[edge]
     # Interpolated along the arc, not the chord; the sine of a zero angle divides nothing.
-    sine = np.where(angle > 0.0, np.sin(angle), 1.0)[edge]
-    early = np.where(angle > 0.0, np.sin(angle), 0.0)[edge] == 0.0
-    one = np.where(early, 1.0, np.sin((1.0 - share) * angle[edge]) / sine)
-    other = np.where(early, 0.0, np.sin(share * angle[edge]) / sine)
-    between = one[:, None] * unit[edge] + other[:, None] * unit[edge + 1]
-    return np.concatenate([latitudes_longitudes(between), line[-1:]])
+    sine = np.where(angle > 0.0, np.sin(angle), 0.0)[edge]
+    is_point = sine == 0.0
+    divisor = np.where(is_point, 1.0, sine)
+    start_weight = np.where(is_point, 1.0, np.sin((1.0 - share) * angle[edge]) / divisor)
+    end_weight = np.where(is_point, 0.0, np.sin(share * angle[edge]) / divisor)
+    points = start_weight[:, None] * unit[edge] + end_weight[:, None] * unit[edge + 1]
+    return np.concatenate([latitudes_longitudes(points), line[-1:]])
 
 
 def cap(

@@ -10,16 +10,16 @@ def write_page(page: ReportPage, path: Path, *, with_data: bool) -> list[Path]:
     """Write a page and the data of its figures, all or none; return the files. Raises `SinkError`
     if that fails.
     """
-    figures = (
-        {each.name: each.data for each in page.figures() if each.data is not None}
-        if with_data
-        else {}
-    )
+    data = {
+        figure.name: figure.data
+        for figure in page.figures()
+        if figure.data is not None and with_data
+    }
     folder = path.with_suffix(".data")
-    written = [folder / f"{name}.parquet" for name in figures]
-    with OutputFiles(folder=folder, is_made_up=True) if figures else OutputFiles() as files:
-        for place, data in zip(written, figures.values(), strict=True):
-            with files.writing(place, "data", is_made_up=True) as part:
-                data.write(part)
+    paths = [folder / f"{name}.parquet" for name in data]
+    with OutputFiles(folder=folder, is_made_up=True) if data else OutputFiles() as files:
+        for place, columns in zip(paths, data.values(), strict=True):
+            with files.writing(place, "data", is_made_up=True) as temporary:
+                columns.write(temporary)
         files.write(path, page.html(folder.name if with_data else None).encode(), "report")
-    return [path, *written]
+    return [path, *paths]

@@ -1,6 +1,4 @@
-"""The last section of a study's report: how it was made, its conditions, what it does not have, and
-its data.
-"""
+"""The last section of a study's report: its method, conditions, missing values and data."""
 
 from collections.abc import Iterator
 
@@ -14,62 +12,47 @@ from opir_report.words import number_words, setting_words
 
 _CONDITIONS = (
     "Sensors, target classes, sites and probabilities are notional defaults unless a scene cites a"
-    " source: read"
-    " differences between designs, not the figures of a real system. Run k of all designs has the"
-    " same seed, so"
-    " differences are paired. An interval holds the mean over such runs, not a single launch, and"
-    " not the error of the"
-    " models."
+    " source: read differences between designs, not the figures of a real system. Run k of all"
+    " designs has the same seed, so differences are paired. An interval holds the mean over such"
+    " runs, not a single launch, and not the error of the models."
+)
+_DATA = (
+    "results.csv: all figures of all designs; runs.parquet: every run; in the folder of the study"
 )
 
 
 def method_section(study: SavedStudy) -> ReportSection:
     """Return the section."""
     definition = study.definition
-    first = study.rows(next(iter(study.units)))
+    designs = study.rows(next(iter(study.units)))
     seeds = (
-        f"seeds {first['first_seed'].min()} to {first['last_seed'].max()}" if len(first) else "-"
+        f"seeds {designs['first_seed'].min()} to {designs['last_seed'].max()}"
+        if len(designs)
+        else "-"
     )
-    counts = sorted({int(each) for each in first["runs"].tolist()})
-    runs = (
-        grouped(counts[0]) if len(counts) == 1 else f"{grouped(counts[0])} to {grouped(counts[-1])}"
-    )
+    counts = sorted({int(count) for count in designs["runs"].tolist()})
+    runs = " to ".join(map(grouped, dict.fromkeys((counts[0], counts[-1]))))
     rows = [
         ("scene", str(definition["scene"])),
         ("design", str(definition["design"])),
-        *(
-            (path, ", ".join(dict.fromkeys(map(level_text, first[path].tolist()))))
-            for path in study.paths
-        ),
+        *((path, ", ".join(map(level_text, designs.levels(path)))) for path in study.paths),
         ("runs", f"{runs} of each design, {seeds}; {str(definition['until']) or 'all runs'}"),
         ("intervals", "95 %, Student's t over runs"),
         *_metric_rows(study),
         *_requirement_rows(study),
         *_missing_rows(study),
-        (
-            "data",
-            (
-                "results.csv: all figures of all designs; runs.parquet: every run; in the folder of the"
-                " study"
-            ),
-        ),
+        ("data", _DATA),
     ]
-    return ReportSection(
-        "method",
-        "Method and conditions",
-        _CONDITIONS,
-        (ReportTable("The study", ("", "value"), rows),),
-    )
+    table = ReportTable("The study", ("", "value"), rows)
+    return ReportSection("method", "Method and conditions", _CONDITIONS, (table,))
 
 
 def _metric_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
     """Yield the settings of each metric that has any."""
     for metric, settings in study.definition.get("settings", {}).items():
         if settings:
-            yield (
-                metric.replace("_", " "),
-                ", ".join(_setting_text(*each) for each in settings.items()),
-            )
+            texts = (_setting_text(*setting) for setting in settings.items())
+            yield metric.replace("_", " "), ", ".join(texts)
 
 
 def _setting_text(name: str, value: object) -> str:
@@ -84,12 +67,11 @@ def _setting_text(name: str, value: object) -> str:
 
 def _requirement_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
     """Yield for each requirement how many designs miss it."""
-    for each in study.requirements:
-        is_met = study.is_met(each)
-        missed = int(np.count_nonzero(~is_met))
+    for requirement in study.requirements:
+        is_met = study.is_met(requirement)
         yield (
-            f"required: {requirement_words(study, each)}",
-            f"missed by {missed} of {len(is_met)} designs",
+            f"required: {requirement_words(study, requirement)}",
+            f"missed by {np.count_nonzero(~is_met)} of {len(is_met)} designs",
         )
 
 
@@ -97,15 +79,15 @@ def _missing_rows(study: SavedStudy) -> Iterator[tuple[str, str]]:
     """Yield the figures that some launches or runs do not have: shares of the designs, and runs
     with a value.
     """
-    words = []
+    texts = []
     for figure in study.units:
-        rows = study.rows(figure)
-        of = study.shares_text(figure)
-        count, runs = (grouped(int(rows[name].sum())) for name in ("runs_with_value", "runs"))
-        if of:
-            words.append(f"{words_of(study, figure)} {of}, a value in {count} of {runs} runs")
-    if words:
+        share = study.shares_text(figure)
+        if share:
+            rows = study.rows(figure)
+            count, runs = (grouped(int(rows[name].sum())) for name in ("runs_with_value", "runs"))
+            texts.append(f"{words_of(study, figure)} {share}, a value in {count} of {runs} runs")
+    if texts:
         yield (
             "means over some",
-            f"{'; '.join(words)}; a launch or run without a value meets no requirement",
+            f"{'; '.join(texts)}; a launch or run without a value meets no requirement",
         )

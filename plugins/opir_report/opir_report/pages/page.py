@@ -3,7 +3,7 @@ print.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from html import escape
 
 from attrs import frozen
@@ -62,31 +62,26 @@ class ReportPage:
 
     def figures(self) -> list[ReportFigure]:
         """Return all figures of the page."""
-        return [
-            part
-            for section in self.sections
-            for part in section.parts
-            if isinstance(part, ReportFigure)
-        ]
+        return [part for part in self._parts() if isinstance(part, ReportFigure)]
 
     def tables(self) -> list[ReportTable]:
         """Return all tables of the page."""
-        return [
-            part
-            for section in self.sections
-            for part in section.parts
-            if isinstance(part, ReportTable)
-        ]
+        return [part for part in self._parts() if isinstance(part, ReportTable)]
+
+    def _parts(self) -> Iterator[ReportFigure | ReportTable]:
+        for section in self.sections:
+            yield from section.parts
 
     def html(self, data_folder: str | None) -> str:
         """Return the page as HTML; the figures' data are linked in `data_folder`, if there is
         one.
         """
         contents = "".join(
-            f'<li><a href="#{each.name}">{escape(each.title)}</a></li>' for each in self.sections
+            f'<li><a href="#{section.name}">{escape(section.title)}</a></li>'
+            for section in self.sections
         )
         summary = "".join(f"<li>{escape(line)}</li>" for line in self.summary)
-        sections = "\n".join(_section(each, data_folder) for each in self.sections)
+        sections = "\n".join(_section(section, data_folder) for section in self.sections)
         body = f"""<nav aria-label="Contents"><ol>{contents}</ol></nav>
 <main>
 <section id="summary" aria-label="Summary"><ul class="summary">{summary}</ul></section>
@@ -101,10 +96,8 @@ def _section(section: ReportSection, data_folder: str | None) -> str:
         for part in section.parts
     )
     text = f"<p>{escape(section.text)}</p>\n" if section.text else ""
-    return (
-        f"<section"
-        f' id="{section.name}">\n<h2>{escape(section.title)}</h2>\n{text}{parts}\n</section>'
-    )
+    head = f"<h2>{escape(section.title)}</h2>"
+    return f'<section id="{section.name}">\n{head}\n{text}{parts}\n</section>'
 
 
 def _figure(figure: ReportFigure, data_folder: str | None) -> str:
@@ -116,10 +109,8 @@ def _figure(figure: ReportFigure, data_folder: str | None) -> str:
     scroll = (
         f'<div class="scroll" role="region" aria-label="Figure {escape(figure.name)}" tabindex="0">'
     )
-    return (
-        f"<figure"
-        f' id="figure-{figure.name}">\n{scroll}{themed(figure.svg)}</div>\n{caption}\n</figure>'
-    )
+    body = f"{scroll}{themed(figure.svg)}</div>\n{caption}"
+    return f'<figure id="figure-{figure.name}">\n{body}\n</figure>'
 
 
 def _table(table: ReportTable) -> str:
@@ -146,4 +137,4 @@ def _kind(cell: str) -> str:
 
 def themed(svg: str) -> str:
     """Return an SVG with the palette's colours as CSS variables, which differ in dark mode."""
-    return _COLOUR.sub(lambda found: f"var(--{ROLES[found[0]][0]}, {found[0]})", svg)
+    return _COLOUR.sub(lambda match: f"var(--{ROLES[match[0]][0]}, {match[0]})", svg)

@@ -30,24 +30,28 @@ def write_figures(page: ReportPage, folder: Path, forms: Sequence[str] = FORMS) 
     """Write a report's figures and tables into a folder, all or none; return the files. `SinkError`
     if that fails.
     """
-    contents = dict[str, bytes]()
-    for figure in page.figures():
-        if figure.draw is not None:
-            contents |= {
-                f"{figure.name}.{form}": print_bytes(figure.draw, figure.height_in, form)
-                for form in forms
-            }
+    contents = {
+        f"{figure.name}.{form}": print_bytes(figure.draw, figure.height_in, form)
+        for figure in page.figures()
+        for form in forms
+        if figure.draw is not None
+    }
     for number, table in enumerate(page.tables(), start=1):
-        name = (
-            f"table-{number}-{_NAME.sub('-', table.caption.split(':')[0].lower()).strip('-')[:40]}"
-        )
-        contents[f"{name}.md"] = markdown_table(table).encode()
-        contents[f"{name}.tex"] = latex_table(table).encode()
+        name = f"table-{number}-{_file_words(table.caption)}"
+        contents |= {
+            f"{name}.md": markdown_table(table).encode(),
+            f"{name}.tex": latex_table(table).encode(),
+        }
     with OutputFiles() as files:
         files.make_folder(folder, parents=True)
-        for each, content in contents.items():
-            files.write(folder / each, content, "figure's")
-    return [folder / each for each in contents]
+        for name, content in contents.items():
+            files.write(folder / name, content, "figure's")
+    return [folder / name for name in contents]
+
+
+def _file_words(caption: str) -> str:
+    """Return up to 40 letters of a caption for the name of a file."""
+    return _NAME.sub("-", caption.split(":")[0].lower()).strip("-")[:40]
 
 
 def markdown_table(table: ReportTable) -> str:
@@ -60,19 +64,12 @@ def markdown_table(table: ReportTable) -> str:
 
 def latex_table(table: ReportTable) -> str:
     r"""Return a table for LaTeX with the package `booktabs`, `\input` as it is."""
-    lines = [
-        " & ".join("".join(_LATEX.get(each, each) for each in cell) for cell in row) + r" \\"
-        for row in table.rows
-    ]
-    head = (
-        " & ".join("".join(_LATEX.get(each, each) for each in cell) for cell in table.head) + r" \\"
-    )
-    caption = "".join(_LATEX.get(each, each) for each in table.caption)
+    head, *lines = (" & ".join(map(_latex, row)) + r" \\" for row in (table.head, *table.rows))
     columns = "l" + "r" * (len(table.head) - 1)
     return "\n".join(
         [
             r"\begin{table}",
-            rf"\caption{{{caption}}}",
+            rf"\caption{{{_latex(table.caption)}}}",
             rf"\begin{{tabular}}{{{columns}}}",
             r"\toprule",
             head,
@@ -84,3 +81,8 @@ def latex_table(table: ReportTable) -> str:
             "",
         ]
     )
+
+
+def _latex(text: str) -> str:
+    """Return a text with its special characters escaped."""
+    return "".join(_LATEX.get(character, character) for character in text)

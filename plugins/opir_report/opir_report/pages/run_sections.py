@@ -2,9 +2,11 @@
 show.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from opir_core import Scene
@@ -24,49 +26,48 @@ from opir_report.plots.signal import PANELS, signal_plot, signals
 from opir_report.plots.timeline import detection_counts, timeline
 from opir_report.run_plots import MAP_IN, WORLD_IN, RunPlots, timeline_height_in
 
-#: Targets with a map of their impact, and with plots of their signal.
-_IMPACTS_SHOWN = 6
-_SIGNALS_SHOWN = 2
-#: Rows of a table.
-_ROWS_SHOWN = 20
-
 _LAUNCHES = (
     "True ground tracks, thick while the target burns; the last predicted impact points with the"
-    " regions that contain"
-    " the impact with 95 %. Azimuthal equidistant projection about the launches."
+    " regions that contain the impact with 95 %. Azimuthal equidistant projection about the"
+    " launches."
 )
 _SATELLITES = (
     "Dashed is the edge of the ground that each can see, a spherical cap. Moving satellites have"
-    " their ground track"
-    " over the run."
+    " their ground track over the run."
+)
+_DETECTIONS = (
+    "Detections over scene time, one row per sensor with its own scale; bars on top are the burns."
 )
 _SIGNAL = (
     "What a look would measure along the boost, for each sensor while it sees the target: the"
-    " expected signal-to-noise"
-    " ratio and the transmittance of the air in the sensor's reference band, and the probability of"
-    " detection."
+    " expected signal-to-noise ratio and the transmittance of the air in the sensor's reference"
+    " band, and the probability of detection."
 )
 _LATENCY = (
     "Share of the pairs of sensor and launch with a detection after at most that time. Dashed is"
-    " the closed form, the"
-    " mean over the same pairs: for a constant P_d that of a scan of random or aligned phase, else"
-    " the product over the"
-    " scheduled looks. Pairs that see the launch only later are left out."
+    " the closed form, the mean over the same pairs: for a constant P_d that of a scan of random or"
+    " aligned phase, else the product over the scheduled looks. Pairs that see the launch only"
+    " later are left out."
+)
+_CONFIDENCE = (
+    "Confidence of detections by target or type, with the track's probability of its likeliest"
+    " type."
 )
 _HYPOTHESES = (
     "What the tracker holds possible, tick by tick: the probability of each hypothesis that ever"
-    " reaches 1 %. First the"
-    " launches, then other hot sources."
+    " reaches 1 %. First the launches, then other hot sources."
 )
 _CONTAINMENT = (
     "Area of the region that contains the impact with 95 %, tick by tick: filled where the true"
-    " impact is inside."
-    " Estimates of one target are dependent, so the shares in the title have no interval."
+    " impact is inside. Estimates of one target are dependent, so the shares in the title have no"
+    " interval."
 )
 _NEES = (
     "Normalised estimation error squared of the state, divided by its 6 degrees of freedom: 1 is"
-    " consistent. Shaded is"
-    " where 99 % of single samples of a consistent filter lie."
+    " consistent. Shaded is where 99 % of single samples of a consistent filter lie."
+)
+_MANIFEST = (
+    "The manifest beside the events holds the whole scene: enough to repeat the run byte for byte."
 )
 
 
@@ -74,36 +75,48 @@ def figure_of(
     name: str,
     draw: Callable[[Figure], object],
     height_in: float,
-    words: tuple[str, str],
+    alt: str,
+    caption: str = "",
     data: FigureData | None = None,
 ) -> ReportFigure:
-    """Return a figure of a name and a height; `words` are the text for readers who do not see it,
-    and the caption.
+    """Return a figure of a name and a height; `alt` is the text for readers who do not see it, and
+    the caption if there is no other.
     """
-    return ReportFigure(
-        name, svg_of(draw, (WIDTH_IN, height_in), name, words[0]), words[1], data, draw, height_in
-    )
+    svg = svg_of(draw, (WIDTH_IN, height_in), name, alt)
+    return ReportFigure(name, svg, caption or alt, data, draw, height_in)
+
+
+def plot_of(
+    name: str,
+    draw: Callable[[Axes], object],
+    height_in: float,
+    alt: str,
+    caption: str = "",
+    data: FigureData | None = None,
+) -> ReportFigure:
+    """Return a figure of one plot, as `figure_of` does."""
+    return figure_of(name, lambda figure: draw(figure.add_subplot()), height_in, alt, caption, data)
 
 
 def map_section(plots: RunPlots) -> ReportSection:
     """Return the maps."""
     run = plots.facts.run
-    count = len(plots.facts.ids)
-    alt = f"Map of {count} launches with ground tracks, impacts and predicted impact regions"
-    launches = figure_of(
+    launches = plot_of(
         "launches",
-        lambda figure: plots.map(figure.add_subplot()),
+        plots.map,
         MAP_IN,
-        (alt, _LAUNCHES),
+        f"Map of {len(plots.facts.ids)} launches with ground tracks, impacts and predicted impact"
+        " regions",
+        _LAUNCHES,
         plots.ground_tracks,
     )
-    views = fields_of_view(run.plan)
-    words = (
+    satellites = plot_of(
+        "satellites",
+        plots.world,
+        WORLD_IN,
         f"World map of {len(run.sensors)} sensors with the edges of their fields of view",
         f"Sensors at {view_time_s(run.plan):g} s. {_SATELLITES}",
-    )
-    satellites = figure_of(
-        "satellites", lambda figure: plots.world(figure.add_subplot()), WORLD_IN, words, views
+        fields_of_view(run.plan),
     )
     return ReportSection("map", "Where", "", (launches, satellites))
 
@@ -111,59 +124,48 @@ def map_section(plots: RunPlots) -> ReportSection:
 def detection_section(plots: RunPlots) -> ReportSection:
     """Return the timeline and the table of sensors."""
     counts = detection_counts(plots.facts)
-    words = (
-        "Detections of each sensor over time, by target",
-        (
-            "Detections over scene time, one row per sensor with its own scale; bars on top are the"
-            " burns."
-        ),
-    )
-    lines = figure_of(
+    lines = plot_of(
         "detections",
-        lambda figure: timeline(figure.add_subplot(), plots.facts, counts),
+        lambda axes: timeline(axes, plots.facts, counts),
         timeline_height_in(counts),
-        words,
+        "Detections of each sensor over time, by target",
+        _DETECTIONS,
         counts,
     )
+    tables = _sensor_tables(plots.facts.run.summary["sensors"])
+    return ReportSection("detections", "What each sensor detected", "", (lines, *tables))
+
+
+def _sensor_tables(rows: Sequence[Mapping[str, Any]]) -> Iterator[ReportTable]:
+    """Yield the counts of the sensors, and their calibration if the tracker estimates it."""
     names = ("looks", "detections", "noise_detections", "targets_detected")
-    rows = [
+    head = ("sensor", "type", "looks", "detections", "false alarms", "targets")
+    cells = [
         (row["sensor_id"], row["sensor_type"], *(grouped(row[name]) for name in names))
-        for row in plots.facts.run.summary["sensors"]
+        for row in rows
     ]
-    sensors = ReportTable(
-        "Sensors", ("sensor", "type", "looks", "detections", "false alarms", "targets"), rows
-    )
-    found = [
-        (row["sensor_id"], row["health"]["text"])
-        for row in plots.facts.run.summary["sensors"]
-        if row["health"]
-    ]
-    health = (
-        [ReportTable("What the tracker found of them", ("sensor", "found"), found)] if found else []
-    )
-    return ReportSection("detections", "What each sensor detected", "", (lines, sensors, *health))
+    yield ReportTable("Sensors", head, cells)
+    texts = [(row["sensor_id"], row["health"]["text"]) for row in rows if row["health"]]
+    if texts:
+        yield ReportTable("What the tracker found of them", ("sensor", "found"), texts)
 
 
 def signal_section(plots: RunPlots) -> ReportSection | None:
-    """Return SNR, P_d and air along the boost of the first launches, if the detection model has a
-    signal.
+    """Return SNR, P_d and air along the boost of the first two launches, if the detection model has
+    a signal.
     """
     facts = plots.facts
-    parts = []
-    for target in range(min(facts.launches, _SIGNALS_SHOWN)):
-        data = signals(facts, target)
-        if len(data) and np.isfinite(data["snr"]).any():
-            parts.append(_signal_figure(plots, target, data))
-    more = (
-        f" The first {len(parts)} of {facts.launches} launches."
-        if facts.launches > len(parts)
-        else ""
-    )
-    return (
-        ReportSection("signal", "Signal, probability and air", _SIGNAL + more, parts)
-        if parts
-        else None
-    )
+    data = {target: signals(facts, target) for target in range(min(facts.launches, 2))}
+    figures = [
+        _signal_figure(plots, target, looks)
+        for target, looks in data.items()
+        if len(looks) and np.isfinite(looks["snr"]).any()
+    ]
+    if not figures:
+        return None
+    count = len(figures)
+    omission = f" The first {count} of {facts.launches} launches." if facts.launches > count else ""
+    return ReportSection("signal", "Signal, probability and air", _SIGNAL + omission, figures)
 
 
 def _signal_figure(plots: RunPlots, target: int, data: FigureData) -> ReportFigure:
@@ -179,14 +181,11 @@ def _signal_figure(plots: RunPlots, target: int, data: FigureData) -> ReportFigu
                 legend.remove()
 
     name = plots.facts.ids[target]
-    words = (
-        (
-            f"Expected SNR, probability of detection and transmittance along the boost of {name}, by"
-            f" sensor"
-        ),
-        f"{name} along its boost.",
+    alt = (
+        f"Expected SNR, probability of detection and transmittance along the boost of {name}, by"
+        " sensor"
     )
-    return figure_of(f"signal-{target + 1}", draw, 7.2, words, data)
+    return figure_of(f"signal-{target + 1}", draw, 7.2, alt, f"{name} along its boost.", data)
 
 
 def latency_section(plots: RunPlots) -> ReportSection | None:
@@ -195,18 +194,13 @@ def latency_section(plots: RunPlots) -> ReportSection | None:
     if not pairs:
         return None
     data = latency_curves(pairs)
-    words = (
-        (
-            "Distribution of the latency to the first detection by sensor type, against the closed"
-            " form"
-        ),
-        _LATENCY,
-    )
-    plot = figure_of(
+    plot = plot_of(
         "latency",
-        lambda figure: latency_plot(figure.add_subplot(), plots.facts, pairs, data),
+        lambda axes: latency_plot(axes, plots.facts, pairs, data),
         3.9,
-        words,
+        "Distribution of the latency to the first detection by sensor type, against the closed"
+        " form",
+        _LATENCY,
         data,
     )
     return ReportSection("latency", "How soon", "", (plot,))
@@ -217,41 +211,33 @@ def confidence_section(plots: RunPlots) -> ReportSection | None:
     data = confidences(plots.facts)
     if not len(data):
         return None
-    words = (
-        "Confidence of detections over time since ignition, and type probability of the tracks",
-        (
-            "Confidence of detections by target or type, with the track's probability of its likeliest"
-            " type."
-        ),
-    )
-    plot = figure_of(
+    plot = plot_of(
         "confidence",
-        lambda figure: confidence_plot(figure.add_subplot(), plots.facts, data),
+        lambda axes: confidence_plot(axes, plots.facts, data),
         3.7,
-        words,
+        "Confidence of detections over time since ignition, and type probability of the tracks",
+        _CONFIDENCE,
         data,
     )
     return ReportSection("confidence", "How sure", "", (plot,))
 
 
 def identity_section(plots: RunPlots) -> ReportSection | None:
-    """Return what tracks may be, and the other hot sources, if the tracker weighs hypotheses or
-    there are sources.
+    """Return the hypotheses of tracks, and the other hot sources, if the tracker weighs hypotheses
+    or there are sources.
     """
     facts = plots.facts
     parts: list[ReportFigure | ReportTable] = []
     data = hypothesis_history(facts)
-    shown = weighed_tracks(facts)
+    tracks = weighed_tracks(facts)
     if len(data):
 
         def draw(figure: Figure) -> None:
-            for place, track in enumerate(shown, start=1):
-                hypotheses_plot(figure.add_subplot(len(shown), 1, place), facts, data, track)
+            for place, track in enumerate(tracks, start=1):
+                hypotheses_plot(figure.add_subplot(len(tracks), 1, place), facts, data, track)
 
-        alt = (
-            f"Probability of each hypothesis over time of the tracks of {', '.join(shown.values())}"
-        )
-        parts.append(figure_of("hypotheses", draw, 2.6 * len(shown), (alt, _HYPOTHESES), data))
+        alt = f"Probability of each hypothesis over time of the tracks of {', '.join(tracks.values())}"
+        parts.append(figure_of("hypotheses", draw, 2.6 * len(tracks), alt, _HYPOTHESES, data))
         parts += _table_of("Tracks", *track_table(facts.run.summary))
     parts += _table_of("Other hot sources", *source_table(facts.run.summary))
     return ReportSection("identity", "What they are", "", parts) if parts else None
@@ -260,8 +246,9 @@ def identity_section(plots: RunPlots) -> ReportSection | None:
 def _table_of(
     caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]
 ) -> list[ReportFigure | ReportTable]:
-    more = f", the first {_ROWS_SHOWN} of {len(rows)}" if len(rows) > _ROWS_SHOWN else ""
-    return [ReportTable(f"{caption}{more}", head, rows[:_ROWS_SHOWN])] if rows else []
+    """Return a table of up to 20 rows, if there are any."""
+    omission = f", the first 20 of {len(rows)}" if len(rows) > 20 else ""
+    return [ReportTable(f"{caption}{omission}", head, rows[:20])] if rows else []
 
 
 def impact_section(plots: RunPlots) -> ReportSection | None:
@@ -269,43 +256,43 @@ def impact_section(plots: RunPlots) -> ReportSection | None:
     time.
     """
     facts = plots.facts
-    shown = list(facts.last_with_impact)[:_IMPACTS_SHOWN]
-    if not shown:
+    if not facts.last_with_impact:
         return None
-    columns = min(len(shown), 2)
-    rows = -(-len(shown) // columns)
+    history = region_history(facts)
+    areas = plot_of(
+        "regions",
+        lambda axes: containment_plot(axes, facts, history),
+        4.0,
+        "Area of the 95 % impact regions over time, and whether they contain the true impact",
+        _CONTAINMENT,
+        history,
+    )
+    return ReportSection("impacts", "Where they will come down", "", (_impact_maps(plots), areas))
+
+
+def _impact_maps(plots: RunPlots) -> ReportFigure:
+    """Return the maps of the impacts of the first six targets."""
+    facts = plots.facts
+    targets = list(facts.last_with_impact)[:6]
+    columns = min(len(targets), 2)
+    rows = -(-len(targets) // columns)
 
     def draw(figure: Figure) -> None:
-        for place, target in enumerate(shown, start=1):
+        for place, target in enumerate(targets, start=1):
             impact_map(figure.add_subplot(rows, columns, place), facts, target)
 
     total = len(facts.last_with_impact)
-    more = f" The first {len(shown)} of {total}." if total > len(shown) else ""
-    words = (
-        (
-            f"Predicted impact regions of {', '.join(facts.ids[each] for each in shown)} against the"
-            f" true impacts"
-        ),
-        (
-            f"The last predicted regions that contain the impact with 50, 90 and 95 %, and the true"
-            f" impact.{more}"
-        ),
+    omission = f" The first {len(targets)} of {total}." if total > len(targets) else ""
+    names = ", ".join(facts.ids[target] for target in targets)
+    return figure_of(
+        "impacts",
+        draw,
+        (4.4 if columns == 2 else 5.6) * rows,
+        f"Predicted impact regions of {names} against the true impacts",
+        "The last predicted regions that contain the impact with 50, 90 and 95 %, and the true"
+        f" impact.{omission}",
+        impact_points(facts),
     )
-    height_in = (4.4 if columns == 2 else 5.6) * rows
-    regions = figure_of("impacts", draw, height_in, words, impact_points(facts))
-    history = region_history(facts)
-    words = (
-        "Area of the 95 % impact regions over time, and whether they contain the true impact",
-        _CONTAINMENT,
-    )
-    areas = figure_of(
-        "regions",
-        lambda figure: containment_plot(figure.add_subplot(), facts, history),
-        4.0,
-        words,
-        history,
-    )
-    return ReportSection("impacts", "Where they will come down", "", (regions, areas))
 
 
 def track_section(plots: RunPlots) -> ReportSection | None:
@@ -315,12 +302,13 @@ def track_section(plots: RunPlots) -> ReportSection | None:
     if not rows:
         return None
     data = nees_history(facts)
-    words = (
+    plot = plot_of(
+        "nees",
+        lambda axes: nees_plot(axes, facts, data),
+        3.8,
         "NEES of the tracks over time since ignition, divided by 6, with the band of 99 %",
         _NEES,
-    )
-    plot = figure_of(
-        "nees", lambda figure: nees_plot(figure.add_subplot(), facts, data), 3.8, words, data
+        data,
     )
     table = ReportTable(
         "Scores of the tracks, with 95 % intervals where a run has them", ("", "value"), rows
@@ -329,7 +317,7 @@ def track_section(plots: RunPlots) -> ReportSection | None:
 
 
 def provenance_section(plots: RunPlots) -> ReportSection:
-    """Return what the run was made of."""
+    """Return scene, seed, versions and models of the run."""
     manifest = plots.facts.run.manifest
     scene = plots.facts.plan.scene
     versions = ", ".join(f"{name} {version}" for name, version in manifest["versions"].items())
@@ -339,26 +327,21 @@ def provenance_section(plots: RunPlots) -> ReportSection:
         ("seed", f"seed {scene.seed}"),
         ("scene hash", str(manifest["scene_hash"])),
         ("versions", versions),
-        *((each.path, each.name) for each in _choices(scene)),
+        *((model.path, model.name) for model in _models(scene)),
     ]
-    words = (
-        "The manifest beside the events holds the whole scene: enough to repeat the run byte for"
-        " byte."
-    )
-    return ReportSection(
-        "provenance", "How it was made", words, (ReportTable("The run", ("", "value"), rows),)
-    )
+    table = ReportTable("The run", ("", "value"), rows)
+    return ReportSection("provenance", "How it was made", _MANIFEST, (table,))
 
 
-def _choices(scene: Scene) -> list[Choice]:
-    return [
+def _models(scene: Scene) -> tuple[Choice, ...]:
+    return (
         scene.detection,
         scene.classification,
         scene.confidence,
         scene.tracker,
         scene.atmosphere,
         scene.background,
-    ]
+    )
 
 
 #: The sections of a report, in order.

@@ -1,15 +1,14 @@
-"""Sentences on a study: means with intervals, requirements that are met, and the answer to its
-question.
-"""
+"""Sentences on a study: means with intervals, verdicts on requirements, the answer to its question."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from opir_core.arrays import BoolArray, IntArray
 from opir_report.factorial import ranked_settings
 from opir_report.figure_data import FigureData
+from opir_report.plots.panels import rows_with_mean
 from opir_report.plots.responses import Part, parts_of
 from opir_report.plots.trades import is_higher_better
 from opir_report.saved_study import SavedStudy, level_text
@@ -25,8 +24,6 @@ from opir_report.words import (
 
 #: Designs that are named where several meet a requirement.
 _NAMED = 6
-#: The least costly designs that an answer names.
-_LEAST_COSTLY = 3
 
 
 def words_of(study: SavedStudy, figure: str) -> str:
@@ -35,42 +32,41 @@ def words_of(study: SavedStudy, figure: str) -> str:
 
 
 def mean_text(study: SavedStudy, rows: FigureData, row: int) -> str:
-    """Return a mean with unit and interval, `0.17 s [0.13, 0.21]`, and what it is of, if not of all
+    """Return a mean with unit and interval, `0.17 s [0.13, 0.21]`, and its share, if not over all
     launches.
     """
     figure = str(rows["figure"][row])
+    interval = (float(rows[name][row]) for name in ("mean", "low_95", "high_95"))
+    text = interval_text(study, figure, *interval)
     share = float(rows["share"][row])
-    ends = float(rows["low_95"][row]), float(rows["high_95"][row])
-    text = interval_text(study, figure, float(rows["mean"][row]), *ends)
-    of = study.share_text(figure, share, share)
-    return f"{text} ({of})" if of and text != "-" else text
+    share_text = study.share_text(figure, share, share)
+    return f"{text} ({share_text})" if share_text and text != "-" else text
 
 
 def interval_text(study: SavedStudy, figure: str, mean: float, low: float, high: float) -> str:
     """Return a value of a figure with unit and interval, to two digits of the interval's width."""
     shown = shown_unit(study.units[figure], study.rows(figure)["mean"])
-    value, *edges = (each / shown.divisor for each in (mean, low, high))
+    value, *edges = (number / shown.divisor for number in (mean, low, high))
     if not np.isfinite(value):
         return "-"
     if not np.isfinite(edges).all() or edges[0] >= edges[1]:
         return f"{number_words(value, 3)} {shown.unit}".strip()
     size = int(np.floor(np.log10(max(map(abs, edges)))) - np.floor(np.log10(edges[1] - edges[0])))
-    value_words, *ends = (number_words(each, max(3, size + 2)) for each in (value, *edges))
-    return f"{f'{value_words} {shown.unit}'.strip()} [{', '.join(ends)}]"
+    words, *ends = (number_words(number, max(3, size + 2)) for number in (value, *edges))
+    return f"{f'{words} {shown.unit}'.strip()} [{', '.join(ends)}]"
 
 
 def range_sentence(study: SavedStudy, figure: str) -> str:
-    """Return where the mean of a figure is lowest and highest."""
-    rows = study.rows(figure)
-    rows = rows.where(np.isfinite(rows["mean"]))
+    """Return the lowest and the highest mean of a figure, with their designs."""
+    rows = rows_with_mean(study, figure)
     labels = study.labels(rows)
     means = rows["mean"].tolist()
     words = words_of(study, figure)
     low = int(np.argmin(means))
     high = int(np.argmax(means))
-    if low == high or means[low] == means[high]:
+    if means[low] == means[high]:
         return f"{words}: {mean_text(study, rows, low)}{' in all designs' if len(rows) > 1 else ''}"
-    ends = (f"{mean_text(study, rows, each)} ({labels[each]})" for each in (low, high))
+    ends = (f"{mean_text(study, rows, row)} ({labels[row]})" for row in (low, high))
     return f"{words}: from {' to '.join(ends)}"
 
 
@@ -78,35 +74,28 @@ def requirement_words(study: SavedStudy, requirement: Mapping[str, Any]) -> str:
     """Return a requirement in words, `warning time at least 900 s`."""
     figure = requirement["figure"]
     limit = requirement["limit"]
-    unit = shown_unit(study.units[figure], np.array([limit]))
-    value = axis_label(number_words(limit / unit.divisor), unit.unit).replace(", ", " ")
-    return (
-        f"{words_of(study, figure)} {'at least' if requirement['is_least'] else 'at most'} {value}"
-    )
+    shown = shown_unit(study.units[figure], np.array([limit]))
+    value = axis_label(number_words(limit / shown.divisor), shown.unit).replace(", ", " ")
+    sense = "at least" if requirement["is_least"] else "at most"
+    return f"{words_of(study, figure)} {sense} {value}"
 
 
 def verdicts(study: SavedStudy) -> list[str]:
     """Return for each requirement the designs whose mean meets it."""
-    lines = []
-    for each in study.requirements:
-        rows = study.rows(each["figure"])
-        met = [
-            label
-            for label, good in zip(study.labels(rows), study.is_met(each).tolist(), strict=True)
-            if good
-        ]
-        which = (
-            f": {'; '.join(met[:_NAMED])}{' …' if len(met) > _NAMED else ''}"
-            if met and any(met)
-            else ""
-        )
-        head = f"{requirement_words(study, each)}: met by {len(met)} of {len(rows)} designs{which}"
-        by_some = study.is_met_by_mean(each) & ~study.is_met(each)
-        labels = study.labels(rows)
-        own = np.flatnonzero(by_some).tolist()[:_NAMED]
-        few = [": ".join(filter(None, (labels[row], mean_text(study, rows, row)))) for row in own]
-        lines.append(f"{head}; not by a mean over some ({'; '.join(few)})" if few else head)
-    return lines
+    return [_verdict(study, requirement) for requirement in study.requirements]
+
+
+def _verdict(study: SavedStudy, requirement: Mapping[str, Any]) -> str:
+    rows = study.rows(requirement["figure"])
+    labels = study.labels(rows)
+    is_met = study.is_met(requirement)
+    met = [labels[row] for row in np.flatnonzero(is_met).tolist()]
+    names = f": {'; '.join(met[:_NAMED])}{' …' if len(met) > _NAMED else ''}" if any(met) else ""
+    words = requirement_words(study, requirement)
+    sentence = f"{words}: met by {len(met)} of {len(rows)} designs{names}"
+    partial = np.flatnonzero(study.is_met_by_mean(requirement) & ~is_met).tolist()[:_NAMED]
+    means = [": ".join(filter(None, (labels[row], mean_text(study, rows, row)))) for row in partial]
+    return f"{sentence}; not by a mean over some ({'; '.join(means)})" if means else sentence
 
 
 def answers(study: SavedStudy) -> list[str]:
@@ -123,12 +112,12 @@ def answers(study: SavedStudy) -> list[str]:
 
 def _answer(study: SavedStudy, part: Part, figures: Sequence[str]) -> str:
     name = f"{part.name[0].upper()}{part.name[1:]}: " if part.name else ""
-    own = _designs_of(study, part)
+    designs = _designs_of(study, part)
     lines = [
-        f"{name}{_requirements_sentence(study, own, figures[0])}.",
+        f"{name}{_requirements_sentence(study, designs, figures[0])}.",
         f"{_settings_sentence(study, part, figures[0])}.",
     ]
-    ends = [text for each in figures[1:] if (text := _ends_words(study, own, each))]
+    ends = [text for figure in figures[1:] if (text := _ends_words(study, designs, figure))]
     if ends:
         lines.append(f"From the least to the most costly design {', '.join(ends)}.")
     return " ".join(lines)
@@ -144,81 +133,102 @@ def _designs_of(study: SavedStudy, part: Part) -> IntArray:
 
 
 def is_surely_met(study: SavedStudy, requirement: Mapping[str, Any]) -> BoolArray:
-    """Return whether the whole 95 % interval of each design's mean meets a requirement; one run has
-    no interval.
+    """Whether the whole 95 % interval of each design's mean meets a requirement; one run has no
+    interval.
     """
     rows = study.rows(requirement["figure"])
     limit = requirement["limit"]
     # A figure that is the same in all runs has an interval without width.
-    ends = rows["low_95" if requirement["is_least"] else "high_95"]
-    is_beyond = np.asarray(ends >= limit if requirement["is_least"] else ends <= limit)
-    return is_beyond & study.is_whole(requirement["figure"])
+    is_beyond = rows["low_95"] >= limit if requirement["is_least"] else rows["high_95"] <= limit
+    return np.asarray(is_beyond) & study.is_whole(requirement["figure"])
 
 
-def _requirements_sentence(study: SavedStudy, own: IntArray, figure: str) -> str:
+class Verdicts(NamedTuple):
+    """Whether designs (n,) meet all requirements: with their whole intervals, in the mean, and by
+    means over some of the launches too.
+    """
+
+    is_sure: BoolArray
+    is_met: BoolArray
+    is_met_by_mean: BoolArray
+
+    @classmethod
+    def of(cls, study: SavedStudy, designs: IntArray) -> "Verdicts":
+        """Return the verdicts on designs by their rows (n,)."""
+        tests = (is_surely_met, SavedStudy.is_met, SavedStudy.is_met_by_mean)
+        return cls(
+            *(
+                np.logical_and.reduce([test(study, each)[designs] for each in study.requirements])
+                for test in tests
+            )
+        )
+
+
+def _requirements_sentence(study: SavedStudy, designs: IntArray, figure: str) -> str:
     """Return how many designs meet all requirements, and which is the least costly or comes
     nearest.
     """
+    best = f"{words_of(study, figure)} is {_best_words(study, designs, figure)}"
     if not study.requirements:
-        return f"{words_of(study, figure)} is {_best_words(study, own, figure)}"
-    is_met, is_sure, by_some = np.ones((3, len(study.rows(figure))), dtype=np.bool_)
-    for each in study.requirements:
-        by_some &= study.is_met_by_mean(each)
-        is_met &= study.is_met(each)
-        is_sure &= is_surely_met(study, each)
-    asked = ", ".join(requirement_words(study, each) for each in study.requirements)
-    sure = int(is_sure[own].sum())
-    in_mean = int((is_met & ~is_sure)[own].sum())
-    more = f" ({in_mean} more by the mean alone)" if in_mean else ""
-    words = f"{sure} of {len(own)} designs meet {asked} with the whole 95 % interval{more}"
-    if not sure:
-        words = (
-            f"no design meets {asked} with the whole 95 % interval, {in_mean} of {len(own)} do by"
-            f" the mean alone"
-        )
-    few = int((by_some & ~is_met)[own].sum())
-    some = f"; {few} would by means over some of the launches, which do not count" if few else ""
-    if not is_met[own].any():
-        return (
-            f"no design meets {asked}{some}; {words_of(study, figure)} is"
-            f" {_best_words(study, own, figure)}"
-        )
-    good = own[(is_sure if sure else is_met)[own]]
-    least = good[least_costly(study, good)][:_LEAST_COSTLY]
+        return best
+    is_sure, is_met, is_met_by_mean = Verdicts.of(study, designs)
+    partial = np.count_nonzero(is_met_by_mean & ~is_met)
+    omission = (
+        f"; {partial} would by means over some of the launches, which do not count"
+        if partial
+        else ""
+    )
+    required = ", ".join(requirement_words(study, each) for each in study.requirements)
+    if not is_met.any():
+        return f"no design meets {required}{omission}; {best}"
+    sure = np.count_nonzero(is_sure)
+    by_mean = np.count_nonzero(is_met & ~is_sure)
+    whole = f"{required} with the whole 95 % interval"
+    if sure:
+        others = f" ({by_mean} more by the mean alone)" if by_mean else ""
+        words = f"{sure} of {len(designs)} designs meet {whole}{others}"
+    else:
+        words = f"no design meets {whole}, {by_mean} of {len(designs)} do by the mean alone"
+    names = _least_costly_words(study, designs[is_sure if sure else is_met], figure)
+    return f"{words}{omission}; the least costly: {names}"
+
+
+def _least_costly_words(study: SavedStudy, designs: IntArray, figure: str) -> str:
+    """Return up to three designs that no other one of them undercuts."""
     rows = study.rows(figure)
     labels = _labels(study, rows)
-    named = "; or ".join(
+    return "; or ".join(
         f"{labels[row]}, with {words_of(study, figure)} {mean_text(study, rows, row)}"
-        for row in least
+        for row in designs[least_costly(study, designs)][:3]
     )
-    return f"{words}{some}; the least costly: {named}"
 
 
 def _labels(study: SavedStudy, rows: FigureData) -> list[str]:
     return study.labels(rows, [path for path in study.paths if path != study.split])
 
 
-def _best_words(study: SavedStudy, own: IntArray, figure: str) -> str:
+def _best_words(study: SavedStudy, designs: IntArray, figure: str) -> str:
     rows = study.rows(figure)
     sign = -1.0 if is_higher_better(study, figure) else 1.0
     # A mean over fewer launches is worse than any over more.
-    means, shares = (np.nan_to_num(rows[name][own], nan=np.inf) for name in ("mean", "share"))
-    best = int(own[np.lexsort((sign * means, -np.where(np.isfinite(means), shares, 0.0)))[0]])
+    means, shares = (np.nan_to_num(rows[name][designs], nan=np.inf) for name in ("mean", "share"))
+    order = np.lexsort((sign * means, -np.where(np.isfinite(means), shares, 0.0)))
+    best = int(designs[order[0]])
     return f"at best {mean_text(study, rows, best)} ({_labels(study, rows)[best]})"
 
 
 def least_costly(study: SavedStudy, rows: IntArray) -> BoolArray:
-    """Return which designs (n,) no other one of them undercuts; values are listed from the least
-    costly on.
+    """Whether each of some designs (n,) is undercut by no other one of them; values are listed from
+    the least costly on.
     """
-    every = study.rows(next(iter(study.units)))
+    designs = study.rows(next(iter(study.units)))
     ranks = []
     for path in study.paths:
-        levels = list(dict.fromkeys(every[path].tolist()))
-        ranks.append([levels.index(value) for value in every[path][rows].tolist()])
-    place = np.array(ranks).T
-    undercuts = np.all(place[None] <= place[:, None], axis=2) & np.any(
-        place[None] < place[:, None], axis=2
+        levels = designs.levels(path)
+        ranks.append([levels.index(value) for value in designs[path][rows].tolist()])
+    rank = np.array(ranks).T
+    undercuts = np.all(rank[None] <= rank[:, None], axis=2) & np.any(
+        rank[None] < rank[:, None], axis=2
     )
     return np.asarray(~undercuts.any(axis=1))
 
@@ -227,36 +237,32 @@ def _settings_sentence(study: SavedStudy, part: Part, figure: str) -> str:
     """Return by how much each setting changes a figure, from its first to its last value, over the
     others.
     """
-    changes = []
-    for path in ranked_settings(part.runs):
-        levels = part.runs.levels[part.runs.paths.index(path)]
-        mean, low, high = part.runs.change(path)
-        ends = (
-            f"from {level_words(path, level_text(levels[0]))} to"
-            f" {level_value(path, level_text(levels[-1]))}"
-        )
-        text = interval_text(study, figure, mean, low, high)
-        if not np.isfinite(mean):
-            changes.append(f"of {setting_words(path)[0]} nothing is known: designs lack a value")
-        elif low <= 0.0 <= high:
-            changes.append(f"no difference shown {ends} ({text})")
-        else:
-            changes.append(f"{'+' if mean > 0.0 else ''}{text} {ends}")
-    of = study.shares_text(figure)
-    name = f"{words_of(study, figure)} ({of})" if of else words_of(study, figure)
+    changes = [_change_words(study, part, figure, path) for path in ranked_settings(part.runs)]
+    share = study.shares_text(figure)
+    name = f"{words_of(study, figure)} ({share})" if share else words_of(study, figure)
     return f"Change of {name}, averaged over the other settings: {'; '.join(changes)}"
 
 
-def _ends_words(study: SavedStudy, own: IntArray, figure: str) -> str:
-    """Return how a figure goes from the first to the last design of some, "" where it has no
+def _change_words(study: SavedStudy, part: Part, figure: str, path: str) -> str:
+    levels = part.runs.levels_of(path)
+    mean, low, high = part.runs.change(path)
+    if not np.isfinite(mean):
+        return f"of {setting_words(path)[0]} nothing is known: designs lack a value"
+    start = level_words(path, level_text(levels[0]))
+    end = level_value(path, level_text(levels[-1]))
+    text = interval_text(study, figure, mean, low, high)
+    if low <= 0.0 <= high:
+        return f"no difference shown from {start} to {end} ({text})"
+    return f"{'+' if mean > 0.0 else ''}{text} from {start} to {end}"
+
+
+def _ends_words(study: SavedStudy, designs: IntArray, figure: str) -> str:
+    """Return the change of a figure from the first to the last of some designs, "" where it has no
     value.
     """
     rows = study.rows(figure)
-    first = int(own[0])
-    last = int(own[-1])
-    if not np.isfinite(rows["mean"][[first, last]]).all():
+    ends = designs[[0, -1]].tolist()
+    if not np.isfinite(rows["mean"][ends]).all():
         return ""
-    return (
-        f"{words_of(study, figure)} goes from {mean_text(study, rows, first)} to"
-        f" {mean_text(study, rows, last)}"
-    )
+    start, end = (mean_text(study, rows, row) for row in ends)
+    return f"{words_of(study, figure)} goes from {start} to {end}"

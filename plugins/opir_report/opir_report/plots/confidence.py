@@ -1,18 +1,17 @@
 """Confidence over time: of the detections of each target, and of its track's type."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from attrs import evolve
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray
-from opir_report.canvas import legend_of, without_data
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_report.canvas import legend_entry, legend_of, without_data
 from opir_report.figure_data import FigureData
-from opir_report.palette import INK, Hue
+from opir_report.palette import Hue
 from opir_report.run_facts import RunFacts
 
 _BINS = 60
@@ -36,37 +35,44 @@ def confidences(facts: RunFacts) -> FigureData:
     detections that report the right type, `track_type_probability` the probability of the likeliest
     type of a track at the middle of the bin, the mean over targets; nan without a track.
     """
-    rows = [row for hue in facts.hues.legend for row in _rows(facts, hue)]
-    return FigureData.of_rows(_NAMES, rows)
+    return FigureData.of_rows(
+        _NAMES, (row for hue in facts.hues.legend for row in _rows(facts, hue))
+    )
 
 
-def _rows(facts: RunFacts, hue: Hue) -> list[tuple[object, ...]]:
-    run = facts.run
-    ignition_s = facts.plan.targets.ignition_s
+def _rows(facts: RunFacts, hue: Hue) -> Iterator[tuple[object, ...]]:
+    """Yield the rows of a series."""
     targets = [target for target in range(facts.launches) if facts.hues.of_target[target] == hue]
-    own = np.flatnonzero(np.isin(run.truth.target, targets))
-    if not len(own):
-        return []
-    target = run.truth.target[own]
-    since_s = run.detections.time_s[own] - ignition_s[target]
-    confidence = run.detections.confidence[own]
-    right = np.array([facts.right_code(each) for each in range(facts.launches)])
-    is_right = run.detections.reported_type[own] == right[target]
+    rows = np.flatnonzero(np.isin(facts.run.truth.target, targets))
+    if not len(rows):
+        return
+    detections = facts.run.detections
+    since_s = detections.time_s[rows] - facts.plan.targets.ignition_s[facts.run.truth.target[rows]]
     width_s = max(float(since_s.max()) / _BINS, 1e-9)
-    place = np.minimum((since_s / width_s).astype(np.int64), _BINS - 1)
-    chances = _track_chances(facts, targets, (np.arange(_BINS) + 0.5) * width_s)
-    rows = list[tuple[object, ...]]()
-    for each in np.unique(place).tolist():
-        here = place == each
-        quantiles = np.nanquantile(confidence[here], [0.05, 0.5, 0.95]).tolist()
-        shares = float(is_right[here].mean()), float(chances[each])
-        rows.append(
-            (hue.label, (each + 0.5) * width_s, int(np.count_nonzero(here)), *quantiles, *shares)
+    bins = np.minimum((since_s / width_s).astype(np.int64), _BINS - 1)
+    middle_s = width_s * np.arange(0.5, _BINS)
+    probability = _track_probability(facts, targets, middle_s)
+    for number in np.unique(bins).tolist():
+        bin_rows = rows[bins == number]
+        yield (
+            hue.label,
+            float(middle_s[number]),
+            len(bin_rows),
+            *np.nanquantile(detections.confidence[bin_rows], [0.05, 0.5, 0.95]).tolist(),
+            float(_is_right(facts, bin_rows).mean()),
+            float(probability[number]),
         )
-    return rows
 
 
-def _track_chances(facts: RunFacts, targets: Sequence[int], since_s: NDArray[Any]) -> FloatArray:
+def _is_right(facts: RunFacts, rows: IntArray) -> BoolArray:
+    """Whether detections (n,) of launches report the right type."""
+    codes = facts.right_codes[facts.run.truth.target[rows]]
+    return facts.run.detections.reported_type[rows] == codes
+
+
+def _track_probability(
+    facts: RunFacts, targets: Sequence[int], since_s: NDArray[Any]
+) -> FloatArray:
     """Return the mean probability (n,) of the likeliest type of targets' tracks at times since
     ignition (n,).
     """
@@ -76,16 +82,12 @@ def _track_chances(facts: RunFacts, targets: Sequence[int], since_s: NDArray[Any
         tracks = facts.in_force(target)
         if not len(tracks):
             continue
-        before = (
-            np.searchsorted(
-                tracks.tick_s, since_s + facts.plan.targets.ignition_s[target], side="right"
-            )
-            - 1
-        )
-        chance = np.where(before >= 0, tracks.type_probability[before].max(axis=1), np.nan)
-        known = np.isfinite(chance)
-        total[known] += chance[known]
-        count += known
+        time_s = since_s + facts.plan.targets.ignition_s[target]
+        row = np.searchsorted(tracks.tick_s, time_s, side="right") - 1
+        probability = np.where(row >= 0, tracks.type_probability[row].max(axis=1), np.nan)
+        is_known = np.isfinite(probability)
+        total[is_known] += probability[is_known]
+        count += is_known
     mean: FloatArray = np.divide(total, count, out=np.full(len(since_s), np.nan), where=count > 0)
     return mean
 
@@ -96,27 +98,17 @@ def confidence_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
     """
     if not len(data):
         return without_data(axes, "no target was detected")
-    has_track = bool(np.isfinite(data["track_type_probability"]).any())
     for hue in facts.hues.legend:
-        own = data.where(data["series"] == hue.label)
-        axes.plot(own["since_ignition_s"], own["median"], color=hue.colour)
+        series = data.at("series", hue.label)
+        time_s = series["since_ignition_s"]
+        axes.plot(time_s, series["median"], color=hue.colour)
         axes.fill_between(
-            own["since_ignition_s"],
-            own["low"],
-            own["high"],
-            color=hue.colour,
-            alpha=0.15,
-            linewidth=0,
+            time_s, series["low"], series["high"], color=hue.colour, alpha=0.15, linewidth=0
         )
-        axes.plot(
-            own["since_ignition_s"], own["track_type_probability"], color=hue.colour, linestyle=":"
-        )
+        axes.plot(time_s, series["track_type_probability"], color=hue.colour, linestyle=":")
     axes.set(xlabel="time since ignition, s", ylabel="confidence", ylim=(-0.03, 1.03))
-    marks = [Line2D([], [], color=INK, label="detections: median, 5 to 95 %")]
-    marks += (
-        [Line2D([], [], color=INK, linestyle=":", label="type probability of the track")]
-        if has_track
-        else []
-    )
+    marks = [legend_entry("detections: median, 5 to 95 %")]
+    if np.isfinite(data["track_type_probability"]).any():
+        marks.append(legend_entry("type probability of the track", linestyle=":"))
     legend_of(axes, [evolve(hue, dashes="-") for hue in facts.hues.legend], marks)
     return axes

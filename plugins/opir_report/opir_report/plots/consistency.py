@@ -6,29 +6,29 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from opir_scoring import impact_scores, state_errors
 from scipy.stats import chi2
 
 from opir_core.interfaces import TRACK_CONTAINMENTS
-from opir_report.canvas import legend_of, log_ticks, without_data
+from opir_report.canvas import legend_entry, legend_of, log_ticks, without_data
 from opir_report.figure_data import FigureData
-from opir_report.palette import INK, MUTED, PAPER
+from opir_report.palette import MUTED, PAPER, Hue
 from opir_report.run_facts import RunFacts
 
+#: Components of a state.
 _FREEDOM = 6
-#: The share of single samples between the band's edges.
-_BAND = 0.99
-_PERCENT = [round(100 * each) for each in TRACK_CONTAINMENTS]
+_PERCENT = [round(100 * containment) for containment in TRACK_CONTAINMENTS]
 
 
 def region_history(facts: RunFacts) -> FigureData:
-    """Return predicted impacts tick by tick: target_id, tick_s, since_ignition_s, impact_error_km,
-    and for each of 50, 90 and 95 % the area of the region, km², and whether it contains the true
-    impact (1, 0 or nan)."""
+    """Return predicted impacts tick by tick.
+
+    target_id, tick_s, since_ignition_s, impact_error_km, and for each of 50, 90 and 95 % the area
+    of the region, km², and whether it contains the true impact (1, 0 or nan).
+    """
     scores = impact_scores(facts.evidence, facts.owners)
     columns = {
-        "target_id": np.array([facts.ids[each] for each in scores.target.tolist()], dtype=object),
+        "target_id": facts.target_names(scores.target),
         "tick_s": scores.tick_s,
         "since_ignition_s": scores.tick_s - facts.plan.targets.ignition_s[scores.target],
         "impact_error_km": 1e-3 * scores.impact_m,
@@ -43,62 +43,55 @@ def containment_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
     """Draw the area of each target's 95 % region over time, filled where it contains the true
     impact.
     """
-    known = data.where(np.isfinite(data["area_95_km2"]) & (data["area_95_km2"] > 0.0))
-    if not len(known):
+    history = _positive(data, "area_95_km2")
+    if not len(history):
         return without_data(axes, "no impact was predicted")
-    for target, name in enumerate(facts.ids):
-        own = known.where(known["target_id"] == name)
-        colour = facts.hues.of_target[target].colour
-        dashes = facts.hues.of_target[target].dashes
-        axes.plot(
-            own["since_ignition_s"],
-            own["area_95_km2"],
-            color=colour,
-            linestyle=dashes,
-            linewidth=1.0,
-            alpha=0.7,
-        )
-        for is_inside, face in ((1.0, colour), (0.0, PAPER)):
-            here = own.where(own["contained_95"] == is_inside)
-            style: dict[str, Any] = {
-                "markersize": 3.2,
-                "linestyle": "",
-                "markerfacecolor": face,
-                "markeredgewidth": 0.8,
-            }
-            axes.plot(
-                here["since_ignition_s"], here["area_95_km2"], marker="o", color=colour, **style
-            )
+    for hue, name in zip(facts.hues.of_target, facts.ids, strict=False):
+        _draw_regions(axes, history.at("target_id", name), hue)
     axes.set(yscale="log", xlabel="time since ignition, s", ylabel="area of the 95 % region, km²")
-    shares = []
-    for percent in _PERCENT:
-        judged = data[f"contained_{percent}"][np.isfinite(data[f"contained_{percent}"])]
-        shares.append(f"{percent} %: {int(judged.sum())}/{len(judged)}")
-    axes.set_title(f"impact inside: {', '.join(shares)}")
+    axes.set_title(f"impact inside: {', '.join(_share_text(data, each) for each in _PERCENT)}")
+    style: dict[str, Any] = {"marker": "o", "linestyle": "", "markersize": 4}
     marks = [
-        Line2D(
-            [],
-            [],
-            color=INK,
-            marker="o",
-            linestyle="",
-            markersize=4,
-            label="contains the true impact",
-        ),
-        Line2D(
-            [],
-            [],
-            color=INK,
-            marker="o",
-            linestyle="",
-            markersize=4,
-            markerfacecolor=PAPER,
-            label="does not",
-        ),
+        legend_entry("contains the true impact", **style),
+        legend_entry("does not", markerfacecolor=PAPER, **style),
     ]
     legend_of(axes, facts.hues.legend, marks)
     log_ticks(axes.yaxis)
     return axes
+
+
+def _positive(data: FigureData, name: str) -> FigureData:
+    """Return the rows with a finite, positive value in a column."""
+    return data.where(np.isfinite(data[name]) & (data[name] > 0.0))
+
+
+def _draw_regions(axes: Axes, history: FigureData, hue: Hue) -> None:
+    axes.plot(
+        history["since_ignition_s"],
+        history["area_95_km2"],
+        linewidth=1.0,
+        alpha=0.7,
+        **hue.style,
+    )
+    for is_inside, face in ((1.0, hue.colour), (0.0, PAPER)):
+        points = history.at("contained_95", is_inside)
+        axes.plot(
+            points["since_ignition_s"],
+            points["area_95_km2"],
+            marker="o",
+            color=hue.colour,
+            markersize=3.2,
+            linestyle="",
+            markerfacecolor=face,
+            markeredgewidth=0.8,
+        )
+
+
+def _share_text(data: FigureData, percent: int) -> str:
+    """Return how many of the regions of a containment contain the true impact."""
+    contained = data[f"contained_{percent}"]
+    contained = contained[np.isfinite(contained)]
+    return f"{percent} %: {int(contained.sum())}/{len(contained)}"
 
 
 def nees_history(facts: RunFacts) -> FigureData:
@@ -108,9 +101,7 @@ def nees_history(facts: RunFacts) -> FigureData:
     errors = state_errors(facts.evidence, facts.owners)
     return FigureData(
         {
-            "target_id": np.array(
-                [facts.ids[each] for each in errors.target.tolist()], dtype=object
-            ),
+            "target_id": facts.target_names(errors.target),
             "since_ignition_s": errors.since_s,
             "position_error_m": errors.position_m,
             "velocity_error_m_s": errors.velocity_m_s,
@@ -123,28 +114,20 @@ def nees_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
     """Draw the NEES of each target's track over time, divided by 6, with the band of 99 % of single
     samples.
     """
-    known = data.where(np.isfinite(data["nees_over_6"]) & (data["nees_over_6"] > 0.0))
-    if not len(known):
+    history = _positive(data, "nees_over_6")
+    if not len(history):
         return without_data(axes, "no track whose true state is known")
-    low, high = (
-        float(chi2.ppf(p, _FREEDOM)) / _FREEDOM for p in (0.5 - 0.5 * _BAND, 0.5 + 0.5 * _BAND)
-    )
+    low, high = (float(chi2.ppf(share, _FREEDOM)) / _FREEDOM for share in (0.005, 0.995))
     axes.axhspan(low, high, color=MUTED, alpha=0.15, linewidth=0)
     axes.axhline(1.0, color=MUTED, linewidth=1.0)
-    for target, name in enumerate(facts.ids):
-        own = known.where(known["target_id"] == name)
-        hue = facts.hues.of_target[target]
-        axes.plot(
-            own["since_ignition_s"],
-            own["nees_over_6"],
-            color=hue.colour,
-            linestyle=hue.dashes,
-            linewidth=1.1,
-        )
-    inside = np.count_nonzero((known["nees_over_6"] >= low) & (known["nees_over_6"] <= high))
+    for hue, name in zip(facts.hues.of_target, facts.ids, strict=False):
+        track = history.at("target_id", name)
+        axes.plot(track["since_ignition_s"], track["nees_over_6"], linewidth=1.1, **hue.style)
+    nees = history["nees_over_6"]
+    inside = np.count_nonzero((nees >= low) & (nees <= high))
     axes.set(yscale="log", xlabel="time since ignition, s", ylabel="NEES / 6")
     axes.set_title(
-        f"{inside} of {len(known)} estimates in the band of 99 %; above 1 is overconfident"
+        f"{inside} of {len(nees)} estimates in the band of 99 %; above 1 is overconfident"
     )
     legend_of(axes, facts.hues.legend)
     log_ticks(axes.yaxis)

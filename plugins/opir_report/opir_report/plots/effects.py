@@ -2,17 +2,17 @@
 vary.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.ticker import FuncFormatter, NullLocator
+from matplotlib.ticker import NullLocator
 
 from opir_core.arrays import FloatArray
-from opir_report.canvas import legend_beside, log_ticks, without_data
+from opir_report.canvas import legend_beside, number_ticks, panel_width_in, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, MUTED, SERIES, Hue, series_hue
 from opir_report.plots.panels import (
@@ -22,6 +22,7 @@ from opir_report.plots.panels import (
     effect_panels,
     is_wide,
     panel_columns,
+    rows_with_mean,
     usual_path,
 )
 from opir_report.saved_study import SavedStudy, level_text
@@ -36,36 +37,51 @@ from opir_report.words import (
 
 #: Series with a line of their own; more are drawn as points of one colour.
 _SERIES_SHOWN = 12
-#: How far apart series are, as a share of the axis.
-_ASIDE = 0.01
-#: Ticks of a setting that are written; and letters of a name.
-_TICKS = 8
-_LETTERS = 18
 
 
 @frozen(eq=False)
 class EffectAxis:
-    """What lies along an effect plot: a path that varies, the places of its values, and their
-    labels or None.
+    """The axis of an effect plot: a path that varies, the places of its values, and their labels or
+    None.
     """
 
     path: str
     place: FloatArray
-    labels: list[str] | None
-    is_log: bool
+    labels: list[str] | None = None
+    is_log: bool = False
+
+    @classmethod
+    def of(cls, rows: FigureData, path: str | None) -> "EffectAxis":
+        """Return the axis of a path, or of no path."""
+        if path is None:
+            return cls("", np.zeros(len(rows)), [""])
+        values = rows[path]
+        if values.dtype.kind in "if":
+            numbers = values.astype(np.float64)
+            return cls(path, numbers, is_log=is_wide(numbers, WIDE_SETTING))
+        names = rows.levels(path)
+        return cls(path, np.array([float(names.index(name)) for name in values.tolist()]), names)
+
+
+class Interval(NamedTuple):
+    """Means (n,) of a figure in its shown unit, and the ends (n,) of their intervals."""
+
+    mean: FloatArray
+    low: FloatArray
+    high: FloatArray
 
 
 @frozen
 class FigureScale:
-    """How the values of a figure are shown: words, unit, and whether the axis is logarithmic.
+    """Scale of the values of a figure: words, unit, and whether the axis is logarithmic.
 
-    `part` says of which share of launches, or runs, the means are, "" for all.
+    `share` says of which share of launches, or runs, the means are, "" for all.
     """
 
     words: str
     shown: ShownUnit
     is_log: bool
-    part: str = ""
+    share: str = ""
 
     @classmethod
     def of(cls, study: SavedStudy, figure: str) -> "FigureScale":
@@ -80,35 +96,30 @@ class FigureScale:
     def label(self) -> str:
         """The label of an axis."""
         label = axis_label(self.words, self.shown.unit)
-        return f"{label}\n({self.part})" if self.part else label
+        return f"{label}\n({self.share})" if self.share else label
 
-
-def _axis(rows: FigureData, path: str | None) -> EffectAxis:
-    if path is None:
-        return EffectAxis("", np.zeros(len(rows)), [""], False)
-    values = rows[path]
-    if values.dtype.kind in "if":
-        numbers = values.astype(np.float64)
-        return EffectAxis(path, numbers, None, is_wide(numbers, WIDE_SETTING))
-    names = list(dict.fromkeys(values.tolist()))
-    return EffectAxis(
-        path,
-        np.array([names.index(value) for value in values.tolist()], dtype=np.float64),
-        names,
-        False,
-    )
+    def interval(self, rows: FigureData) -> Interval:
+        """Return the means and intervals of rows; on a logarithmic axis they end above 0, and an
+        unknown end is the mean.
+        """
+        mean, low, high = (
+            rows[name] / self.shown.divisor for name in ("mean", "low_95", "high_95")
+        )
+        low = np.where(np.isfinite(low), low, mean)
+        high = np.where(np.isfinite(high), high, mean)
+        return Interval(mean, np.maximum(low, mean * 1e-6) if self.is_log else low, high)
 
 
 def effect_plot(axes: Axes, study: SavedStudy, figure: str, path: str | None = None) -> Axes:
     """Draw the mean of a figure with its 95 % interval over a path, a series for each setting of
     the other paths.
     """
-    rows = study.rows(figure)
-    rows = rows.where(np.isfinite(rows["mean"]))
+    rows = rows_with_mean(study, figure)
     if not len(rows):
         return without_data(axes, f"{figure}: no design has a value")
-    along = path if path is not None else usual_path(study.paths, rows)
-    panel = EffectPanel("", along, tuple(each for each in study.paths if each != along), rows)
+    axis_path = path if path is not None else usual_path(study.paths, rows)
+    series = tuple(other for other in study.paths if other != axis_path)
+    panel = EffectPanel("", axis_path, series, rows)
     hues = draw_panel(axes, study, panel, FigureScale.of(study, figure))
     if hues:
         legend_beside(axes, hues, study.names(panel.series))
@@ -136,7 +147,7 @@ def effect_figure(drawn: Figure | SubFigure, study: SavedStudy, figure: str) -> 
     split = f"panels: {study.names(panels[0].splits)}" if panels[0].splits else ""
     if hues:
         title = "; ".join(filter(None, [study.names(panels[0].series), split]))
-        legend_beside(grid[0], hues, title, whole=True)
+        legend_beside(grid[0], hues, title, is_shared=True)
     elif split:
         drawn.suptitle(split, fontsize=9, x=0.01, ha="left")
 
@@ -149,20 +160,20 @@ def effect_height_in(study: SavedStudy, figure: str) -> float:
 
 def draw_panel(axes: Axes, study: SavedStudy, panel: EffectPanel, scale: FigureScale) -> list[Hue]:
     """Draw a panel; return the hues of its series, none for a single one."""
-    along = _axis(panel.rows, panel.path)
+    axis = EffectAxis.of(panel.rows, panel.path)
     labels = study.short_labels(panel.rows, panel.series)
     names = list(dict.fromkeys(labels))
     hues: list[Hue] = []
-    if along.is_log:
+    if axis.is_log:
         axes.set_xscale("log")
     if scale.is_log:
         axes.set_yscale("log")
     if panel.is_sampled or len(names) > _SERIES_SHOWN:
-        _draw(axes, panel.rows, along.place, scale, Hue(SERIES[0], "", ""))
+        _draw(axes, panel.rows, axis.place, scale, Hue(SERIES[0], "", ""))
     else:
         hues = [series_hue(number, name) for number, name in enumerate(names)]
-        _draw_series(axes, panel.rows, along, labels, hues, scale)
-    _finish(axes, study, panel.rows, along, scale)
+        _draw_series(axes, panel.rows, axis, labels, hues, scale)
+    _finish(axes, study, panel.rows, axis, scale)
     if panel.title:
         axes.set_title(panel.title)
     elif len(names) > _SERIES_SHOWN:
@@ -171,25 +182,29 @@ def draw_panel(axes: Axes, study: SavedStudy, panel: EffectPanel, scale: FigureS
 
 
 def _finish(
-    axes: Axes, study: SavedStudy, rows: FigureData, along: EffectAxis, scale: FigureScale
+    axes: Axes, study: SavedStudy, rows: FigureData, axis: EffectAxis, scale: FigureScale
 ) -> None:
-    """Write what the axes are, ticks and the lines of requirements."""
+    """Write the labels of the axes, ticks and the lines of requirements."""
     axes.set_ylabel(scale.label)
-    axes.set_xlabel(axis_label(*setting_words(along.path)) if along.path else "")
-    if along.labels is not None:
-        axes.set_xticks(np.arange(len(along.labels)), [_cut(name) for name in along.labels])
-        axes.set_xlim(-0.5, len(along.labels) - 0.5)
-        if max(map(len, along.labels)) > 8 and len(along.labels) > 2:
-            for text in axes.get_xticklabels():
-                text.set(rotation=25.0, ha="right", rotation_mode="anchor")
+    axes.set_xlabel(axis_label(*setting_words(axis.path)) if axis.path else "")
+    if axis.labels is not None:
+        _mark_names(axes, axis.labels)
     else:
-        mark_values(axes.xaxis, sorted(set(along.place.tolist())))
+        mark_values(axes.xaxis, sorted(set(axis.place.tolist())))
     if scale.is_log:
         _fit_log(axes, rows, scale)
-        log_ticks(axes.yaxis)
-    else:
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
+    number_ticks(axes.yaxis, is_log=scale.is_log)
     draw_requirements(axes, study, str(rows["figure"][0]), scale.shown.divisor)
+
+
+def _mark_names(axes: Axes, names: list[str]) -> None:
+    """Write names, of up to 18 letters, as the ticks of the axis."""
+    labels = [name if len(name) <= 18 else f"{name[:17]}…" for name in names]
+    axes.set_xticks(np.arange(len(names)), labels)
+    axes.set_xlim(-0.5, len(names) - 0.5)
+    if max(map(len, names)) > 8 and len(names) > 2:
+        for text in axes.get_xticklabels():
+            text.set(rotation=25.0, ha="right", rotation_mode="anchor")
 
 
 def mark_values(axis: Axis, values: list[float]) -> None:
@@ -197,117 +212,86 @@ def mark_values(axis: Axis, values: list[float]) -> None:
     axis is logarithmic.
     """
     is_log = axis.get_scale() == "log"
-    ticks = _apart(axis.axes, values, is_log=is_log) if axis is axis.axes.xaxis else values
-    if is_log or len(ticks) == len(values) <= _TICKS:
-        axis.set_ticks(ticks, [level_text(each) for each in ticks])
+    ticks = _separate(axis.axes, values, is_log=is_log) if axis is axis.axes.xaxis else values
+    if is_log or len(ticks) == len(values) <= 8:
+        axis.set_ticks(ticks, [level_text(value) for value in ticks])
         axis.set_minor_locator(NullLocator())
 
 
-def _apart(axes: Axes, values: list[float], *, is_log: bool) -> list[float]:
+def _separate(axes: Axes, values: list[float], *, is_log: bool) -> list[float]:
     """Return those of the values whose labels do not touch along the axis, from the first on."""
     places = (np.log(values) if is_log else np.array(values)).tolist()
-    part = axes.get_subplotspec()
-    width_in = (
-        0.8
-        * axes.figure.bbox.width
-        / axes.figure.dpi
-        / (1 if part is None else part.get_geometry()[1])
-    )
-    label_in = 0.1 + 0.08 * max(len(level_text(each)) for each in values)
-    gap = label_in / width_in * (places[-1] - places[0])
-    kept = [0]
-    for number, place in enumerate(places):
-        if place - places[kept[-1]] >= gap:
-            kept.append(number)
-    return [values[number] for number in dict.fromkeys(kept)]
-
-
-def _cut(name: str) -> str:
-    return name if len(name) <= _LETTERS else f"{name[: _LETTERS - 1]}…"
+    label_in = 0.1 + 0.08 * max(len(level_text(value)) for value in values)
+    gap = label_in / (0.8 * panel_width_in(axes)) * (places[-1] - places[0])
+    rows = [0]
+    for row, place in enumerate(places):
+        if place - places[rows[-1]] >= gap:
+            rows.append(row)
+    return [values[row] for row in dict.fromkeys(rows)]
 
 
 def _fit_log(axes: Axes, rows: FigureData, scale: FigureScale) -> None:
     """Let the axis span the means and the ends of intervals that are positive, not those that reach
     0.
     """
-    every = (
+    values = (
         np.concatenate([rows[name] for name in ("mean", "low_95", "high_95")]) / scale.shown.divisor
     )
     mean = rows["mean"] / scale.shown.divisor
-    every = every[np.isfinite(every) & (every > 0.1 * mean.min())]
+    values = values[np.isfinite(values) & (values > 0.1 * mean.min())]
     low, high = axes.get_ylim() if axes.get_autoscaley_on() is False else (np.inf, 0.0)
-    axes.set_ylim(min(low, float(every.min()) / 1.5), max(high, float(every.max()) * 1.5))
+    axes.set_ylim(min(low, float(values.min()) / 1.5), max(high, float(values.max()) * 1.5))
 
 
 def _draw_series(
     axes: Axes,
     rows: FigureData,
-    along: EffectAxis,
+    axis: EffectAxis,
     labels: list[str],
     hues: list[Hue],
     scale: FigureScale,
 ) -> None:
-    """Draw each series, a little apart from the others; values that are names have no lines between
-    them.
+    """Draw each series, by 1 % of the axis apart from the others; values that are names have no
+    lines between them.
     """
-    is_named = along.labels is not None
+    is_named = axis.labels is not None
     # Equal means would hide each other; on a logarithmic axis they are moved by a share of their
     # place.
-    span = 8.0 if is_named else float(np.ptp(along.place)) or 1.0
+    span = 8.0 if is_named else float(np.ptp(axis.place)) or 1.0
     for number, hue in enumerate(hues):
-        own = np.array([each == hue.label for each in labels])
-        aside = _ASIDE * (number - 0.5 * (len(hues) - 1))
-        place = (
-            along.place[own] * (1.0 + 2.0 * aside)
-            if along.is_log
-            else along.place[own] + span * aside
-        )
-        _draw(axes, rows.where(own), place, scale, Hue(hue.colour, "", "") if is_named else hue)
+        is_series = np.array([label == hue.label for label in labels])
+        offset = 0.01 * (number - 0.5 * (len(hues) - 1))
+        place = axis.place[is_series]
+        place = place * (1.0 + 2.0 * offset) if axis.is_log else place + span * offset
+        line = Hue(hue.colour, "", "") if is_named else hue
+        _draw(axes, rows.where(is_series), place, scale, line)
 
 
 def _draw(axes: Axes, rows: FigureData, place: FloatArray, scale: FigureScale, hue: Hue) -> None:
     order = np.argsort(place, kind="stable")
-    mean, low, high = (
-        rows[name][order] / scale.shown.divisor for name in ("mean", "low_95", "high_95")
-    )
-    spread = np.abs(
-        np.stack(
-            [
-                mean - np.where(np.isfinite(low), low, mean),
-                np.where(np.isfinite(high), high, mean) - mean,
-            ]
-        )
-    )
-    if scale.is_log:  # an interval that reaches 0 is cut below the axis
-        spread[0] = np.minimum(spread[0], mean * (1.0 - 1e-6))
+    interval = scale.interval(rows.where(order))
+    mean = interval.mean
+    spread = np.abs(np.stack([mean - interval.low, interval.high - mean]))
     axes.errorbar(
         place[order], mean, spread, fmt="none", ecolor=hue.colour, elinewidth=1.2, capsize=3
     )
-    style: dict[str, Any] = {
-        "linestyle": hue.dashes,
-        "color": hue.colour,
-        "marker": "o",
-        "markersize": 4,
-    }
-    axes.plot(place[order], mean, **style)
+    style: dict[str, Any] = {"color": hue.colour, "marker": "o", "markersize": 4}
+    axes.plot(place[order], mean, linestyle=hue.dashes, **style)
 
 
 def draw_requirements(
-    axes: Axes, study: SavedStudy, figure: str, divisor: float, *, along_x: bool = False
+    axes: Axes, study: SavedStudy, figure: str, divisor: float, *, is_along_x: bool = False
 ) -> None:
     """Draw the lines of the study's requirements on a figure."""
-    for each in study.requirements:
-        if each["figure"] != figure:
-            continue
-        value = each["limit"] / divisor
-        sign = "≥" if each["is_least"] else "≤"
+    for requirement in study.requirements_on(figure):
+        value = requirement["limit"] / divisor
         style: dict[str, Any] = {"color": INK, "linewidth": 1.0, "linestyle": (0, (2, 2))}
-        if along_x:
+        if is_along_x:
             axes.axvline(value, **style)
             continue
         axes.axhline(value, **style)
         axes.annotate(
-            f"required {sign} {number_words(value)}",
+            f"required {'≥' if requirement['is_least'] else '≤'} {number_words(value)}",
             (0.99, value),
             xycoords=("axes fraction", "data"),
             xytext=(0, 2),
@@ -324,35 +308,30 @@ def difference_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     interval.
     """
     rows = study.rows(figure)
-    first = study.short_labels(rows)[0] if len(rows) else ""
     rows = rows.where((rows["design"] > 0) & np.isfinite(rows["difference"]))
     if not len(rows):
         return without_data(axes, f"{figure}: no design to compare with the first")
-    unit = study.units[figure]
-    shown = shown_unit(unit, rows["difference"])
+    shown = shown_unit(study.units[figure], rows["difference"])
     place = -np.arange(len(rows), dtype=np.float64)
-    middle, low, high = (
+    difference, low, high = (
         rows[name] / shown.divisor
         for name in ("difference", "difference_low_95", "difference_high_95")
     )
-    spread = np.abs(np.stack([middle - low, high - middle]))
+    spread = np.abs(np.stack([difference - low, high - difference]))
+    spread = np.where(np.isfinite(spread), spread, 0.0)
     axes.axvline(0.0, color=MUTED, linewidth=1.0)
-    axes.errorbar(
-        middle,
-        place,
-        xerr=np.where(np.isfinite(spread), spread, 0.0),
-        fmt="o",
-        color=SERIES[0],
-        capsize=3,
-    )
+    axes.errorbar(difference, place, xerr=spread, fmt="o", color=SERIES[0], capsize=3)
     axes.set_yticks(place, study.short_labels(rows))
     axes.set_title(study.names())
     axes.set_ylim(place[-1] - 0.6, 0.6)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
-    label = axis_label(
-        f"{figure_words(figure, unit)}: difference from {first or 'the first design'}", shown.unit
-    )
-    part = study.shares_text(figure)
-    axes.set_xlabel(f"{label}\n({part})" if part else label)
+    number_ticks(axes.xaxis, is_log=False)
+    axes.set_xlabel(_difference_label(study, figure, shown.unit))
     axes.grid(axis="y", visible=False)
     return axes
+
+
+def _difference_label(study: SavedStudy, figure: str, unit: str) -> str:
+    reference = study.short_labels(study.rows(figure))[0] or "the first design"
+    words = f"{figure_words(figure, study.units[figure])}: difference from {reference}"
+    share = study.shares_text(figure)
+    return axis_label(words, unit) + (f"\n({share})" if share else "")

@@ -1,4 +1,6 @@
-"""Where targets fly, satellites stand and sensors see, as columns."""
+"""Flights of targets, and places and fields of view of sensors, as columns."""
+
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +12,16 @@ from opir_core.plugin import Sensor
 from opir_report.figure_data import FigureData
 from opir_report.maps.spheres import EARTH_RADIUS_KM
 
-#: Points of a burn and of the flight after it.
-_BURN_POINTS = 41
-_FLIGHT_POINTS = 81
+_TRACK_NAMES = (
+    "target_id",
+    "time_s",
+    "latitude_deg",
+    "longitude_deg",
+    "height_km",
+    "is_burning",
+)
 #: Longest flight that is drawn after burnout, s: an orbit has no end.
 _LONGEST_S = 7200.0
-#: Times of a satellite's ground track.
-_ORBIT_POINTS = 61
 
 
 def ground_tracks(plan: Plan) -> FigureData:
@@ -24,33 +29,27 @@ def ground_tracks(plan: Plan) -> FigureData:
     height_km, is_burning.
     """
     targets = whole_flights(plan)
-    columns: dict[str, list[object]] = {
-        name: []
-        for name in (
-            "target_id",
-            "time_s",
-            "latitude_deg",
-            "longitude_deg",
-            "height_km",
-            "is_burning",
-        )
-    }
-    for row, name in enumerate(targets.ids):
-        start_s = float(targets.ignition_s[row])
-        burnout_s = float(targets.burnout_s[row])
-        end_s = min(float(targets.end_s[row]), burnout_s + _LONGEST_S)
-        time_s = np.linspace(start_s, burnout_s, _BURN_POINTS)
-        if end_s > burnout_s:
-            time_s = np.append(time_s, np.linspace(burnout_s, end_s, _FLIGHT_POINTS)[1:])
-        own = np.full(len(time_s), row, dtype=np.int32)
-        place = ecef_to_geodetic(targets.position_ecef_m(own, time_s))
-        columns["target_id"] += [name] * len(time_s)
-        columns["time_s"] += time_s.tolist()
-        columns["latitude_deg"] += np.degrees(place.latitude_rad).tolist()
-        columns["longitude_deg"] += np.degrees(place.longitude_rad).tolist()
-        columns["height_km"] += (1e-3 * place.height_m).tolist()
-        columns["is_burning"] += ((time_s <= burnout_s) & ~targets.is_dark(own, time_s)).tolist()
-    return FigureData({name: np.asarray(column) for name, column in columns.items()})
+    tracks = [_ground_track(targets, number) for number in range(len(targets.ids))]
+    return FigureData.joined(tracks) if tracks else FigureData.of_rows(_TRACK_NAMES, ())
+
+
+def _ground_track(targets: Any, number: int) -> FigureData:
+    burnout_s = float(targets.burnout_s[number])
+    end_s = min(float(targets.end_s[number]), burnout_s + _LONGEST_S)
+    time_s = np.linspace(float(targets.ignition_s[number]), burnout_s, 41)
+    if end_s > burnout_s:
+        time_s = np.append(time_s, np.linspace(burnout_s, end_s, 81)[1:])
+    rows = np.full(len(time_s), number, dtype=np.int32)
+    place = ecef_to_geodetic(targets.position_ecef_m(rows, time_s))
+    columns = (
+        np.full(len(time_s), targets.ids[number]),
+        time_s,
+        np.degrees(place.latitude_rad),
+        np.degrees(place.longitude_rad),
+        1e-3 * place.height_m,
+        (time_s <= burnout_s) & ~targets.is_dark(rows, time_s),
+    )
+    return FigureData(dict(zip(_TRACK_NAMES, columns, strict=True)))
 
 
 def view_time_s(plan: Plan) -> float:
@@ -91,18 +90,19 @@ def cap_radius_rad(sensor: Sensor, distance_m: float) -> float:
     """
     ratio = max(distance_m / (1e3 * EARTH_RADIUS_KM), 1.0)
     elevation = max(sensor.minimum_elevation_rad, 0.0)
-    seen = float(np.arccos(np.clip(np.cos(elevation) / ratio, -1.0, 1.0))) - elevation
-    sine = ratio * np.sin(sensor.field_of_regard_half_angle_rad)
-    if sensor.field_of_regard_half_angle_rad < 0.5 * np.pi and sine < 1.0:
-        seen = min(seen, float(np.arcsin(sine)) - sensor.field_of_regard_half_angle_rad)
-    return max(seen, 0.0)
+    half_angle = sensor.field_of_regard_half_angle_rad
+    radius = float(np.arccos(np.clip(np.cos(elevation) / ratio, -1.0, 1.0))) - elevation
+    sine = ratio * np.sin(half_angle)
+    if half_angle < 0.5 * np.pi and sine < 1.0:
+        radius = min(radius, float(np.arcsin(sine)) - half_angle)
+    return max(radius, 0.0)
 
 
 def satellite_track(plan: Plan, sensor: Sensor) -> FloatArray:
     """Return the ground track (n, 2) of a sensor over the scene, rad; one point for a stationary
     one.
     """
-    count = 1 if sensor.orbit.is_stationary else _ORBIT_POINTS
+    count = 1 if sensor.orbit.is_stationary else 61
     place = ecef_to_geodetic(
         sensor.orbit.position_ecef_m(np.linspace(0.0, plan.scene.duration_s, count))
     )

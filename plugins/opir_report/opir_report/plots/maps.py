@@ -2,42 +2,34 @@
 fields of view.
 """
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 
 from opir_core.arrays import FloatArray
-from opir_report.canvas import legend_above, legend_of, without_data
+from opir_report.canvas import legend_above, legend_entry, legend_of, without_data
 from opir_report.figure_data import FigureData
-from opir_report.maps.base_map import drawn_ground, drawn_line, drawn_world, filled
+from opir_report.maps.base_map import drawn_ground, drawn_line, drawn_world
 from opir_report.maps.projections import MapProjection, WorldProjection, fitting_projection
 from opir_report.maps.spheres import cap
-from opir_report.palette import INK, MUTED, PAPER, SERIES
+from opir_report.palette import INK, MUTED, PAPER, SERIES, Hue
 from opir_report.plots.flights import satellite_track
-from opir_report.run_facts import RunFacts, containment_rings
+from opir_report.plots.impact import draw_region
+from opir_report.run_facts import RunFacts, largest_rings
 
-#: Width over height of a map, and the least width of a map of launches, km.
+#: Width over height of a map.
 RATIO = 1.9
-_LEAST_KM = 600.0
-#: Sensors with a label on the map; more would hide each other.
-_LABELLED = 16
-_DETECTING: dict[str, Any] = {"linewidth": 1.1, "alpha": 1.0}
-_SILENT: dict[str, Any] = {"linewidth": 0.7, "alpha": 0.45}
-_LAUNCH = Line2D([], [], color=INK, marker="o", linestyle="", markersize=5, label="launch")
-_IMPACT = Line2D(
-    [], [], color=INK, marker="x", linestyle="", markersize=6, markeredgewidth=1.6, label="impact"
-)
-_PREDICTED = Line2D(
-    [],
-    [],
-    color=INK,
+_DASHED = (0, (4, 2))
+_LAUNCH = legend_entry("launch", marker="o", linestyle="", markersize=5)
+_IMPACT = legend_entry("impact", marker="x", linestyle="", markersize=6, markeredgewidth=1.6)
+_PREDICTED = legend_entry(
+    "predicted impact, 95 % region",
     marker="D",
     markerfacecolor=PAPER,
     linestyle="",
     markersize=5,
-    label="predicted impact, 95 % region",
 )
 
 
@@ -45,13 +37,15 @@ def launch_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
     """Draw the launches: true ground tracks, launch and impact points, and the last predicted
     impact regions.
     """
-    places = np.concatenate([_flown(facts, tracks), *_outer_regions(facts)])
+    rows = facts.last_with_impact.values()
+    rings = [ring for row in rows for ring in largest_rings(facts.run.tracks, row)]
+    places = np.concatenate([_flight_points(facts, tracks), *rings])
     if not len(places):
         return without_data(axes, "the scene has no launches")
     projection = fitting_projection(places)
-    drawn_ground(axes, projection, places, RATIO, _LEAST_KM)
+    drawn_ground(axes, projection, places, RATIO, least_km=600.0)
     _draw_flights(axes, projection, facts, tracks)
-    _draw_regions(axes, projection, facts)
+    _draw_predictions(axes, projection, facts)
     marks = [_LAUNCH, _IMPACT, *([_PREDICTED] if facts.last_with_impact else [])]
     legend_of(axes, facts.hues.legend, marks)
     return axes
@@ -61,32 +55,24 @@ def world_map(axes: Axes, facts: RunFacts, tracks: FigureData, views: FigureData
     """Draw the whole Earth: satellites, the edges of their fields of view, and the launches' ground
     tracks.
     """
-    projection = WorldProjection.about(_flown(facts, tracks))
+    projection = WorldProjection.about(_flight_points(facts, tracks))
     drawn_world(axes, projection)
     _draw_sensors(axes, projection, facts, views)
     _draw_flights(axes, projection, facts, tracks)
     return axes
 
 
-def _flown(facts: RunFacts, tracks: FigureData) -> FloatArray:
+def _places(data: FigureData) -> FloatArray:
+    """Return latitudes and longitudes (n, 2), rad, of rows."""
+    degrees = np.stack([data["latitude_deg"], data["longitude_deg"]], axis=1)
+    return np.radians(degrees.astype(np.float64))
+
+
+def _flight_points(facts: RunFacts, tracks: FigureData) -> FloatArray:
     """Return points (n, 2), rad, of the ground tracks of launches, with their impacts."""
-    flown = np.radians(
-        np.stack([tracks["latitude_deg"], tracks["longitude_deg"]], axis=1).astype(np.float64)
-    )
     impacts = [facts.true_point(target, "impact") for target in range(facts.launches)]
-    places = np.concatenate([flown.reshape(-1, 2), np.array(impacts).reshape(-1, 2)])
-    known: FloatArray = places[np.isfinite(places).all(axis=1)]
-    return known
-
-
-def _outer_regions(facts: RunFacts) -> list[FloatArray]:
-    """Return the rings (n, 2), rad, of the largest predicted regions of the last estimates."""
-    return [
-        ring
-        for row in facts.last_with_impact.values()
-        for _, rings in list(containment_rings(facts.run.tracks, row).values())[-1:]
-        for ring in rings
-    ]
+    places = np.concatenate([_places(tracks), np.array(impacts).reshape(-1, 2)])
+    return places[np.isfinite(places).all(axis=1)]
 
 
 def _draw_flights(
@@ -94,36 +80,27 @@ def _draw_flights(
 ) -> None:
     """Draw ground tracks, thick while the target burns, with launch and impact points."""
     for target, name in enumerate(facts.ids):
-        own = tracks.where(tracks["target_id"] == name)
-        line = np.radians(np.stack([own["latitude_deg"], own["longitude_deg"]], axis=1))
+        track = tracks.at("target_id", name)
+        line = _places(track)
         hue = facts.hues.of_target[target]
-        is_burning = own["is_burning"].astype(np.bool_)
-        for part in np.split(np.arange(len(line)), np.flatnonzero(np.diff(is_burning)) + 1):
-            thick = (
-                {"linewidth": 2.6}
-                if is_burning[part[0]]
-                else {"linewidth": 1.2, "linestyle": hue.dashes}
-            )
-            # Each part begins where the one before ends.
-            drawn_line(
-                axes,
-                projection,
-                line[max(part[0] - 1, 0) : part[-1] + 1],
-                color=hue.colour,
-                zorder=3,
-                **thick,
-            )
+        _draw_flight(axes, projection, line, track["is_burning"].astype(np.bool_), hue)
         _draw_point(axes, projection, line[0], color=hue.colour, marker="o", markersize=5)
         impact = np.array(facts.true_point(target, "impact"))
-        _draw_point(
-            axes,
-            projection,
-            impact,
-            color=hue.colour,
-            marker="x",
-            markersize=7,
-            markeredgewidth=1.8,
+        style: dict[str, Any] = {"marker": "x", "markersize": 7, "markeredgewidth": 1.8}
+        _draw_point(axes, projection, impact, color=hue.colour, **style)
+
+
+def _draw_flight(
+    axes: Axes, projection: MapProjection, line: FloatArray, is_burning: FloatArray, hue: Hue
+) -> None:
+    """Draw the ground track (n, 2) of a target in parts, each from the end of the previous one."""
+    changes = np.flatnonzero(np.diff(is_burning)) + 1
+    for start, end in pairwise([0, *changes.tolist(), len(line)]):
+        style: dict[str, Any] = (
+            {"linewidth": 2.6} if is_burning[start] else {"linewidth": 1.2, "linestyle": hue.dashes}
         )
+        segment = line[max(start - 1, 0) : end]
+        drawn_line(axes, projection, segment, color=hue.colour, zorder=3, **style)
 
 
 def _draw_point(axes: Axes, projection: MapProjection, place: FloatArray, **style: Any) -> None:
@@ -131,99 +108,83 @@ def _draw_point(axes: Axes, projection: MapProjection, place: FloatArray, **styl
         axes.plot(*projection.points(place[:1], place[1:]).T, linestyle="", zorder=4, **style)
 
 
-def _draw_regions(axes: Axes, projection: MapProjection, facts: RunFacts) -> None:
+def _draw_predictions(axes: Axes, projection: MapProjection, facts: RunFacts) -> None:
     """Draw the predicted impact points and the largest regions of the last estimates."""
+    tracks = facts.run.tracks
     for target, row in facts.last_with_impact.items():
         colour = facts.hues.of_target[target].colour
-        regions = containment_rings(facts.run.tracks, row)
-        for _, rings in list(regions.values())[-1:]:
-            filled(axes, projection, rings, facecolor=colour, alpha=0.25, linewidth=0.0, zorder=2)
-            filled(
-                axes,
-                projection,
-                rings,
-                facecolor="none",
-                edgecolor=colour,
-                linewidth=0.9,
-                zorder=2.1,
-            )
+        draw_region(axes, projection, largest_rings(tracks, row), colour, alpha=0.25, linewidth=0.9)
         style = {"color": colour, "marker": "D", "markersize": 4.5, "markerfacecolor": PAPER}
-        _draw_point(axes, projection, facts.run.tracks.impact[row, :2], **style)
+        _draw_point(axes, projection, tracks.impact[row, :2], **style)
 
 
 def _draw_sensors(
     axes: Axes, projection: MapProjection, facts: RunFacts, views: FigureData
 ) -> None:
     """Draw the sensors, by type, with the edge of the ground that each can see."""
-    types = list(dict.fromkeys(views["sensor_type"].tolist()))
-    detecting = {
-        facts.run.sensors[each].id for each in np.unique(facts.run.detections.sensor).tolist()
+    colours = {
+        name: SERIES[number % len(SERIES)]
+        for number, name in enumerate(views.levels("sensor_type"))
     }
-    for row, sensor in enumerate(facts.plan.sensors):
-        colour = SERIES[types.index(sensor.type) % len(SERIES)]
-        place = np.radians([views["latitude_deg"][row], views["longitude_deg"][row]])
-        is_seen = sensor.id in detecting
-        style = {
-            "color": colour,
-            "linewidth": 1.1 if is_seen else 0.7,
-            "alpha": 1.0 if is_seen else 0.45,
-            "zorder": 1.5,
-        }
-        radius = float(np.radians(views["radius_deg"][row]))
-        drawn_line(
-            axes,
-            projection,
-            cap(float(place[0]), float(place[1]), radius),
-            linestyle=(0, (4, 2)),
-            **style,
-        )
+    rows = np.unique(facts.run.detections.sensor).tolist()
+    detecting = {facts.run.sensors[row].id for row in rows}
+    radii = np.radians(views["radius_deg"])
+    for sensor, place, radius in zip(facts.plan.sensors, _places(views), radii, strict=True):
+        edge = cap(float(place[0]), float(place[1]), float(radius))
         track = satellite_track(facts.plan, sensor)
-        if len(track) > 1:
-            drawn_line(axes, projection, track, **style)
-        _draw_point(
-            axes,
-            projection,
-            place,
-            color=colour,
-            marker="s",
-            markersize=5,
-            fillstyle="full" if is_seen else "none",
-        )
+        is_detecting = sensor.id in detecting
+        _draw_sensor(axes, projection, edge, track, colours[sensor.type], is_detecting=is_detecting)
+        style = {"color": colours[sensor.type], "fillstyle": "full" if is_detecting else "none"}
+        _draw_point(axes, projection, place, marker="s", markersize=5, **style)
     _label_sensors(axes, projection, views)
     marks = [
-        Line2D(
-            [],
-            [],
-            color=SERIES[number % len(SERIES)],
-            marker="s",
-            linestyle=(0, (4, 2)),
-            markersize=5,
-            label=name,
-        )
-        for number, name in enumerate(types)
+        legend_entry(name, colour, marker="s", linestyle=_DASHED, markersize=5)
+        for name, colour in colours.items()
     ]
-    quiet = Line2D(
-        [],
-        [],
-        color=MUTED,
-        marker="s",
-        fillstyle="none",
-        linestyle="",
-        markersize=5,
-        label="no detection",
+    silent = legend_entry(
+        "no detection", MUTED, marker="s", fillstyle="none", linestyle="", markersize=5
     )
-    legend_above(axes, [*marks, quiet])
+    legend_above(axes, [*marks, silent])
+
+
+def _draw_sensor(
+    axes: Axes,
+    projection: MapProjection,
+    edge: FloatArray,
+    track: FloatArray,
+    colour: str,
+    *,
+    is_detecting: bool,
+) -> None:
+    """Draw the edge of a field of view and the ground track of a satellite; both are faint without
+    detections.
+    """
+    style = {
+        "color": colour,
+        "linewidth": 1.1 if is_detecting else 0.7,
+        "alpha": 1.0 if is_detecting else 0.45,
+        "zorder": 1.5,
+    }
+    drawn_line(axes, projection, edge, linestyle=_DASHED, **style)
+    if len(track) > 1:
+        drawn_line(axes, projection, track, **style)
 
 
 def _label_sensors(axes: Axes, projection: MapProjection, views: FigureData) -> None:
-    """Write the ids of a few sensors, in turn above and below, from west to east."""
-    if len(views) > _LABELLED:
+    """Write the ids of up to 16 sensors, in turn above and below, from west to east."""
+    if len(views) > 16:
         return
-    places = projection.points(*np.radians([views["latitude_deg"], views["longitude_deg"]]))
-    for rank, row in enumerate(np.argsort(places[:, 0], kind="stable").tolist()):
-        above: dict[str, Any] = (
-            {"xytext": (0, 5), "va": "bottom"} if rank % 2 else {"xytext": (0, -5), "va": "top"}
+    points = projection.points(*_places(views).T)
+    for rank, row in enumerate(np.argsort(points[:, 0], kind="stable").tolist()):
+        is_above = bool(rank % 2)
+        axes.annotate(
+            views["sensor_id"][row],
+            points[row],
+            textcoords="offset points",
+            xytext=(0, 5 if is_above else -5),
+            va="bottom" if is_above else "top",
+            fontsize=8,
+            color=INK,
+            ha="center",
+            zorder=6,
         )
-        name = views["sensor_id"][row]
-        style: dict[str, Any] = {"fontsize": 8, "color": INK, "ha": "center", "zorder": 6}
-        axes.annotate(name, places[row], textcoords="offset points", **above, **style)

@@ -1,11 +1,9 @@
-"""Which panels an effect is drawn in: a setting along the axis, one as series, one as small
-multiples.
-"""
+"""Panels of an effect: a setting along the axis, one as series, one as small multiples."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_report.figure_data import FigureData
@@ -13,7 +11,7 @@ from opir_report.saved_study import SavedStudy
 
 #: A second setting with more values than this is drawn as small multiples instead of series.
 _SERIES = 4
-#: The most small multiples, and how many are beside each other.
+#: The most small multiples, and the most beside each other.
 _PANELS = 6
 _BESIDE = 3
 #: A figure's values over a wider range than this have a logarithmic axis, and a setting's.
@@ -45,11 +43,18 @@ def usual_path(paths: Sequence[str], rows: FigureData) -> str | None:
     """Return the path along which a figure is drawn: that with the most values, numbers before
     names.
     """
+    return max(paths, key=lambda path: axis_rank(rows, path)) if paths else None
 
-    def rank(path: str) -> tuple[bool, int]:
-        return rows[path].dtype.kind in "if", len(set(rows[path].tolist()))
 
-    return max(paths, key=rank) if paths else None
+def axis_rank(rows: FigureData, path: str) -> tuple[bool, int]:
+    """Return how well a path fits along an axis: whether it has numbers, and how many values."""
+    return rows[path].dtype.kind in "if", len(set(rows[path].tolist()))
+
+
+def rows_with_mean(study: SavedStudy, figure: str) -> FigureData:
+    """Return the rows of the designs that have a value of a figure."""
+    rows = study.rows(figure)
+    return rows.where(np.isfinite(rows["mean"]))
 
 
 def effect_panels(study: SavedStudy, figure: str) -> list[EffectPanel]:
@@ -59,72 +64,79 @@ def effect_panels(study: SavedStudy, figure: str) -> list[EffectPanel]:
     the setting with the most values lies along the axis; the second is series, or small multiples
     if it has more than four values; a third is small multiples.
     """
-    rows = study.rows(figure)
-    rows = rows.where(np.isfinite(rows["mean"]))
+    rows = rows_with_mean(study, figure)
     if not len(rows):
         return []
-    paths = study.paths
     design = study.definition["design"]
     if design in SAMPLED:
-        return [EffectPanel("", path, (), rows, is_sampled=True) for path in paths[:_PANELS]]
-    if design == "one-at-a-time" and len(paths) > 1:
+        return [EffectPanel("", path, (), rows, is_sampled=True) for path in study.paths[:_PANELS]]
+    if design == "one-at-a-time" and len(study.paths) > 1:
         return _one_at_a_time(study, rows)
-    free = [path for path in paths if path != study.split]
-    along = usual_path(free, rows)
+    return _combinations(study, rows)
+
+
+def _combinations(study: SavedStudy, rows: FigureData) -> list[EffectPanel]:
+    """Return the panels of a study of all combinations."""
+    paths = [path for path in study.paths if path != study.split]
+    axis_path = usual_path(paths, rows)
     others = sorted(
-        (each for each in free if each != along), key=lambda path: len(_levels(rows, path))
+        (path for path in paths if path != axis_path), key=lambda path: len(rows.levels(path))
     )
     split = _split_path(rows, others)
     splits = tuple(path for path in (study.split, split) if path)
-    series = tuple(each for each in others if each != split)
-    found = [EffectPanel("", along, series, rows, splits=splits)]
-    for path in splits:
-        found = [evolve(each, rows=own) for each in found for own in _by_level(each.rows, path)]
-    return [evolve(each, title=study.short_labels(each.rows, splits)[0]) for each in found]
+    series = tuple(path for path in others if path != split)
+    tables = _split_rows(rows, splits)
+    titles = [study.short_labels(table, splits)[0] for table in tables]
+    return [
+        EffectPanel(title, axis_path, series, table, splits=splits)
+        for title, table in zip(titles, tables, strict=True)
+    ]
 
 
-def _by_level(rows: FigureData, path: str) -> list[FigureData]:
-    return [rows.where(rows[path] == level) for level in _levels(rows, path)]
+def _split_rows(rows: FigureData, paths: Sequence[str]) -> list[FigureData]:
+    """Return the rows of each combination of some settings."""
+    tables = [rows]
+    for path in paths:
+        tables = [table.at(path, level) for table in tables for level in table.levels(path)]
+    return tables
 
 
 def panel_columns(panels: Sequence[EffectPanel]) -> int:
     """Return how many panels are beside each other: those of one value of the first setting in
     titles, if they fit.
     """
-    first = panels[0].splits[0] if len(panels[0].splits) > 1 else None
-    alike = (
-        0
-        if first is None
-        else sum(each.rows[first][0] == panels[0].rows[first][0] for each in panels)
-    )
-    return alike if 1 < alike <= _BESIDE else min(len(panels), _BESIDE)
+    splits = panels[0].splits
+    count = 0
+    if len(splits) > 1:
+        levels = [panel.rows[splits[0]][0] for panel in panels]
+        count = levels.count(levels[0])
+    return count if 1 < count <= _BESIDE else min(len(panels), _BESIDE)
 
 
-def _split_path(rows: FigureData, others: Sequence[str]) -> str | None:
+def _split_path(rows: FigureData, paths: Sequence[str]) -> str | None:
     """Return the setting whose values are small multiples, if any fits."""
-    fitting = [path for path in others if len(_levels(rows, path)) <= _PANELS]
-    if len(others) == 1:
-        return others[0] if fitting and len(_levels(rows, others[0])) > _SERIES else None
-    return fitting[-1] if fitting else None
-
-
-def _levels(rows: FigureData, path: str) -> list[object]:
-    return list(dict.fromkeys(rows[path].tolist()))
+    fitting = [path for path in paths if len(rows.levels(path)) <= _PANELS]
+    if not fitting or (len(paths) == 1 and len(rows.levels(paths[0])) <= _SERIES):
+        return None
+    return fitting[-1]
 
 
 def _one_at_a_time(study: SavedStudy, rows: FigureData) -> list[EffectPanel]:
     """Return a panel for each path: the first design and those that change this path alone."""
-    first = {path: study.rows(str(rows["figure"][0]))[path][0] for path in study.paths}
+    designs = study.rows(str(rows["figure"][0]))
     panels = list[EffectPanel]()
     for path in study.paths[:_PANELS]:
-        alike = [rows[each] == first[each] for each in study.paths if each != path]
-        panels.append(EffectPanel("", path, (), rows.where(np.logical_and.reduce(alike))))
-    return [each for each in panels if len(each.rows)]
+        panel_rows = rows
+        for other in study.paths:
+            if other != path:
+                panel_rows = panel_rows.at(other, designs[other][0])
+        panels.append(EffectPanel("", path, (), panel_rows))
+    return [panel for panel in panels if len(panel.rows)]
 
 
 def is_wide(values: FloatArray, ratio: float) -> bool:
-    """Return whether values (n,) are positive and span such a ratio, so that they need a
-    logarithmic axis.
+    """Whether values (n,) are positive and span such a ratio, so that they need a logarithmic
+    axis.
     """
-    known = values[np.isfinite(values)]
-    return bool(len(known) > 1 and known.min() > 0.0 and known.max() / known.min() >= ratio)
+    finite = values[np.isfinite(values)]
+    return bool(len(finite) > 1 and finite.min() > 0.0 and finite.max() / finite.min() >= ratio)

@@ -1,30 +1,25 @@
 """Main effects, interactions and contours of a study of all combinations."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from opir_core.arrays import FloatArray
-from opir_report.canvas import legend_beside
+from opir_report.canvas import legend_beside, legend_entry
 from opir_report.factorial import FactorialRuns, ranked_settings
 from opir_report.figure_data import FigureData
 from opir_report.palette import GRID, INK, MUTED, SERIES, Hue
 from opir_report.plots.effects import FigureScale, draw_panel, mark_values
-from opir_report.plots.panels import WIDE_SETTING, EffectPanel, is_wide
+from opir_report.plots.panels import WIDE_SETTING, EffectPanel, axis_rank, is_wide
 from opir_report.saved_study import SavedStudy, level_text
 from opir_report.words import axis_label, level_value, number_words, setting_words
-
-#: The most panels beside each other, and lines of a contour.
-_BESIDE = 3
-_LINES = 6
 
 
 @frozen(eq=False)
@@ -46,32 +41,31 @@ def parts_of(study: SavedStudy, figure: str) -> list[Part]:
         return []
     if not study.split:
         return [Part("", runs)]
-    levels = runs.levels[runs.paths.index(study.split)]
     return [
         Part(level_value(study.split, level_text(level)), runs.at(study.split, level))
-        for level in levels
+        for level in runs.levels_of(study.split)
     ]
 
 
 def _settings(parts: Sequence[Part]) -> list[str]:
-    """Return the settings that are drawn, by their effect in the first part."""
-    return ranked_settings(parts[0].runs)[:_BESIDE]
+    """Return the three settings that are drawn, by their effect in the first part."""
+    return ranked_settings(parts[0].runs)[:3]
 
 
 def main_effect_rows(study: SavedStudy, figure: str) -> FigureData:
     """Return the means at each value of each setting over all others: path, value, part, mean,
     low_95, high_95.
     """
-    found = list[tuple[Any, ...]]()
+    effects = list[tuple[Any, ...]]()
     for part in parts_of(study, figure):
         for path in part.runs.paths:
             rows = study.cut(figure, part.runs.rows([path]))
             values = (rows[name].tolist() for name in (path, "mean", "low_95", "high_95"))
-            found += [
-                (path, level_text(level), part.name, *ends)
-                for level, *ends in zip(*values, strict=True)
+            effects += [
+                (path, level_text(level), part.name, *interval)
+                for level, *interval in zip(*values, strict=True)
             ]
-    return FigureData.of_rows(("path", "value", "part", "mean", "low_95", "high_95"), found)
+    return FigureData.of_rows(("path", "value", "part", "mean", "low_95", "high_95"), effects)
 
 
 def main_effects_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
@@ -81,19 +75,29 @@ def main_effects_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
     parts = parts_of(study, figure)
     scale = FigureScale.of(study, figure)
     settings = _settings(parts)
+    series = (study.split,) if study.split else ()
     grid = drawn.subplots(1, len(settings), sharey=True, squeeze=False)[0]
     hues: list[Hue] = []
     for axes, path in zip(grid, settings, strict=True):
-        series = (study.split,) if study.split else ()
-        rows = [
-            _with_part(study, part, study.cut(figure, part.runs.rows([path]))) for part in parts
-        ]
-        panel = EffectPanel("", path, series, _joined(rows))
-        hues = draw_panel(axes, study, panel, scale) or hues
-        if axes is not grid[0]:
-            axes.set_ylabel("")
+        rows = FigureData.joined([_part_rows(study, part, figure, path) for part in parts])
+        hues = draw_panel(axes, study, EffectPanel("", path, series, rows), scale) or hues
+    _label_first(grid)
     if hues:
-        legend_beside(grid[0], hues, study.names([study.split]), whole=True)
+        legend_beside(grid[0], hues, study.names([study.split]), is_shared=True)
+
+
+def _label_first(row: Sequence[Axes]) -> None:
+    """Leave the label of the figure to the first panel of a row."""
+    for axes in row[1:]:
+        axes.set_ylabel("")
+
+
+def _part_rows(study: SavedStudy, part: Part, figure: str, path: str) -> FigureData:
+    """Return the means of a part over a setting, with the value of the part."""
+    rows = study.cut(figure, part.runs.rows([path]))
+    if not study.split:
+        return rows
+    return FigureData({**rows.columns, study.split: np.full(len(rows), part.name)})
 
 
 def interaction_pairs(study: SavedStudy, figure: str) -> list[tuple[str, str]]:
@@ -109,63 +113,70 @@ def interaction_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
     pairs = interaction_pairs(study, figure)
     grid = drawn.subplots(len(parts), len(pairs), sharey=True, squeeze=False)
     for row, part in zip(grid, parts, strict=True):
-        for axes, (along, series) in zip(row, pairs, strict=True):
-            rows = study.cut(figure, part.runs.rows([along, series]))
-            hues = draw_panel(axes, study, EffectPanel(part.name, along, (series,), rows), scale)
+        for axes, (path, series) in zip(row, pairs, strict=True):
+            rows = study.cut(figure, part.runs.rows([path, series]))
+            hues = draw_panel(axes, study, EffectPanel(part.name, path, (series,), rows), scale)
             if hues:
                 legend_beside(axes, hues, study.names([series]))
-            if axes is not row[0]:
-                axes.set_ylabel("")
+        _label_first(row)
 
 
 def contour_pair(study: SavedStudy, figure: str) -> tuple[str, str] | None:
     """Return the two numeric settings that move a figure the furthest, of which one has three
     values; or None.
 
-    None, too, for a figure that some launches lack: no line would part what meets a requirement
-    from what misses it.
+    None, too, for a figure that some launches lack: no line would part the settings that meet a
+    requirement from those that miss it.
     """
     parts = parts_of(study, figure) if study.is_whole(figure).all() else []
-    ranked = ranked_settings(parts[0].runs) if parts else []
+    if not parts:
+        return None
     rows = study.rows(figure)
-    numeric = [path for path in ranked if rows[path].dtype.kind in "if"][:2]
-    is_fit = len(numeric) == 2 and max(len(set(rows[path].tolist())) for path in numeric) > 2
-    return _numbers_first(study, (numeric[0], numeric[1])) if is_fit else None
+    ranks = {path: axis_rank(rows, path) for path in ranked_settings(parts[0].runs)}
+    numeric = [path for path, (is_numeric, _) in ranks.items() if is_numeric][:2]
+    if len(numeric) < 2 or max(ranks[path][1] for path in numeric) < 3:
+        return None
+    return _numbers_first(study, (numeric[0], numeric[1]))
 
 
 def contour_figure(drawn: Figure, study: SavedStudy, figure: str) -> None:
-    """Draw lines of equal mean over two settings, with what misses the requirement shaded: a panel
-    for each part.
+    """Draw lines of equal mean over two settings, with the settings that miss the requirement
+    shaded: a panel for each part.
     """
     parts = parts_of(study, figure)
     pair = contour_pair(study, figure)
     scale = FigureScale.of(study, figure)
     if pair is None:
         raise ValueError(f"{figure}: fewer than two numeric settings vary")
-    limits = [each for each in study.requirements if each["figure"] == figure][:1]
+    requirements = study.requirements_on(figure)[:1]
     grid = drawn.subplots(1, len(parts), sharey=True, squeeze=False)[0]
     for axes, part in zip(grid, parts, strict=True):
-        draw_contours(axes, part.runs, pair, scale, limits)
+        draw_contours(axes, part.runs, pair, scale, requirements)
         axes.set_title(part.name)
-        if axes is not grid[0]:
-            axes.set_ylabel("")
-    marks: list[Any] = [
-        Line2D(
-            [],
-            [],
-            color=MUTED,
-            marker="o",
-            markersize=4,
-            linestyle="",
-            label="settings that were run",
-        ),
-        Line2D([], [], color=SERIES[0], linewidth=1.0, label=f"mean {scale.label}"),
-    ]
-    for each in limits:
-        sign = "≥" if each["is_least"] else "≤"
-        value = number_words(each["limit"] / scale.shown.divisor)
-        marks.append(Patch(facecolor=GRID, edgecolor=INK, label=f"misses {sign} {value}"))
+    _label_first(grid)
+    marks = _contour_marks(scale, requirements)
     drawn.legend(handles=marks, loc="outside upper left", ncols=len(marks))
+
+
+def _contour_marks(scale: FigureScale, requirements: Sequence[dict[str, Any]]) -> list[Any]:
+    """Return the marks of a legend of contours."""
+    marks: list[Any] = [
+        legend_entry("settings that were run", MUTED, marker="o", markersize=4, linestyle=""),
+        legend_entry(f"mean {scale.label}", SERIES[0], linewidth=1.0),
+    ]
+    for requirement in requirements:
+        sign = "≥" if requirement["is_least"] else "≤"
+        value = number_words(requirement["limit"] / scale.shown.divisor)
+        marks.append(Patch(facecolor=GRID, edgecolor=INK, label=f"misses {sign} {value}"))
+    return marks
+
+
+class Surface(NamedTuple):
+    """The mean (n, m) of a figure over the values (m,) and (n,) of two settings."""
+
+    x: FloatArray
+    y: FloatArray
+    mean: FloatArray
 
 
 def draw_contours(
@@ -173,7 +184,7 @@ def draw_contours(
     runs: FactorialRuns,
     pair: tuple[str, str],
     scale: FigureScale,
-    limits: Sequence[dict[str, Any]] = (),
+    requirements: Sequence[dict[str, Any]] = (),
 ) -> list[ContourSet]:
     """Draw lines of equal mean of a figure over two numeric settings, linear between the values
     that were run.
@@ -181,83 +192,69 @@ def draw_contours(
     Returns the contours: that of the requirement, if there is one within the plot, then the lines
     with numbers.
     """
-    x, y, mean = _surface(runs, pair, scale.shown.divisor)
-    for axis, values, path in ((axes.xaxis, x, pair[0]), (axes.yaxis, y, pair[1])):
+    surface = _surface(runs, pair, scale.shown.divisor)
+    _mark_settings(axes, surface, pair)
+    limits = [requirement["limit"] / scale.shown.divisor for requirement in requirements]
+    contours: list[ContourSet] = [
+        axes.contour(*surface, levels=[limit], colors=[INK], linewidths=1.6)
+        for limit in limits
+        if np.nanmin(surface.mean) < limit < np.nanmax(surface.mean)
+    ]
+    for requirement, limit in zip(requirements, limits, strict=True):
+        _shade_misses(axes, surface, limit, is_least=requirement["is_least"])
+    levels = np.setdiff1d(_line_levels(surface.mean, is_log=scale.is_log), limits)
+    if len(levels):
+        lines = axes.contour(*surface, levels=levels, colors=[SERIES[0]], linewidths=1.0)
+        axes.clabel(
+            lines, fmt=lambda value: number_words(value, 3), fontsize=8, manual=_middles(lines)
+        )
+        contours.append(lines)
+    axes.use_sticky_edges = False
+    axes.margins(0.06)
+    return contours
+
+
+def _mark_settings(axes: Axes, surface: Surface, pair: tuple[str, str]) -> None:
+    """Label the axes of two settings, and mark the values that were run."""
+    for axis, values, path in zip((axes.xaxis, axes.yaxis), surface[:2], pair, strict=True):
         if is_wide(values, WIDE_SETTING):
             (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
         axis.set_label_text(axis_label(*setting_words(path)))
         mark_values(axis, values.tolist())
-    axes.plot(
-        *(each.ravel() for each in np.meshgrid(x, y)),
-        color=MUTED,
-        marker="o",
-        markersize=4,
-        linestyle="",
-    )
-    drawn = list(
-        _requirement_contours(
-            axes, (x, y, mean), [each["limit"] / scale.shown.divisor for each in limits]
-        )
-    )
-    for each in limits:
-        _shade_missed(
-            axes, (x, y, mean), each["limit"] / scale.shown.divisor, is_least=each["is_least"]
-        )
-    levels = np.setdiff1d(
-        _line_levels(mean, is_log=scale.is_log),
-        [each["limit"] / scale.shown.divisor for each in limits],
-    )
-    if len(levels):
-        lines = axes.contour(x, y, mean, levels=levels, colors=[SERIES[0]], linewidths=1.0)
-        axes.clabel(
-            lines, fmt=lambda value: number_words(value, 3), fontsize=8, manual=_middles(lines)
-        )
-        drawn.append(lines)
-    axes.use_sticky_edges = False
-    axes.margins(0.06)
-    return drawn
+    places = (values.ravel() for values in np.meshgrid(surface.x, surface.y))
+    axes.plot(*places, color=MUTED, marker="o", markersize=4, linestyle="")
 
 
 def _middles(lines: ContourSet) -> list[tuple[float, float]]:
     """Return the middle of each line, where its number is written."""
-    vertices = [each for path in lines.get_paths() if len(each := np.asarray(path.vertices)) > 1]
-    pairs = [
-        each[len(each) // 2 - 1 : len(each) // 2 + 1].mean(axis=0).tolist() for each in vertices
-    ]
-    return [(x, y) for x, y in pairs]
+    middles = []
+    for path in lines.get_paths():
+        vertices = np.asarray(path.vertices)
+        if len(vertices) > 1:
+            x, y = vertices[len(vertices) // 2 - 1 : len(vertices) // 2 + 1].mean(axis=0).tolist()
+            middles.append((x, y))
+    return middles
 
 
-def _surface(
-    runs: FactorialRuns, pair: tuple[str, str], divisor: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the sorted values (m,) and (n,) of two settings, and the mean (n, m) of the figure
-    over the others.
+def _surface(runs: FactorialRuns, pair: tuple[str, str], divisor: float) -> Surface:
+    """Return the means of a figure over two settings, with sorted values, averaged over the other
+    settings.
     """
     rows = runs.rows(list(pair))
-    x, first = np.unique(rows[pair[0]].astype(np.float64), return_inverse=True)
-    y, second = np.unique(rows[pair[1]].astype(np.float64), return_inverse=True)
+    x, column = np.unique(rows[pair[0]].astype(np.float64), return_inverse=True)
+    y, row = np.unique(rows[pair[1]].astype(np.float64), return_inverse=True)
     mean = np.full((len(y), len(x)), np.nan)
-    mean[second, first] = rows["mean"] / divisor
-    return x, y, mean
+    mean[row, column] = rows["mean"] / divisor
+    return Surface(x, y, mean)
 
 
-def _requirement_contours(
-    axes: Axes, surface: tuple[FloatArray, FloatArray, FloatArray], limits: Sequence[float]
-) -> Iterator[ContourSet]:
-    for limit in limits:
-        if np.nanmin(surface[2]) < limit < np.nanmax(surface[2]):
-            yield axes.contour(*surface, levels=[limit], colors=[INK], linewidths=1.6)
-
-
-def _shade_missed(
-    axes: Axes, surface: tuple[FloatArray, FloatArray, FloatArray], limit: float, *, is_least: bool
-) -> None:
-    far = 10.0 * max(float(np.nanmax(np.abs(surface[2]))), abs(limit), 1.0)
-    axes.contourf(*surface, levels=[-far, limit] if is_least else [limit, far], colors=[GRID])
+def _shade_misses(axes: Axes, surface: Surface, limit: float, *, is_least: bool) -> None:
+    bound = 10.0 * max(float(np.nanmax(np.abs(surface.mean))), abs(limit), 1.0)
+    axes.contourf(*surface, levels=[-bound, limit] if is_least else [limit, bound], colors=[GRID])
 
 
 def _line_levels(mean: FloatArray, *, is_log: bool) -> FloatArray:
-    """Return round values between the least and the largest mean."""
+    """Return some six round values between the least and the largest mean."""
     low = float(np.nanmin(mean))
     high = float(np.nanmax(mean))
     if not high > low:
@@ -266,41 +263,19 @@ def _line_levels(mean: FloatArray, *, is_log: bool) -> FloatArray:
         decades = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
         levels = np.unique(np.concatenate([10.0**decades, 3.0 * 10.0**decades]))
     else:
-        step = _round_step((high - low) / _LINES)
+        step = _round_step((high - low) / 6)
         levels = step * np.arange(np.floor(low / step), np.ceil(high / step) + 1.0)
     return levels[(levels > low) & (levels < high)]
 
 
 def _round_step(step: float) -> float:
     """Return the next 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(step))
-    return float(
-        next(each * power for each in (1.0, 2.0, 5.0, 10.0) if each * power >= step * (1.0 - 1e-9))
-    )
+    steps = np.array([1.0, 2.0, 5.0, 10.0]) * 10.0 ** np.floor(np.log10(step))
+    return float(steps[steps >= step * (1.0 - 1e-9)][0])
 
 
 def _numbers_first(study: SavedStudy, pair: tuple[str, str]) -> tuple[str, str]:
     """Return two settings, the one with more numbers first: it lies along the axis."""
     rows = study.rows(next(iter(study.units)))
-
-    def rank(path: str) -> tuple[bool, int]:
-        return rows[path].dtype.kind in "if", len(set(rows[path].tolist()))
-
-    first, second = sorted(pair, key=rank, reverse=True)
+    first, second = sorted(pair, key=lambda path: axis_rank(rows, path), reverse=True)
     return first, second
-
-
-def _with_part(study: SavedStudy, part: Part, rows: FigureData) -> FigureData:
-    """Return rows with the part's value of the setting that is answered value by value."""
-    return (
-        FigureData({**rows.columns, study.split: np.full(len(rows), part.name)})
-        if study.split
-        else rows
-    )
-
-
-def _joined(parts: Sequence[FigureData]) -> FigureData:
-    """Return the rows of several data of the same columns."""
-    return FigureData(
-        {name: np.concatenate([each[name] for each in parts]) for name in parts[0].columns}
-    )

@@ -50,19 +50,14 @@ def _points(geometry: str, figures: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _text(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
-    """Return a value with its interval and what it is of, `0.98 [0.95, 1.00] (90 %)`; `-` if
-    unknown.
-    """
+    """Return a value with its interval and its share, `0.98 [0.95, 1.00] (90 %)`; `-` if unknown."""
     if not math.isfinite(figure["value"]):
         return "-"
     value = f"{scale * figure['value']:.{digits}f}"
     low, high = (scale * edge for edge in figure["interval_95"])
-    of = f" ({percent_text(figure['share'])})" if figure.get("share", 1.0) != 1.0 else ""
-    return (
-        f"{value} [{low:.{digits}f}, {high:.{digits}f}]{of}"
-        if math.isfinite(low)
-        else f"{value}{of}"
-    )
+    interval = f" [{low:.{digits}f}, {high:.{digits}f}]" if math.isfinite(low) else ""
+    share = figure.get("share", 1.0)
+    return f"{value}{interval}{f' ({percent_text(share)})' if share != 1.0 else ''}"
 
 
 def score_table(axes: Axes, facts: RunFacts) -> Axes:

@@ -2,7 +2,8 @@
 looks at it.
 """
 
-from typing import Any
+from collections import Counter
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,61 +17,69 @@ from opir_report.figure_data import FigureData
 from opir_report.palette import series_hue
 from opir_report.run_facts import RunFacts
 
-#: Looks of a pair that are evaluated.
-_LOOKS = 121
-#: Sensors that are drawn: those with the most looks.
-_SHOWN = 8
 _NAMES = (
-    *("target_id", "sensor_id", "since_ignition_s", "height_km", "is_visible"),
-    *("snr", "detection_probability", "transmittance"),
+    "target_id",
+    "sensor_id",
+    "since_ignition_s",
+    "height_km",
+    "is_visible",
+    "snr",
+    "detection_probability",
+    "transmittance",
 )
 
-#: What each plot shows: its column, its label and the settings of its axis.
-PANELS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "snr": ("snr", "expected SNR, reference band", {"yscale": "log"}),
-    "probability": ("detection_probability", "P_d of a look", {"ylim": (-0.03, 1.03)}),
-    "air": ("transmittance", "transmittance of the air", {"ylim": (-0.03, 1.03)}),
+
+class SignalPanel(NamedTuple):
+    """A plot: its column, its label and the settings of its axis."""
+
+    column: str
+    label: str
+    axis: dict[str, Any]
+
+
+PANELS = {
+    "snr": SignalPanel("snr", "expected SNR, reference band", {"yscale": "log"}),
+    "probability": SignalPanel("detection_probability", "P_d of a look", {"ylim": (-0.03, 1.03)}),
+    "air": SignalPanel("transmittance", "transmittance of the air", {"ylim": (-0.03, 1.03)}),
 }
 
 
 def signals(facts: RunFacts, target: int) -> FigureData:
-    """Return what evenly chosen looks at a target would measure, of all sensors that look at it.
+    """Return the expected measurements of evenly chosen looks at a target, of all sensors that look
+    at it.
 
     target_id, sensor_id, since_ignition_s, height_km, is_visible, snr (expected, in the reference
     band), P_d and the transmittance between target and sensor. Where the detection model has no
     signal, SNR and transmittance are nan.
     """
-    plan = facts.plan
-    own = np.flatnonzero((plan.pairs.target == target) & (plan.pairs.looks > 0))
-    parts = [_pair_signals(facts, pair) for pair in own.tolist()]
-    if not parts:
-        return FigureData.of_rows(_NAMES, ())
-    return FigureData({name: np.concatenate([part[name] for part in parts]) for name in _NAMES})
+    pairs = facts.plan.pairs
+    rows = np.flatnonzero((pairs.target == target) & (pairs.looks > 0))
+    tables = [_pair_signals(facts.plan, pair) for pair in rows.tolist()]
+    return FigureData.joined(tables) if tables else FigureData.of_rows(_NAMES, ())
 
 
-def _pair_signals(facts: RunFacts, pair: int) -> FigureData:
-    plan = facts.plan
+def _pair_signals(plan: Plan, pair: int) -> FigureData:
+    """Return the signals of up to 121 looks of a pair."""
     first = int(plan.pairs.first_scan[pair])
     last = int(plan.pairs.last_scan[pair])
-    scan = np.unique(np.linspace(first, last, _LOOKS).astype(np.int64))
+    scan = np.unique(np.linspace(first, last, 121).astype(np.int64))
     rows = np.full(len(scan), pair, dtype=np.int64)
     geometry = plan.look_geometry()
     exposures = geometry.exposures(rows, scan)
     sensor = plan.sensors[plan.pairs.sensor[pair]]
     target = int(plan.pairs.target[pair])
     snr, air = _snr_and_air(plan, sensor, exposures)
-    return FigureData(
-        {
-            "target_id": np.full(len(scan), plan.targets.ids[target]),
-            "sensor_id": np.full(len(scan), sensor.id),
-            "since_ignition_s": exposures.emission_time_s - plan.targets.ignition_s[target],
-            "height_km": 1e-3 * ecef_to_geodetic(exposures.target_ecef_m).height_m,
-            "is_visible": geometry.visible(rows, scan),
-            "snr": snr,
-            "detection_probability": look_probability(plan, rows, exposures),
-            "transmittance": air,
-        }
+    columns = (
+        np.full(len(scan), plan.targets.ids[target]),
+        np.full(len(scan), sensor.id),
+        exposures.emission_time_s - plan.targets.ignition_s[target],
+        1e-3 * ecef_to_geodetic(exposures.target_ecef_m).height_m,
+        geometry.visible(rows, scan),
+        snr,
+        look_probability(plan, rows, exposures),
+        air,
     )
+    return FigureData(dict(zip(_NAMES, columns, strict=True)))
 
 
 def look_probability(plan: Plan, pair: IntArray, exposures: Exposures) -> FloatArray:
@@ -96,7 +105,7 @@ def signal_plot(axes: Axes, facts: RunFacts, target: int, data: FigureData, pane
     """Draw one of `PANELS` over the time since ignition, a line for each sensor; gaps where it does
     not see.
     """
-    column, label, scale = PANELS[panel]
+    column, label, axis = PANELS[panel]
     name = facts.ids[target]
     if not len(data):
         return without_data(axes, f"no sensor looks at {name}")
@@ -105,14 +114,14 @@ def signal_plot(axes: Axes, facts: RunFacts, target: int, data: FigureData, pane
         return without_data(axes, f"{label}: the detection model {model} has no signal")
     hues = []
     for number, sensor in enumerate(_most_visible(data)):
-        own = data.where(data["sensor_id"] == sensor)
+        looks = data.at("sensor_id", sensor)
         hue = series_hue(number, sensor)
         # A logarithmic axis has no place for a signal of zero.
-        is_shown = own["is_visible"] & ((own[column] > 0.0) | (panel != "snr"))
-        shown = np.where(is_shown, own[column], np.nan)
-        axes.plot(own["since_ignition_s"], shown, color=hue.colour, linestyle=hue.dashes)
+        is_shown = looks["is_visible"] & ((looks[column] > 0.0) | (panel != "snr"))
+        values = np.where(is_shown, looks[column], np.nan)
+        axes.plot(looks["since_ignition_s"], values, **hue.style)
         hues.append(hue)
-    axes.set(xlabel="time since ignition, s", ylabel=label, **scale)
+    axes.set(xlabel="time since ignition, s", ylabel=label, **axis)
     axes.set_title(f"{name} ({facts.types[target]})")
     if axes.get_yscale() == "log":
         log_ticks(axes.yaxis)
@@ -121,10 +130,7 @@ def signal_plot(axes: Axes, facts: RunFacts, target: int, data: FigureData, pane
 
 
 def _most_visible(data: FigureData) -> list[str]:
-    """Return the sensors that see the target most often, in the order of the scene."""
-    names = list(dict.fromkeys(data["sensor_id"].tolist()))
-    seen = {
-        name: int(np.count_nonzero(data["is_visible"][data["sensor_id"] == name])) for name in names
-    }
-    most = sorted((name for name in names if seen[name]), key=lambda name: -seen[name])[:_SHOWN]
-    return sorted(most, key=names.index)
+    """Return the eight sensors that see the target most often, in the order of the scene."""
+    looks = Counter(data["sensor_id"][data["is_visible"]].tolist())
+    names = [name for name in data.levels("sensor_id") if looks[name]]
+    return sorted(sorted(names, key=lambda name: -looks[name])[:8], key=names.index)

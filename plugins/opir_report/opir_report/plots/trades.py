@@ -2,148 +2,154 @@
 over runs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from attrs import frozen
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 from scipy.special import stdtrit
 
-from opir_core.arrays import BoolArray, FloatArray
-from opir_report.canvas import legend_above, legend_beside, log_ticks, without_data
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_report.canvas import (
+    legend_above,
+    legend_beside,
+    legend_entry,
+    number_ticks,
+    without_data,
+)
 from opir_report.figure_data import FigureData
 from opir_report.palette import INK, MUTED, SERIES, Hue, series_hue
 from opir_report.plots.effects import FigureScale, draw_requirements
 from opir_report.saved_study import SavedStudy, level_text
-from opir_report.words import level_value, number_words, setting_words
+from opir_report.words import level_value, setting_words
 
-#: Designs whose names are written beside their points, and whose convergence is drawn.
-_NAMED = 12
-_CONVERGING = 6
 #: Beginnings of figures that are better if they are higher; of others with a unit, less is better.
 _HIGHER = (
-    *("warning_time", "warned", "detected", "tracked", "completeness"),
-    *("impact_contained", "impact_predicted", "share_with"),
+    "warning_time",
+    "warning_contained",
+    "warned",
+    "detected",
+    "tracked",
+    "completeness",
+    "impact_contained",
+    "impact_predicted",
+    "share_with",
 )
+_CONVERGENCE_NAMES = ("design", "runs", "mean", "low_95", "high_95")
 
 
 def is_higher_better(study: SavedStudy, figure: str) -> bool | None:
-    """Return whether more of a figure is better: by its requirement or the standard metrics'
-    meaning; None: unknown.
+    """Whether more of a figure is better: by its requirement or the standard metrics' meaning;
+    None: unknown.
     """
-    for each in study.requirements:
-        if each["figure"] == figure:
-            return bool(each["is_least"])
-    if figure.startswith((*_HIGHER, "warning_contained")):
+    for requirement in study.requirements_on(figure):
+        return bool(requirement["is_least"])
+    if figure.startswith(_HIGHER):
         return True
     return False if study.units[figure] else None
 
 
 def front_of(first: FloatArray, second: FloatArray) -> BoolArray:
-    """Return which points (n,) no other one beats in both figures, of which less is better; ties
-    stay.
+    """Whether each of the points (n,) is beaten by no other one in both figures, of which less is
+    better; ties stay.
     """
     at_least = (first[None] <= first[:, None]) & (second[None] <= second[:, None])
     better = (first[None] < first[:, None]) | (second[None] < second[:, None])
     return np.asarray(~np.any(at_least & better, axis=1))
 
 
-@frozen(eq=False)
-class _Means:
-    """The means of a figure in its shown unit, nan where unknown, with the ends of their intervals,
-    by design.
-    """
-
-    mean: FloatArray
-    low: FloatArray
-    high: FloatArray
-    scale: FigureScale
-
-    @classmethod
-    def of(cls, study: SavedStudy, figure: str) -> "_Means":
-        rows = study.rows(figure)
-        scale = FigureScale.of(study, figure)
-        mean, low, high = (
-            rows[name] / scale.shown.divisor for name in ("mean", "low_95", "high_95")
-        )
-        low = np.where(np.isfinite(low), low, mean)
-        high = np.where(np.isfinite(high), high, mean)
-        return cls(mean, np.maximum(low, mean * 1e-6) if scale.is_log else low, high, scale)
-
-    @property
-    def spread(self) -> FloatArray:
-        """The lengths (2, n) of the intervals below and above the means."""
-        return np.abs(np.stack([self.mean - self.low, self.high - self.mean]))
-
-
 def trade_plot(axes: Axes, study: SavedStudy, over: str, figure: str) -> Axes:
     """Draw each design's mean of a figure against that of another; designs that no other beats in
     both are joined.
     """
-    x = _Means.of(study, over)
-    y = _Means.of(study, figure)
-    known = np.flatnonzero(np.isfinite(x.mean) & np.isfinite(y.mean))
-    if not len(known):
+    x, y = (_Figure(study, name) for name in (over, figure))
+    rows = np.flatnonzero(np.isfinite(x.mean) & np.isfinite(y.mean))
+    if not len(rows):
         return without_data(axes, f"no design has both {over} and {figure}")
     axes.errorbar(
-        *(x.mean[known], y.mean[known], y.spread[:, known], x.spread[:, known]),
+        x.mean[rows],
+        y.mean[rows],
+        y.spread[:, rows],
+        x.spread[:, rows],
         fmt="o",
         markersize=4,
         color=MUTED,
         elinewidth=0.6,
     )
-    for axis, each, name in ((axes.xaxis, x, over), (axes.yaxis, y, figure)):
-        axis.set_label_text(each.scale.label)
-        if each.scale.is_log:
-            (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
-            ends = each.mean[known][each.mean[known] > 0.0]
-            (axes.set_xlim if axis is axes.xaxis else axes.set_ylim)(
-                0.5 * ends.min(), 2.0 * each.high[known].max()
-            )
-            log_ticks(axis)
-        else:
-            axis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
-        draw_requirements(axes, study, name, each.scale.shown.divisor, along_x=axis is axes.xaxis)
-    signs = [is_higher_better(study, name) for name in (over, figure)]
-    best = known[(study.is_whole(over) & study.is_whole(figure))[known]]
-    if None not in signs:
-        wanted = [
-            -each.mean[best] if sign else each.mean[best]
-            for each, sign in zip((x, y), signs, strict=True)
-        ]
-        best = best[front_of(*wanted)]
-        best = best[np.argsort(x.mean[best], kind="stable")]
-        axes.plot(
-            x.mean[best], y.mean[best], color=SERIES[0], marker="o", markersize=6, linewidth=1.4
-        )
-        legend_beside(
-            axes,
-            [Hue(SERIES[0], "-", "designs that no other beats in both"), Hue(MUTED, "", "others")],
-        )
+    _fit_axis(axes.xaxis, x, rows)
+    _fit_axis(axes.yaxis, y, rows)
+    front = rows[(x.is_whole & y.is_whole)[rows]]
+    if x.is_higher_better is not None and y.is_higher_better is not None:
+        front = front[front_of(x.cost[front], y.cost[front])]
+        front = front[np.argsort(x.mean[front], kind="stable")]
+        _draw_front(axes, x.mean[front], y.mean[front])
     axes.margins(x=0.1, y=0.1)
-    _name_points(axes, study, np.stack([x.mean, y.mean], axis=1), [*best.tolist(), *known.tolist()])
+    _name_points(axes, study, np.stack([x.mean, y.mean], axis=1), [*front.tolist(), *rows.tolist()])
     return axes
 
 
+class _Figure:
+    """A figure of a study: its scale, and means (n,) with intervals by design."""
+
+    def __init__(self, study: SavedStudy, name: str) -> None:
+        self.study = study
+        self.name = name
+        self.scale = FigureScale.of(study, name)
+        self.mean, low, self.high = self.scale.interval(study.rows(name))
+        #: The lengths (2, n) of the intervals below and above the means.
+        self.spread = np.abs(np.stack([self.mean - low, self.high - self.mean]))
+        self.is_whole = study.is_whole(name)
+        self.is_higher_better = is_higher_better(study, name)
+
+    @property
+    def cost(self) -> FloatArray:
+        """The means, or their negatives if higher is better."""
+        return -self.mean if self.is_higher_better else self.mean
+
+
+def _fit_axis(axis: Axis, figure: _Figure, rows: IntArray) -> None:
+    """Label the axis of a figure; if it is logarithmic, fit it to designs by their rows (n,)."""
+    axes = axis.axes
+    is_x = axis is axes.xaxis
+    scale = figure.scale
+    axis.set_label_text(scale.label)
+    if scale.is_log:
+        (axes.set_xscale if is_x else axes.set_yscale)("log")
+        mean = figure.mean[rows]
+        limits = 0.5 * mean[mean > 0.0].min(), 2.0 * figure.high[rows].max()
+        (axes.set_xlim if is_x else axes.set_ylim)(*limits)
+    number_ticks(axis, is_log=scale.is_log)
+    draw_requirements(axes, figure.study, figure.name, scale.shown.divisor, is_along_x=is_x)
+
+
+def _draw_front(axes: Axes, x: FloatArray, y: FloatArray) -> None:
+    axes.plot(x, y, color=SERIES[0], marker="o", markersize=6, linewidth=1.4)
+    legend_beside(
+        axes,
+        [Hue(SERIES[0], "-", "designs that no other beats in both"), Hue(MUTED, "", "others")],
+    )
+
+
 def _name_points(axes: Axes, study: SavedStudy, points: FloatArray, order: Sequence[int]) -> None:
-    """Write the values of what varies beside points (n, 2), the first of the order first, where
-    there is space.
+    """Write the values of the settings beside points (n, 2), the first of the order first, up to 12
+    where there is space.
     """
     labels = study.short_labels(study.rows(next(iter(study.units))))
     places = axes.transAxes.inverted().transform(axes.transData.transform(points))
-    taken = list[tuple[float, float, float]]()
+    boxes = list[tuple[float, float, float]]()
     for row in dict.fromkeys(order):
         (x, y), width = places[row].tolist(), 0.0125 * len(labels[row])
         is_right = x + width < 1.0
         left = x if is_right else x - width
-        if len(taken) < _NAMED and all(
-            abs(y - other) > 0.06 or left > end or left + width < start
-            for start, end, other in taken
-        ):
-            taken.append((left, left + width, y))
+        is_free = all(
+            abs(y - height) > 0.06 or left > end or left + width < start
+            for start, end, height in boxes
+        )
+        if is_free and len(boxes) < 12:
+            boxes.append((left, left + width, y))
             axes.annotate(
                 labels[row],
                 points[row],
@@ -163,23 +169,27 @@ def tornado_rows(study: SavedStudy, figure: str) -> FigureData:
     of the designs which change the setting alone.
     """
     rows = study.rows(figure)
-    known = np.isfinite(rows["mean"])
-    found = list[tuple[str, float, float, str, str]]()
-    for path in study.paths:
-        use = known.copy()
-        if study.definition["design"] == "one-at-a-time":
-            for other in study.paths:
-                use &= (rows[other] == rows[other][0]) if other != path else True
-        levels = list(dict.fromkeys(rows[path][use].tolist()))
-        means = [float(rows["mean"][use & (rows[path] == level)].mean()) for level in levels]
-        if len(means) > 1:
-            low = int(np.argmin(means))
-            high = int(np.argmax(means))
-            found.append(
-                (path, means[low], means[high], level_text(levels[low]), level_text(levels[high]))
-            )
-    found.sort(key=lambda row: row[2] - row[1], reverse=True)
-    return FigureData.of_rows(("path", "low", "high", "low_value", "high_value"), found)
+    effects = [effect for path in study.paths for effect in _tornado_effect(study, rows, path)]
+    effects.sort(key=lambda effect: effect[2] - effect[1], reverse=True)
+    return FigureData.of_rows(("path", "low", "high", "low_value", "high_value"), effects)
+
+
+def _tornado_effect(
+    study: SavedStudy, rows: FigureData, path: str
+) -> Iterator[tuple[str, float, float, str, str]]:
+    """Yield the effect of a setting, if designs with two of its values have a mean."""
+    is_used = np.isfinite(rows["mean"])
+    if study.definition["design"] == "one-at-a-time":
+        for other in study.paths:
+            if other != path:
+                is_used &= rows[other] == rows[other][0]
+    used = rows.where(is_used)
+    levels = used.levels(path)
+    means = [float(used.at(path, level)["mean"].mean()) for level in levels]
+    if len(means) > 1:
+        low = int(np.argmin(means))
+        high = int(np.argmax(means))
+        yield path, means[low], means[high], level_text(levels[low]), level_text(levels[high])
 
 
 def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
@@ -194,15 +204,9 @@ def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     low = rows["low"] / scale.shown.divisor
     high = rows["high"] / scale.shown.divisor
     axes.barh(place, high - low, left=low, height=0.55, color=SERIES[0])
-    for row in range(len(rows)):
-        for x, words, side in (
-            (low[row], rows["low_value"][row], "right"),
-            (high[row], rows["high_value"][row], "left"),
-        ):
-            shift = -4 if side == "right" else 4
-            value = level_value(rows["path"][row], words)
-            style: dict[str, Any] = {"textcoords": "offset points", "ha": side, "va": "center"}
-            axes.annotate(value, (x, place[row]), xytext=(shift, 0), **style)
+    for row, y in enumerate(place):
+        _name_end(axes, rows, row, "low", (low[row], y))
+        _name_end(axes, rows, row, "high", (high[row], y))
     reference = float(study.rows(figure)["mean"][0]) / scale.shown.divisor
     if np.isfinite(reference):
         axes.axvline(reference, color=INK, linewidth=1.0)
@@ -211,13 +215,24 @@ def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     if scale.is_log:
         axes.set_xscale("log")
         axes.set_xlim(0.4 * low.min(), 2.5 * high.max())
-        log_ticks(axes.xaxis)
     else:
         margin = 0.18 * float(high.max() - low.min()) or 1.0
         axes.set_xlim(low.min() - margin, high.max() + margin)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
+    number_ticks(axes.xaxis, is_log=scale.is_log)
     axes.grid(axis="y", visible=False)
     return axes
+
+
+def _name_end(axes: Axes, rows: FigureData, row: int, end: str, point: tuple[float, float]) -> None:
+    """Write the value of a setting at the `low` or the `high` end of its bar."""
+    axes.annotate(
+        level_value(rows["path"][row], rows[f"{end}_value"][row]),
+        point,
+        xytext=(-4 if end == "low" else 4, 0),
+        textcoords="offset points",
+        ha="right" if end == "low" else "left",
+        va="center",
+    )
 
 
 def path_plot(axes: Axes, study: SavedStudy) -> Axes:
@@ -225,78 +240,73 @@ def path_plot(axes: Axes, study: SavedStudy) -> Axes:
     meets requirements.
     """
     objective = study.definition["objective"]
-    values = _Means.of(study, objective["figure"])
-    is_met = np.isfinite(values.mean) & study.is_whole(objective["figure"])
-    for each in study.requirements:
-        is_met &= study.is_met(each)
-    place = np.arange(1, len(values.mean) + 1)
-    axes.plot(
-        place[is_met], values.mean[is_met], color=MUTED, marker="o", markersize=4, linestyle=""
-    )
-    axes.plot(
-        place[~is_met], values.mean[~is_met], color=MUTED, marker="x", markersize=4, linestyle=""
-    )
-    marks = [Line2D([], [], color=MUTED, marker="o", markersize=4, linestyle="", label="a design")]
-    if np.isfinite(values.mean[~is_met]).any():
-        marks.append(
-            Line2D(
-                [],
-                [],
-                color=MUTED,
-                marker="x",
-                markersize=4,
-                linestyle="",
-                label="misses a requirement",
-            )
-        )
+    figure = _Figure(study, objective["figure"])
+    is_met = np.isfinite(figure.mean) & figure.is_whole
+    for requirement in study.requirements:
+        is_met &= study.is_met(requirement)
+    marks = _draw_evaluations(axes, figure.mean, is_met)
     if is_met.any():
         sign = -1.0 if objective["is_largest"] else 1.0
-        best = sign * np.minimum.accumulate(np.where(is_met, sign * values.mean, np.inf))
-        known = np.isfinite(best)
-        axes.step(place[known], best[known], where="post", color=SERIES[0])
-        marks.append(Line2D([], [], color=SERIES[0], label="best so far"))
-    if values.scale.is_log:
+        best = sign * np.minimum.accumulate(np.where(is_met, sign * figure.mean, np.inf))
+        rows = np.flatnonzero(np.isfinite(best))
+        axes.step(rows + 1, best[rows], where="post", color=SERIES[0])
+        marks.append(legend_entry("best so far", SERIES[0]))
+    if figure.scale.is_log:
         axes.set_yscale("log")
-        log_ticks(axes.yaxis)
-    else:
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
+    number_ticks(axes.yaxis, is_log=figure.scale.is_log)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set(xlabel="evaluation", ylabel=values.scale.label)
+    axes.set(xlabel="evaluation", ylabel=figure.scale.label)
     legend_above(axes, marks)
     return axes
+
+
+def _draw_evaluations(axes: Axes, values: FloatArray, is_met: BoolArray) -> list[Line2D]:
+    """Draw the designs by whether they meet all requirements; return the marks for a legend."""
+    marks = []
+    for is_drawn, marker, label in (
+        (is_met, "o", "a design"),
+        (~is_met, "x", "misses a requirement"),
+    ):
+        rows = np.flatnonzero(is_drawn)
+        style: dict[str, Any] = {"marker": marker, "markersize": 4, "linestyle": ""}
+        axes.plot(rows + 1, values[rows], color=MUTED, **style)
+        if marker == "o" or np.isfinite(values[rows]).any():
+            marks.append(legend_entry(label, MUTED, **style))
+    return marks
 
 
 def convergence_rows(study: SavedStudy, figure: str) -> FigureData:
     """Return the mean of a figure over the first runs: design, runs, mean, low_95, high_95
     (Student's t).
     """
-    found = list[tuple[int, int, float, float, float]]()
+    rows = list[tuple[int, int, float, float, float]]()
     if study.runs is None or figure not in study.runs.columns:
-        return FigureData.of_rows(("design", "runs", "mean", "low_95", "high_95"), found)
-    for design in dict.fromkeys(study.runs["design"].tolist()):
-        values = study.runs[figure][study.runs["design"] == design].astype(np.float64)
-        values = values[np.isfinite(values)]
-        count = np.arange(1, len(values) + 1)
-        mean = np.cumsum(values) / count
-        squares = np.maximum(np.cumsum(np.square(values)) - count * mean**2, 0.0)
-        half = stdtrit(np.maximum(count - 1, 1), 0.975) * np.sqrt(
-            squares / np.maximum(count - 1, 1) / count
-        )
-        half[count < 2] = np.nan
-        found += zip(
-            [design] * len(values),
-            count.tolist(),
-            mean.tolist(),
-            mean - half,
-            mean + half,
-            strict=True,
-        )
-    return FigureData.of_rows(("design", "runs", "mean", "low_95", "high_95"), found)
+        return FigureData.of_rows(_CONVERGENCE_NAMES, rows)
+    for design in study.runs.levels("design"):
+        values = study.runs.at("design", design)[figure].astype(np.float64)
+        mean, half = _running_means(values[np.isfinite(values)])
+        count = range(1, len(mean) + 1)
+        columns = ([design] * len(mean), count, mean.tolist(), mean - half, mean + half)
+        rows += zip(*columns, strict=True)
+    return FigureData.of_rows(_CONVERGENCE_NAMES, rows)
+
+
+def _running_means(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the means (n,) of the first values (n,), and half the widths (n,) of their 95 %
+    intervals.
+    """
+    count = np.arange(1, len(values) + 1)
+    mean = np.cumsum(values) / count
+    squares = np.maximum(np.cumsum(np.square(values)) - count * mean**2, 0.0)
+    freedom = np.maximum(count - 1, 1)
+    half = stdtrit(freedom, 0.975) * np.sqrt(squares / freedom / count)
+    half[count < 2] = np.nan
+    return mean, half
 
 
 def convergence_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     """Draw the mean of a figure against the number of runs, with its 95 % interval, of the first
-    designs.
+    six designs.
     """
     rows = convergence_rows(study, figure)
     scale = FigureScale.of(study, figure)
@@ -305,39 +315,36 @@ def convergence_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
         return without_data(axes, f"{figure}: fewer than two runs have a value")
     labels = study.short_labels(study.rows(figure))
     hues = []
-    for number, design in enumerate(list(dict.fromkeys(rows["design"].tolist()))[:_CONVERGING]):
-        own = rows.where(rows["design"] == design)
+    for number, design in enumerate(rows.levels("design")[:6]):
         hue = series_hue(number, labels[design] or "the scene")
-        mean, low, high = (
-            own[name] / scale.shown.divisor for name in ("mean", "low_95", "high_95")
-        )
-        axes.fill_between(
-            own["runs"],
-            np.maximum(low, 1e-3 * mean) if scale.is_log else low,
-            high,
-            color=hue.colour,
-            alpha=0.15,
-            linewidth=0,
-        )
-        axes.plot(own["runs"], mean, color=hue.colour, linestyle=hue.dashes)
+        _draw_convergence(axes, rows.at("design", design), scale, hue)
         hues.append(hue)
-    settled = rows.where(rows["runs"] >= 0.7 * rows["runs"].max())
-    if scale.is_log:
-        axes.set_yscale("log")
-        axes.set_ylim(
-            0.3 * settled["mean"].min() / scale.shown.divisor,
-            3.0 * settled["mean"].max() / scale.shown.divisor,
-        )
-        log_ticks(axes.yaxis)
-    else:
-        # The first intervals are so wide that they would hide the rest.
-        bottom = float(np.nanmin(settled["low_95"]))
-        top = float(np.nanmax(settled["high_95"]))
-        margin = 0.25 * (top - bottom) or 1.0
-        axes.set_ylim((bottom - margin) / scale.shown.divisor, (top + margin) / scale.shown.divisor)
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: number_words(value)))
+    _fit_convergence(axes, rows.where(rows["runs"] >= 0.7 * rows["runs"].max()), scale)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="runs", ylabel=f"mean {scale.label}")
     if len(hues) > 1:
         legend_beside(axes, hues, study.names(), marker="")
     return axes
+
+
+def _draw_convergence(axes: Axes, rows: FigureData, scale: FigureScale, hue: Hue) -> None:
+    mean, low, high = (rows[name] / scale.shown.divisor for name in ("mean", "low_95", "high_95"))
+    low = np.maximum(low, 1e-3 * mean) if scale.is_log else low
+    axes.fill_between(rows["runs"], low, high, color=hue.colour, alpha=0.15, linewidth=0)
+    axes.plot(rows["runs"], mean, **hue.style)
+
+
+def _fit_convergence(axes: Axes, settled: FigureData, scale: FigureScale) -> None:
+    """Let the axis span the intervals of many runs: the first ones are so wide that they would hide
+    the others.
+    """
+    if scale.is_log:
+        axes.set_yscale("log")
+        ends = 0.3 * settled["mean"].min(), 3.0 * settled["mean"].max()
+    else:
+        bottom = float(np.nanmin(settled["low_95"]))
+        top = float(np.nanmax(settled["high_95"]))
+        margin = 0.25 * (top - bottom) or 1.0
+        ends = bottom - margin, top + margin
+    axes.set_ylim(*(end / scale.shown.divisor for end in ends))
+    number_ticks(axes.yaxis, is_log=scale.is_log)
