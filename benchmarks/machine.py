@@ -1,4 +1,4 @@
-"""What a result was measured with: processor, load, versions; and how busy the machine was."""
+"""Conditions of a measurement: processor, load, versions."""
 
 import os
 import platform
@@ -8,11 +8,13 @@ from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
-#: Distributions whose versions change times or results.
-_TOLD = {
-    "aiokafka", "boinor", "dask", "filterpy", "heyoka", "litestar", "matplotlib", "mpmath", "msgspec", "numba", "numpy",
-    "pyarrow", "pykep", "scipy", "stonesoup", "uvicorn",
-}  # fmt: skip
+#: Distributions whose versions change times or results, beside those of opir.
+MEASURED_WITH = frozenset(
+    {
+        *("aiokafka", "boinor", "dask", "filterpy", "heyoka", "litestar", "matplotlib", "mpmath"),
+        *("msgspec", "numba", "numpy", "pyarrow", "pykep", "scipy", "stonesoup", "uvicorn"),
+    }
+)
 
 
 def machine() -> dict[str, Any]:
@@ -25,17 +27,17 @@ def machine() -> dict[str, Any]:
         "system": platform.platform(terse=True),
         "python": platform.python_version(),
         "commit": commit(),
-        "versions": dict(sorted(versions().items())),
+        "versions": versions(),
     }
 
 
 def versions() -> dict[str, str]:
     """Return the versions of opir, its plugins and what it is compared with."""
-    found = {each.name.lower(): each.version for each in distributions()}
+    installed = {each.name.lower(): each.version for each in distributions()}
     return {
-        name: version
-        for name, version in found.items()
-        if name in _TOLD or name.startswith("opir-")
+        name: installed[name]
+        for name in sorted(installed)
+        if name in MEASURED_WITH or name.startswith("opir-")
     }
 
 
@@ -51,11 +53,7 @@ def processor() -> str:
 
 def commit() -> str:
     """Return the commit of the checkout, with a + if it has changes, or nothing."""
-    done = subprocess.run(
-        ["git", "describe", "--always", "--dirty=+"],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return done.stdout.strip()
+    command = ["git", "describe", "--always", "--dirty=+"]
+    folder = Path(__file__).parent
+    output = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return output.stdout.strip()

@@ -8,6 +8,7 @@ import time
 import types
 import warnings
 from collections.abc import Callable, Collection
+from functools import partial
 from importlib.metadata import version
 from multiprocessing.connection import Connection
 from typing import Any
@@ -45,9 +46,7 @@ def by_heyoka() -> Propagator:
     outputs = [f * p + g * q for p, q in pairs] + [df * p + dg * q for p, q in pairs]
     compiled = hy.cfunc(outputs, [x, y, z, u, v, w, t])
 
-    def propagate(
-        position: np.ndarray, velocity: np.ndarray, duration: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def propagate(position, velocity, duration):
         columns = np.ascontiguousarray(np.column_stack([position, velocity, duration]).T)
         end = compiled(columns)
         return end[:3].T, end[3:].T
@@ -62,9 +61,7 @@ def by_pykep() -> Propagator:
     sys.modules.setdefault("pykep.trajopt.gym", types.ModuleType("pykep.trajopt.gym"))
     import pykep
 
-    def propagate(
-        position: np.ndarray, velocity: np.ndarray, duration: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def propagate(position, velocity, duration):
         states = np.stack([position, velocity], axis=1)
         ends = [
             pykep.propagate_lagrangian(rv, tof, MU, False)
@@ -74,14 +71,6 @@ def by_pykep() -> Propagator:
         return end[:, 0], end[:, 1]
 
     return propagate
-
-
-def by_boinor_farnocchia() -> Propagator:
-    return by_boinor("farnocchia")
-
-
-def by_boinor_vallado() -> Propagator:
-    return by_boinor("vallado")
 
 
 def by_boinor(kernel_name: str) -> Propagator:
@@ -106,9 +95,7 @@ def by_boinor(kernel_name: str) -> Propagator:
         for i in range(duration.size):
             end[0, i], end[1, i] = single(position[i], velocity[i], duration[i])
 
-    def propagate(
-        position: np.ndarray, velocity: np.ndarray, duration: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def propagate(position, velocity, duration):
         end = np.full((2, duration.size, 3), np.nan)
         loop(position / 1e3, velocity / 1e3, duration, end)
         return end[0] * 1e3, end[1] * 1e3
@@ -116,16 +103,12 @@ def by_boinor(kernel_name: str) -> Propagator:
     return propagate
 
 
-def by_opir() -> Propagator:
-    return propagate_kepler
-
-
 LIBRARIES: dict[str, tuple[str, Callable[[], Propagator]]] = {
-    "opir, numpy": ("numpy", by_opir),
+    "opir, numpy": ("numpy", lambda: propagate_kepler),
     "heyoka, compiled function": ("heyoka", by_heyoka),
     "pykep, call a state": ("pykep", by_pykep),
-    "boinor farnocchia, in numba": ("boinor", by_boinor_farnocchia),
-    "boinor vallado, in numba": ("boinor", by_boinor_vallado),
+    "boinor farnocchia, in numba": ("boinor", partial(by_boinor, "farnocchia")),
+    "boinor vallado, in numba": ("boinor", partial(by_boinor, "vallado")),
 }
 
 
@@ -150,12 +133,12 @@ def serve(label: str, pipe: Connection) -> None:
         return
     pipe.send((version(distribution),))
     while (states := pipe.recv()) is not None:
-        before = time.process_time()
+        start = time.process_time()
         try:
             end = propagate(*states)[0]
         except Exception:
             end = None
-        pipe.send((end, time.process_time() - before))
+        pipe.send((end, time.process_time() - start))
     pipe.send("done")
     os._exit(0)  # pykep aborts a process that ends by itself
 
@@ -167,10 +150,10 @@ class Library:
 
     def __init__(self, label: str) -> None:
         context = multiprocessing.get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=serve, args=(label, theirs), daemon=True)
+        self.pipe, child_pipe = context.Pipe()
+        self.process = context.Process(target=serve, args=(label, child_pipe), daemon=True)
         self.process.start()
-        theirs.close()
+        child_pipe.close()
         answer = self.answer()
         self.problem = answer if isinstance(answer, str) else ""
         self.version = "" if self.problem else answer[0]
@@ -191,15 +174,13 @@ class Library:
         self.answer()
 
 
-def installed_libraries(chosen: Collection[str]) -> dict[str, Library]:
-    """Return the chosen propagators, of those that can be imported, by name and version."""
-    found = {}
+def installed_libraries(names: Collection[str]) -> dict[str, Library]:
+    """Return the named propagators that can be imported, by name and version."""
+    libraries = {}
     for label in LIBRARIES:
-        if name_of(label) not in chosen:
-            continue
-        library = Library(label)
-        if library.problem:
-            print(f"{label}: left out ({library.problem})", file=sys.stderr)
-        else:
-            found[f"{label} {library.version}"] = library
-    return found
+        if name_of(label) in names:
+            library = Library(label)
+            libraries[f"{label} {library.version}"] = library
+            if library.problem:
+                print(f"{label}: left out ({library.problem})", file=sys.stderr)
+    return {name: library for name, library in libraries.items() if not library.problem}
