@@ -54,23 +54,26 @@ LEAST = 1e-26
 
 PAGE = """# Atmospheric transmittance: error and run time
 
-*How far is an interpolated transmittance from LOWTRAN7, and what does it cost?* The `lowtran` atmosphere has the grid
-of 125 x 401: {between:.3f} between the points of the table, {below:.3f} on limb paths, {nanoseconds:.0f} ns per look.
-A target above 100 km needs no lookup: {space_ns} ns.
+*How far is an interpolated transmittance from LOWTRAN7, and what does it cost?* The `lowtran`
+atmosphere has the grid of 125 x 401: {between:.3f} between the points of the table, {below:.3f} on
+limb paths, {nanoseconds:.0f} ns per look. A target above 100 km needs no lookup: {space_ns} ns.
 
 ![Error against time](atmosphere.svg)
 
 {table}
 
-Errors are the largest differences of transmittance over the {tables} tables of LOWTRAN7 that opir ships:
+Errors are the largest differences of transmittance over the {tables} tables of LOWTRAN7 that opir
+ships:
 
 - *between*: at {places} random heights and zenith angles between the table's points;
-- *limb*: at {paths} paths to a sensor below the target's horizon, with lowest points at 2.5 km or more. For these the
-  `lowtran` atmosphere has a second grid, of 81 climbs by as many lowest heights.
+- *limb*: at {paths} paths to a sensor below the target's horizon, with lowest points at 2.5 km or
+  more. For these the `lowtran` atmosphere has a second grid, of 81 climbs by as many lowest
+  heights.
 
-Without one of the table's points, interpolation over the gap, two to three times as wide, is off by {omitted:.3f} at
-most; the tests allow 0.03. [By region](atmosphere_omitted.csv). [All interpolations](atmosphere.csv), also with errors
-at the table's own points (`at_points`) and from a grid four times as fine (`from_curves`).
+Without one of the table's points, interpolation over the gap, two to three times as wide, is off
+by {omitted:.3f} at most; the tests allow 0.03. [By region](atmosphere_omitted.csv). [All
+interpolations](atmosphere.csv), also with errors at the table's own points (`at_points`) and from
+a grid four times as fine (`from_curves`).
 """
 
 

@@ -37,10 +37,10 @@ How do time and memory grow with targets, sensors, duration and scan rate? {answ
 
 ![Processor time and peak memory of a whole process against each quantity](complexity.svg)
 
-Exponents k of a + b nᵏ: 1 is linear; 0 is memory that grows less than {flat:g} times over all decades. One quantity
-varies, the others are {base}; every minute has as many launches
-anew. P_d 0.5, no tracker; events are encoded as JSON and dropped. Processor time is that of the whole process, start-up
-included. All points: [complexity.csv](complexity.csv).
+Exponents k of a + b nᵏ: 1 is linear; 0 is memory that grows less than {flat:g} times over all
+decades. One quantity varies, the others are {base}; every minute has as many launches anew. P_d
+0.5, no tracker; events are encoded as JSON and dropped. Processor time is that of the whole
+process, start-up included. All points: [complexity.csv](complexity.csv).
 """
 
 

@@ -29,21 +29,22 @@ DAY_S = 86400.0
 
 PAGE = """# Coverage of the default constellations
 
-*Which latitudes does each default constellation see, for how much of the day, and with how many satellites?* Orbital
-slots, orbits and fields of regard are notional.
+*Which latitudes does each default constellation see, for how much of the day, and with how many
+satellites?* Orbital slots, orbits and fields of regard are notional.
 
 {table}
 
-The geostationary fleets see nothing at 88° N and S; from 76° to 84° two satellites see only a third of the
-longitudes. HEO sees everything north of 36° N all day, and everything north of 52° N with two satellites; further
-south it has gaps of up to 11 hours. LEO sees the whole Earth all day.
+The geostationary fleets see nothing at 88° N and S; from 76° to 84° two satellites see only a
+third of the longitudes. HEO sees everything north of 36° N all day, and everything north of 52° N
+with two satellites; further south it has gaps of up to 11 hours. LEO sees the whole Earth all day.
 
 ![Share of a day with at least one and at least two satellites in view, by latitude](coverage.svg)
 
-*Two satellites*: share of the day with two or more in view, as stereo tracking needs, and *satellites in view*, their
-mean number: the smallest and the largest of all latitudes within ±72°. *Longest gap*: for which no satellite sees a
-place. Targets are {height_km:g} km up, every 4° of latitude and 30° of longitude; times every {step_s:g} s of a day. By
-latitude: [coverage.csv](coverage.csv).
+*Two satellites*: share of the day with two or more in view, as stereo tracking needs, and
+*satellites in view*, their mean number: the smallest and the largest of all latitudes within ±72°.
+*Longest gap*: for which no satellite sees a place. Targets are {height_km:g} km up, every 4° of
+latitude and 30° of longitude; times every {step_s:g} s of a day. By latitude:
+[coverage.csv](coverage.csv).
 """
 HEAD = ("fleet", "covered all day", "two satellites", "satellites in view", "longest gap, min")
 

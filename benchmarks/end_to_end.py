@@ -45,26 +45,30 @@ COLUMNS = 4
 
 PAGE = """# End to end: run time against error
 
-What does each accuracy setting cost a whole run, what does it buy, and are the defaults on the knee?
+What does each accuracy setting cost a whole run, what does it buy, and are the defaults on the
+knee?
 
 {answer}
 
 ![Error against processor time of a whole process, for each setting; defaults are ringed](end_to_end.svg)
 
-Each setting is varied alone and compared with its most exact level, with the same seed. Scenes: {scenes}.
-{duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral types and `imm`. Times are
-processor time of whole processes. `leave out …` changes the physics: it shows what a part costs (the focal plane: with
-`focal_plane: null` and `nei_w_m2: 1e-12`).{not_run}
+Each setting is varied alone and compared with its most exact level, with the same seed. Scenes:
+{scenes}. {duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral
+types and `imm`. Times are processor time of whole processes. `leave out …` changes the physics:
+it shows what a part costs (the focal plane: with `focal_plane: null` and `nei_w_m2:
+1e-12`).{not_run}
 
 All defaults against the most exact settings:
 
 {table}
 
-Errors are largest values, those of tracks root mean squares over launches ([definitions](../how-to/tune.md#errors)).
-Those of tracks are differences between two estimates from the same detections. The last predicted impacts are off the
-true ones by {truth}: before burnout an impact is hardly known.
+Errors are largest values, those of tracks root mean squares over launches
+([definitions](../how-to/tune.md#errors)). Those of tracks are differences between two estimates
+from the same detections. The last predicted impacts are off the true ones by {truth}: before
+burnout an impact is hardly known.
 
-All levels: [end_to_end.csv](end_to_end.csv). `opir tune` [picks levels](../how-to/tune.md) for a wanted error.
+All levels: [end_to_end.csv](end_to_end.csv). `opir tune` [picks levels](../how-to/tune.md) for a
+wanted error.
 """
 
 

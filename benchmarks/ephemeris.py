@@ -25,17 +25,18 @@ TIMES = 1000
 
 PAGE = """# Ephemerides: accuracy against run time
 
-*What does a tolerance on the position of targets cost in time and memory?* An ephemeris stores a flight as piecewise
-polynomials that are fitted to a tolerance. Its error is at most {share:.2f} times the tolerance. At the default of
-1 cm a whole flight takes {build:.0f} µs and {kilobytes:.0f} kB to build, and {position:.0f} ns per position.
+*What does a tolerance on the position of targets cost in time and memory?* An ephemeris stores a
+flight as piecewise polynomials that are fitted to a tolerance. Its error is at most {share:.2f}
+times the tolerance. At the default of 1 cm a whole flight takes {build:.0f} µs and {kilobytes:.0f}
+kB to build, and {position:.0f} ns per position.
 
 ![Build time, memory and evaluation time against tolerance](ephemeris.svg)
 
 {table}
 
-*Boost*: from ignition to burnout; *flight*: to impact. Errors are the largest over a million random points of {targets}
-flights of all classes; times those of all targets at 1000 times in one call. Times of shuffled positions, and with
-velocity: [ephemeris.csv](ephemeris.csv).
+*Boost*: from ignition to burnout; *flight*: to impact. Errors are the largest over a million
+random points of {targets} flights of all classes; times those of all targets at 1000 times in one
+call. Times of shuffled positions, and with velocity: [ephemeris.csv](ephemeris.csv).
 """
 COLUMNS = {
     "span": "span",

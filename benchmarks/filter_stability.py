@@ -18,15 +18,15 @@ PAGE = """# Numerical stability of `imm`
 
 Does the square-root filter of `imm` lose precision in ill-conditioned cases?
 
-No: the largest relative error of a covariance is {worst:.1e}, and rounding adds at most {drift:.1e} to the NEES. Every
-covariance is symmetric and positive definite.
+No: the largest relative error of a covariance is {worst:.1e}, and rounding adds at most
+{drift:.1e} to the NEES. Every covariance is symmetric and positive definite.
 
 ![Condition number against the error of the covariance, worst of each family](filter_stability.svg)
 
-{count} ill-conditioned cases of ten families and one hour at 20 Hz, in float64 and in 50 digits (mpmath). The error is
-the largest relative one of the covariance in any direction, |eig(P_ref⁻¹ P) − 1|; drift is the squared distance of the
-mean from the reference's, in its standard deviations. Worst of each family:
-[filter_stability.csv](filter_stability.csv).
+{count} ill-conditioned cases of ten families and one hour at 20 Hz, in float64 and in 50 digits
+(mpmath). The error is the largest relative one of the covariance in any direction, |eig(P_ref⁻¹
+P) − 1|; drift is the squared distance of the mean from the reference's, in its standard
+deviations. Worst of each family: [filter_stability.csv](filter_stability.csv).
 """
 
 

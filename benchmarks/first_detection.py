@@ -49,39 +49,41 @@ CAUSES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 PAGE = """# First detections
 
-*When, and at what height, is a launch of each class first reported?* One launch of each class at 35° N, 110° W, seen
-from the geostationary slots {slots}. Plumes and sensor noise are notional.
+*When, and at what height, is a launch of each class first reported?* One launch of each class at
+35° N, 110° W, seen from the geostationary slots {slots}. Plumes and sensor noise are notional.
 
 {headline}
 
-Entries are medians under a clear sky of the launches that are reported during their burn: time after ignition and
-height, as ranges over five climates. DSP, with light its preset `heritage`, reports {faint} % of the SRBM: a look every
-10 s, of which three of four are needed, so times come in steps of 10 s after the start that is drawn once a run.
+Entries are medians under a clear sky of the launches that are reported during their burn: time
+after ignition and height, as ranges over five climates. DSP, with light its preset `heritage`,
+reports {faint} % of the SRBM: a look every 10 s, of which three of four are needed, so times come
+in steps of 10 s after the start that is drawn once a run.
 
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
 
-NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP. What delays a first report, each cause switched off by
-itself under a clear sky:
+NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP. What delays a first report, each
+cause switched off by itself under a clear sky:
 
-- **Cloud.** No plume is detected below a deck: with one up to 10 km the others are reported from there; {cloudy} % of
-  the SRBM by DSP. Half cover is drawn once in a run.
-- **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. Without air SBIRS-GEO reports
-  an SRBM after {swir_delay}. What is seen near the ground is soot in the wings of MWIR,
-  a level that holds within a factor of 3.
+- **Cloud.** No plume is detected below a deck: with one up to 10 km the others are reported from
+  there; {cloudy} % of the SRBM by DSP. Half cover is drawn once in a run.
+- **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. Without air
+  SBIRS-GEO reports an SRBM after {swir_delay}. What is seen near the ground is soot in the wings
+  of MWIR, a level that holds within a factor of 3.
 - **Background.** It matters in long waves; without it DSP, which has none, reports an IRBM after
   {lwir_delay}.
-- **The paper's presets** (`preset: paper`). Their rules make every band a veto, and DSP's long-wave band reports
-  practically none; an SRBM is reported by NEXTGEN-GEO after {paper_delay}. Ratio gates
-  allow for a factor of {mwir_over_swir} in MWIR/SWIR that air makes
+- **The paper's presets** (`preset: paper`). Their rules make every band a veto, and DSP's
+  long-wave band reports practically none; an SRBM is reported by NEXTGEN-GEO after {paper_delay}.
+  Ratio gates allow for a factor of {mwir_over_swir} in MWIR/SWIR that air makes
   ([detection](../explanation/detection.md#rules-over-bands)).
-- **Confirmation**, two detections in three looks, costs a scan or two of a bright plume; without it
-  (`confirmation_detections: 1`) DSP reports an ICBM after {confirmed_delay}.
+- **Confirmation**, two detections in three looks, costs a scan or two of a bright plume; without
+  it (`confirmation_detections: 1`) DSP reports an ICBM after {confirmed_delay}.
 
-`detection: snr`, `atmosphere: lowtran`, `background: earth` by day, all else by default. Each of the {cases} cases has
-{launches} launches; times are distributed as computed exactly from the probabilities of all looks: the largest
-difference is {worst_difference_over_bound:.2f} of the bound of Dvoretzky, Kiefer, Wolfowitz and Massart at
-{confidence:g} for all cases together. All cases and causes: [first_detection.csv](first_detection.csv);
-transmittances: [first_detection_air.csv](first_detection_air.csv).
+`detection: snr`, `atmosphere: lowtran`, `background: earth` by day, all else by default. Each of
+the {cases} cases has {launches} launches; times are distributed as computed exactly from the
+probabilities of all looks: the largest difference is {worst_difference_over_bound:.2f} of the
+bound of Dvoretzky, Kiefer, Wolfowitz and Massart at {confidence:g} for all cases together. All
+cases and causes: [first_detection.csv](first_detection.csv); transmittances:
+[first_detection_air.csv](first_detection_air.csv).
 """
 
 

@@ -53,27 +53,30 @@ CENTROIDS = tuple(
 
 PAGE = """# The focal plane against simulated frames
 
-*Are P_d, P_fa, clutter and centroid errors of a `focal_plane` those of real frames?* {settings} settings, {frames}
-frames each: backgrounds with power-law spectra, spots on pixels, jitter, drift, Poisson and read noise, frame
-differences, filters, thresholds.
+*Are P_d, P_fa, clutter and centroid errors of a `focal_plane` those of real frames?* {settings}
+settings, {frames} frames each: backgrounds with power-law spectra, spots on pixels, jitter, drift,
+Poisson and read noise, frame differences, filters, thresholds.
 
 {table}
 
-*Within 95 %*: settings whose figure lies in the 95 % interval of the simulation around it. *Largest*: deviation, in
-standard errors of the simulation; of {count} figures one is expected beyond {expected:.1f}.
+*Within 95 %*: settings whose figure lies in the 95 % interval of the simulation around it.
+*Largest*: deviation, in standard errors of the simulation; of {count} figures one is expected
+beyond {expected:.1f}.
 
-![Simulated against closed-form P_d and P_fa, and their deviations in standard errors](focal_plane.svg)
+![Simulated against closed-form P_d and P_fa, and their deviations](focal_plane.svg)
 
-**What the detection model simplifies.** The closed forms above are means over the sub-pixel phase of the target and the
-displacement of the two frames, and count the photon noise of the target. `detection: snr` takes the mean phase, the
-root mean square of the noise over frames, and no photon noise of the target. Its P_d is off by {simplified}. With a
-threshold that does not follow the noise of each frame, P_fa is up to {tail:.1f} times Q(T) at {tail_sigma:g} σ; the
-detection model lets it follow. Errors of centroids are within {joined:.1f} % of the formula of the detection model for
-lines of sight, and within {bound:.1f} % of the bound.
+**What the detection model simplifies.** The closed forms above are means over the sub-pixel phase
+of the target and the displacement of the two frames, and count the photon noise of the target.
+`detection: snr` takes the mean phase, the root mean square of the noise over frames, and no photon
+noise of the target. Its P_d is off by {simplified}. With a threshold that does not follow the
+noise of each frame, P_fa is up to {tail:.1f} times Q(T) at {tail_sigma:g} σ; the detection model
+lets it follow. Errors of centroids are within {joined:.1f} % of the formula of the detection model
+for lines of sight, and within {bound:.1f} % of the bound.
 
-**Method.** Frames are {pixels} pixels wide, 5 × 5 cells to a pixel, from the Fourier transform of white noise; {places}
-targets a frame at random phases, and as many places without. Clutter is {low:g} to {high:g} times the noise. The code
-that simulates shares nothing with the closed forms. All settings: [focal_plane.csv](focal_plane.csv).
+**Method.** Frames are {pixels} pixels wide, 5 × 5 cells to a pixel, from the Fourier transform of
+white noise; {places} targets a frame at random phases, and as many places without. Clutter is
+{low:g} to {high:g} times the noise. The code that simulates shares nothing with the closed forms.
+All settings: [focal_plane.csv](focal_plane.csv).
 """
 FIGURES = {"p_fa": "P_fa", "p_d": "P_d", "centroid_px": "centroid error"}
 

@@ -44,20 +44,22 @@ CASES = {
 
 PAGE = """# Consistency of `imm`
 
-Are the covariances of `imm` consistent in whole scenes? States are conservative. The 95 % regions of launch points and
-impacts hold the truth about as often as they say, or more often.
+Are the covariances of `imm` consistent in whole scenes? States are conservative. The 95 % regions
+of launch points and impacts hold the truth about as often as they say, or more often.
 
 {table}
 
-*NEES* is over its degrees of freedom, with the 99 % interval of the mean over targets: 1 is consistent, above 1 is
-overconfident. *In ellipse*: share of truths inside the 95 % ellipse, with its 95 % interval. *Position*, *velocity*:
-RMSE; *energy*: their mean energy scores. *Launch time*: median error. {runs} runs a case of ten distant SRBMs and
-IRBMs, two SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown association. States count every second from
-20 s after the first detection to burnout, launches and impacts by each track's last estimate.
+*NEES* is over its degrees of freedom, with the 99 % interval of the mean over targets: 1 is
+consistent, above 1 is overconfident. *In ellipse*: share of truths inside the 95 % ellipse, with
+its 95 % interval. *Position*, *velocity*: RMSE; *energy*: their mean energy scores. *Launch time*:
+median error. {runs} runs a case of ten distant SRBMs and IRBMs, two SBIRS-GEO (10 looks a second
+each, P_d 0.6 and 0.72), unknown association. States count every second from 20 s after the first
+detection to burnout, launches and impacts by each track's last estimate.
 
-It is conservative because the boost model allows other boosts. What a deck of cloud hides for half a minute is dated by
-the law of boosts, whose first stages rise a little slower in the mean than these. With biases, each line of sight
-counts with noise and bias together, although a constant bias shifts the position, not the velocity.
+It is conservative because the boost model allows other boosts. What a deck of cloud hides for half
+a minute is dated by the law of boosts, whose first stages rise a little slower in the mean than
+these. With biases, each line of sight counts with noise and bias together, although a constant
+bias shifts the position, not the velocity.
 """
 HEAD = (
     *("case", "tracked", "state NEES", "position, m", "energy, m", "velocity, m/s", "energy, m/s"),

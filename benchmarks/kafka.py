@@ -70,19 +70,20 @@ COLD = "Java producer, with its first 5 s"
 
 PAGE = """# Throughput of the Kafka sink
 
-How many events per second does the Kafka sink deliver, and how many Kafka's own producer? {plain} uncompressed, {zstd}
-with zstd; with a spool on disk {spooled} and {spooled_zstd}.
+How many events per second does the Kafka sink deliver, and how many Kafka's own producer? {plain}
+uncompressed, {zstd} with zstd; with a spool on disk {spooled} and {spooled_zstd}.
 
 {table}
 
-{events} events of {size} bytes, {partitions} partitions; `acks=all`, idempotent, 128 KiB batches; broker: {broker}.
-Producers and broker share two cores with other work, so that processor times are steadier than rates. Times end at the
-last acknowledgement; the sink's include encoding ({renderer} renderer), keys and headers, the Java producer's do not;
-its processor time includes the start of the JVM. Medians of {repeats} repetitions: `python benchmarks/kafka.py`.
+{events} events of {size} bytes, {partitions} partitions; `acks=all`, idempotent, 128 KiB batches;
+broker: {broker}. Producers and broker share two cores with other work, so that processor times
+are steadier than rates. Times end at the last acknowledgement; the sink's include encoding
+({renderer} renderer), keys and headers, the Java producer's do not; its processor time includes
+the start of the JVM. Medians of {repeats} repetitions: `python benchmarks/kafka.py`.
 
-What limits the sink is Python's lock: one thread encodes, another hands message after message to aiokafka, and both run
-in turn. Each event costs {sink_us} µs of one core, of which the bare producer (`aiokafka, batches`) has {bare_us}.
-The Java producer spreads over both cores.
+What limits the sink is Python's lock: one thread encodes, another hands message after message to
+aiokafka, and both run in turn. Each event costs {sink_us} µs of one core, of which the bare
+producer (`aiokafka, batches`) has {bare_us}. The Java producer spreads over both cores.
 """
 
 Messages = list[tuple[bytes, bytes]]

@@ -28,18 +28,20 @@ from exact_cases.two_body import exact_end
 
 PAGE = """# Two-body propagation: speed and error
 
-*How fast and how exact is two-body propagation?* opir returns a result for every class of arc, with errors near the
-floor: the error from rounding the inputs to doubles.
+*How fast and how exact is two-body propagation?* opir returns a result for every class of arc,
+with errors near the floor: the error from rounding the inputs to doubles.
 
 Largest error of {checked} states against mpmath with 50 digits, one state per call:
 
 {table}
 
-Nanoseconds per state, over the classes: {speed}. Median processor time of {repeat} interleaved runs of {states} states
-in one call (a loop for libraries without such a call), one thread; {machine}. "–": the library raised an error.
+Nanoseconds per state, over the classes: {speed}. Median processor time of {repeat} interleaved
+runs of {states} states in one call (a loop for libraries without such a call), one thread;
+{machine}. "–": the library raised an error.
 
-*Ballistic*, *near rectilinear* (1e-7 to 1e-12 rad from the vertical) and *vertical* are free flights from 100–300 km;
-*near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1| from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10.
+*Ballistic*, *near rectilinear* (1e-7 to 1e-12 rad from the vertical) and *vertical* are free
+flights from 100–300 km; *near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1| from
+1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10.
 """
 
 Ends = list[list[mpmath.mpf]]

@@ -28,17 +28,18 @@ MAX_TIMES = 64
 
 PAGE = """# Latency of a live run
 
-How old are events of a live run? With {targets} targets 99 % are at most {p99_ms:.1f} ms old, and {missed} deadlines
-are missed. The run {limit}.
+How old are events of a live run? With {targets} targets 99 % are at most {p99_ms:.1f} ms old, and
+{missed} deadlines are missed. The run {limit}.
 
 {table}
 
 Required: no missed deadline in 300 s, p99 at most 100 ms: {met}.
 
-`examples/raid_100.yaml`: 100 targets launched within ten seconds, twelve satellites, cycles of 50 ms, JSON lines to
-`/dev/null`; then twice the targets each time. An event's age is the time from when it was due until the sink has
-written it. A cycle misses its deadline if it is done more than 50 ms (the shortest scan period) after it was due. CPU
-is the load of a core. With real-time priority (`chrt -f 50`).
+`examples/raid_100.yaml`: 100 targets launched within ten seconds, twelve satellites, cycles of 50
+ms, JSON lines to `/dev/null`; then twice the targets each time. An event's age is the time from
+when it was due until the sink has written it. A cycle misses its deadline if it is done more than
+50 ms (the shortest scan period) after it was due. CPU is the load of a core. With real-time
+priority (`chrt -f 50`).
 """
 
 

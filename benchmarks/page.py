@@ -35,10 +35,11 @@ How many frames per second does the page of `opir serve` draw with {launches} la
 
 {table}
 
-{tracks} tracks are on the map and in the table; service, tracker `{tracker}` and headless Chromium {version} (no
-graphics processor) share {cores} cores with other work: the load average is {load:.0f}. Times are those between two
-frames; the last column is the processor time of the page's main thread for a frame. {windows} windows are dropped, and
-{frames} frames of the stream. The run has {detections} detections by then.
+{tracks} tracks are on the map and in the table; service, tracker `{tracker}` and headless
+Chromium {version} (no graphics processor) share {cores} cores with other work: the load average
+is {load:.0f}. Times are those between two frames; the last column is the processor time of the
+page's main thread for a frame. {windows} windows are dropped, and {frames} frames of the stream.
+The run has {detections} detections by then.
 """
 HEAD = ("view", "frames/s", "median, ms", "95 %, ms", "slowest, ms", "processor, ms")
 

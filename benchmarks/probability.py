@@ -54,26 +54,26 @@ BAR = 1.5
 
 PAGE = """# Interpolated probability of detection: error and run time
 
-*What does `detection: snr` cost, and how exact are its probabilities?* With the default classifier, `spectral`, a look
-through atmosphere and Earth takes {default_ns} ns, nearly all for types. The rest of this page is of P_d alone, with
-`classification: paper`, which knows the true types and costs next to nothing. At the default `probability_tolerance` of
-1e-4:
+*What does `detection: snr` cost, and how exact are its probabilities?* With the default
+classifier, `spectral`, a look through atmosphere and Earth takes {default_ns} ns, nearly all for
+types. The rest of this page is of P_d alone, with `classification: paper`, which knows the true
+types and costs next to nothing. At the default `probability_tolerance` of 1e-4:
 
 {headline}
 
-*Changed*: looks that detect with interpolation and not without it, or the reverse. *Every look*: `exact: true`, which
-evaluates all {exact_looks} looks. *Atmosphere and Earth*: `lowtran`, `midlat_summer`, background `earth`; *calibrated*:
-`calibrate: paper`.
+*Changed*: looks that detect with interpolation and not without it, or the reverse. *Every look*:
+`exact: true`, which evaluates all {exact_looks} looks. *Atmosphere and Earth*: `lowtran`,
+`midlat_summer`, background `earth`; *calibrated*: `calibrate: paper`.
 
 ![Largest error of P_d against time per look, by chain and tolerance](probability.svg)
 
-Errors are differences of P_d from `exact: true` at {sample} random looks, for every {every}th launch of
-[the raid](../../examples/raid_100.yaml), seen by all three constellations, DSP with its preset `heritage`. A look with
-`detection: constant` takes {constant_ns} ns.
+Errors are differences of P_d from `exact: true` at {sample} random looks, for every {every}th
+launch of [the raid](../../examples/raid_100.yaml), seen by all three constellations, DSP with its
+preset `heritage`. A look with `detection: constant` takes {constant_ns} ns.
 
-The goal is at most 1.5 times the run time of `detection: constant`. {verdict} They are over all hundred launches,
-{looks} looks, with medians of {columns}, {runs} and {repeat} runs. All data: [probability.csv](probability.csv),
-[probability_chains.csv](probability_chains.csv).
+The goal is at most 1.5 times the run time of `detection: constant`. {verdict} They are over all
+hundred launches, {looks} looks, with medians of {columns}, {runs} and {repeat} runs. All data:
+[probability.csv](probability.csv), [probability_chains.csv](probability_chains.csv).
 """
 HEAD = ("chain", "largest error", "detections", "changed", "ns per look", "every look, ns")
 

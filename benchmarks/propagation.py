@@ -56,13 +56,14 @@ The fastest run of a tool with an error of at most 1 mm ("–": none is that acc
 
 {headline}
 
-*Largest step*: steps are at most {bound} s on the whole arc. opir needs no such limit: its steps end at the boundaries
-of the atmosphere's layers and are limited inside.
+*Largest step*: steps are at most {bound} s on the whole arc. opir needs no such limit: its steps
+end at the boundaries of the atmosphere's layers and are limited inside.
 
-{arcs} ballistic arcs of {shortest} to {longest} minutes to the ground; {singles} of them for tools that propagate one
-arc per call. *Drag*: in an exponential atmosphere that rotates with the Earth. Error: the largest distance from the
-reference ({reference}) at its time of impact. Tolerances: metres at impact for opir; relative per step for the others.
-All runs: [propagation.csv](propagation.csv).
+{arcs} ballistic arcs of {shortest} to {longest} minutes to the ground; {singles} of them for
+tools that propagate one arc per call. *Drag*: in an exponential atmosphere that rotates with the
+Earth. Error: the largest distance from the reference ({reference}) at its time of impact.
+Tolerances: metres at impact for opir; relative per step for the others. All runs:
+[propagation.csv](propagation.csv).
 """
 
 

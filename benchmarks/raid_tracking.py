@@ -38,14 +38,15 @@ EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "raid_100.yaml"
 
 PAGE = """# Tracking a raid
 
-Does `imm` track a raid, and how fast? It tracks at least {least} of 100 targets, with {false_tracks} false
-tracks in {runs} runs, {slow:.0f} to {fast:.0f} times faster than real time. At least {purity:.4f} of the associated
-detections belong to their track's target, and at least {labelled:.3f} of the targets' detections have a track. The
-median error of position at the end is at most {error:.0f} m, its mean energy score {energy:.0f} m.
+Does `imm` track a raid, and how fast? It tracks at least {least} of 100 targets, with
+{false_tracks} false tracks in {runs} runs, {slow:.0f} to {fast:.0f} times faster than real time.
+At least {purity:.4f} of the associated detections belong to their track's target, and at least
+{labelled:.3f} of the targets' detections have a track. The median error of position at the end is
+at most {error:.0f} m, its mean energy score {energy:.0f} m.
 
-A hundred launches in ten seconds (`examples/raid_100.yaml`), five SBIRS-GEO (10 looks/s), {false} false alarms a scan
-and sensor, {duration} s, default settings, {detections:.0f} detections a run, one core. By run:
-[raid_tracking.csv](raid_tracking.csv).
+A hundred launches in ten seconds (`examples/raid_100.yaml`), five SBIRS-GEO (10 looks/s), {false}
+false alarms a scan and sensor, {duration} s, default settings, {detections:.0f} detections a run,
+one core. By run: [raid_tracking.csv](raid_tracking.csv).
 """
 
 

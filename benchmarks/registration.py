@@ -34,18 +34,19 @@ SIGMA_RAD = 20e-6
 
 PAGE = """# Registration
 
-Can the sensors be trusted? Twelve launches before two SBIRS-GEO (20 µrad), whose lines of sight are turned, noisier or
-far off, and what [`imm`](../explanation/registration.md) makes of it.
+Can the sensors be trusted? Twelve launches before two SBIRS-GEO (20 µrad), whose lines of sight
+are turned, noisier or far off, and what [`imm`](../explanation/registration.md) makes of it.
 
 {table}
 
-Held: states in their 95 % ellipsoid from 60 s after ignition to burnout, {runs} runs each, with the interval of
-independent states; NEES/6 has a median of 0.89 if covariances are right. Over bound: error of position in the last
-second of the burn over the Cramér–Rao bound of position and stated bias together. The stated bias is 0 where nothing is
-stated; there errors of hundreds of metres to kilometres remain, as two sensors do not show all of their biases, but the
-covariances say so. Bias NEES: squared error of each estimated angle over its variance, 1 if right; the angles of a run
-are correlated, and its {runs} runs are few. Noise found: in units of what is stated, by sensor. All figures:
-[registration.csv](registration.csv).
+Held: states in their 95 % ellipsoid from 60 s after ignition to burnout, {runs} runs each, with
+the interval of independent states; NEES/6 has a median of 0.89 if covariances are right. Over
+bound: error of position in the last second of the burn over the Cramér–Rao bound of position and
+stated bias together. The stated bias is 0 where nothing is stated; there errors of hundreds of
+metres to kilometres remain, as two sensors do not show all of their biases, but the covariances
+say so. Bias NEES: squared error of each estimated angle over its variance, 1 if right; the angles
+of a run are correlated, and its {runs} runs are few. Noise found: in units of what is stated, by
+sensor. All figures: [registration.csv](registration.csv).
 """
 COLUMNS = {
     "median_nees_per_6": "median NEES/6",

@@ -51,23 +51,25 @@ PAGE = """# Replicates of one launch
 
 How long do a million replicates of one launch take, and how exact is what they say?
 
-With default settings a million replicates of `first_light` in the air take {times[1]} on {workers} cores with DSP,
-{times[2]} with SBIRS-GEO ({times[3]} with `classification: paper`); without light, as the file has it, {times[0]}.
-From the first quarter of its runs to the last a worker grows by {grown:.1f} MiB.
+With default settings a million replicates of `first_light` in the air take {times[1]} on
+{workers} cores with DSP, {times[2]} with SBIRS-GEO ({times[3]} with `classification: paper`);
+without light, as the file has it, {times[0]}. From the first quarter of its runs to the last a
+worker grows by {grown:.1f} MiB.
 
 {table}
 
-DSP looks every 200 ms without light, every 10 s with it; SBIRS-GEO looks every 100 ms, and the default classifier,
-which works from measured irradiances, weighs each detection. `classification: paper` draws the type from a confusion
-matrix: what the default costs is the row above it. A million is the processor time of a run times a million: this page
-runs fewer. The first run of a worker, which compiles the scene and trains the classifier, is not counted: it takes
-{start}. Memory is the peak of a worker after each quarter of its runs.
+DSP looks every 200 ms without light, every 10 s with it; SBIRS-GEO looks every 100 ms, and the
+default classifier, which works from measured irradiances, weighs each detection. `classification:
+paper` draws the type from a confusion matrix: what the default costs is the row above it. A
+million is the processor time of a run times a million: this page runs fewer. The first run of a
+worker, which compiles the scene and trains the classifier, is not counted: it takes {start}.
+Memory is the peak of a worker after each quarter of its runs.
 
 ## Error against the number of runs
 
-The mean latency of the first detection of `first_light`, without light: the root mean square, over blocks of equally
-many runs, of the difference between the block's mean and the mean of all {runs} runs; beside it σ/√n, with the σ of
-single runs.
+The mean latency of the first detection of `first_light`, without light: the root mean square, over
+blocks of equally many runs, of the difference between the block's mean and the mean of all {runs}
+runs; beside it σ/√n, with the σ of single runs.
 
 {errors}
 

@@ -43,18 +43,20 @@ LIGHT_S = 0.125
 
 PAGE = """# Salvos
 
-Does `imm` separate the launches of a salvo, and do its covariances show when it cannot? {launches} launches of one
-class within ten seconds, aims that fan out by ± 8°, {sensors} SBIRS-GEO at default settings.
+Does `imm` separate the launches of a salvo, and do its covariances show when it cannot? {launches}
+launches of one class within ten seconds, aims that fan out by ± 8°, {sensors} SBIRS-GEO at default
+settings.
 
-![Share of launches whose track holds the true state, and wrong labels, by size of the field](salvos.svg)
+![Share of held states, and wrong labels, by size of the field](salvos.svg)
 
 {table}
 
 At {mark:.0%} of the burn, {count} launches a row. *Paired right*: most detections in the last
-{paired:.0f} s are of the same launch in every sensor. *Wrong labels*: of the second half of burns; the last column is
-what remains if each scan is assigned with the true directions: targets closer than the error of a look, 0.7 km for
-20 µrad from 37 000 km, cannot be resolved.
-[How detections become tracks](../explanation/association.md). All figures with intervals: [salvos.csv](salvos.csv).
+{paired:.0f} s are of the same launch in every sensor. *Wrong labels*: of the second half of
+burns; the last column is what remains if each scan is assigned with the true directions: targets
+closer than the error of a look, 0.7 km for 20 µrad from 37 000 km, cannot be resolved. [How
+detections become tracks](../explanation/association.md). All figures with intervals:
+[salvos.csv](salvos.csv).
 """
 HEAD = (
     "field",

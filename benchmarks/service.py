@@ -37,24 +37,23 @@ async def hello() -> dict[str, str]:
     return {"hello": "world"}
 
 listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
-listening.bind(("127.0.0.1", 0))
-listening.listen(512)
-print(f"http://127.0.0.1:{listening.getsockname()[1]}", flush=True)
-app = Litestar([hello], openapi_config=None, logging_config=None)
-config = uvicorn.Config(app, http="h11", ws="none", lifespan="off", log_config=None, access_log=False)
+listening.bind(("127.0.0.1", 0)) listening.listen(512)
+print(f"http://127.0.0.1:{listening.getsockname()[1]}", flush=True) app = Litestar([hello],
+openapi_config=None, logging_config=None) config = uvicorn.Config(app, http="h11", ws="none",
+lifespan="off", log_config=None, access_log=False)
 asyncio.run(uvicorn.Server(config).serve(sockets=[listening]))
 """
 PAGE = """# Throughput of the service
 
-How many requests per second does `opir serve` answer? `examples/raid_100.yaml` in real time; server and clients share
-two cores, with other load; wrk, 32 connections; compared with a bare Litestar under the same server. Medians of
-{turns} repetitions.
+How many requests per second does `opir serve` answer? `examples/raid_100.yaml` in real time;
+server and clients share two cores, with other load; wrk, 32 connections; compared with a bare
+Litestar under the same server. Medians of {turns} repetitions.
 
 {table}
 
-With {clients} clients of `/stream` for {seconds:g} s the run makes {made:.0f} detections/s and sends {sent:.0f}/s
-({each:.0f}/s each, {mib:.1f} MiB/s). {lost} frames are dropped for slow clients, {windows} windows for all;
-{late} deadlines are missed.
+With {clients} clients of `/stream` for {seconds:g} s the run makes {made:.0f} detections/s and
+sends {sent:.0f}/s ({each:.0f}/s each, {mib:.1f} MiB/s). {lost} frames are dropped for slow
+clients, {windows} windows for all; {late} deadlines are missed.
 """
 
 

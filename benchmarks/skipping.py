@@ -47,11 +47,12 @@ What does each optional part cost a scene that names it, and what one that does 
 
 {table}
 
-The dearest {count} of {parts} parts: calls of functions of the part's own modules, bytes that they hold at the end, and
-the additional processor time of a process once `examples/first_light.yaml` names the part; all others are within
-{rest_ms} ms. *Events*: those of the sensors and targets that were there before. All settings beside a part are default,
-but for the focal plane: it is measured beside `focal_plane: null` with `nei_w_m2: 5e-13`.
-All counts, also of scenes that do not name a part: [skipping.csv](skipping.csv).{shared}
+The dearest {count} of {parts} parts: calls of functions of the part's own modules, bytes that
+they hold at the end, and the additional processor time of a process once
+`examples/first_light.yaml` names the part; all others are within {rest_ms} ms. *Events*: those of
+the sensors and targets that were there before. All settings beside a part are default, but for
+the focal plane: it is measured beside `focal_plane: null` with `nei_w_m2: 5e-13`. All counts,
+also of scenes that do not name a part: [skipping.csv](skipping.csv).{shared}
 """
 HEAD = ("part", "beside", "calls", "kB held", "time, ms", "events")
 

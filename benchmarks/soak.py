@@ -38,9 +38,9 @@ from soak_faults import (
 
 PAGE = """# {title}
 
-Does the service run for long without leaks or lost events, whatever fails around it? {answer}: {minutes:g} minutes of
-`opir serve --speed {speed} --loop`, {laps} laps of a scene of 5 minutes, {given} events to each of two outputs,
-{faults} faults.
+Does the service run for long without leaks or lost events, whatever fails around it? {answer}:
+{minutes:g} minutes of `opir serve --speed {speed} --loop`, {laps} laps of a scene of 5 minutes,
+{given} events to each of two outputs, {faults} faults.
 
 | criterion | result | met |
 |---|---|---|
@@ -48,13 +48,14 @@ Does the service run for long without leaks or lost events, whatever fails aroun
 
 ![Memory, spool file, waiting events and events read, by minute]({name}.svg)
 
-Both outputs, a pipe and a topic of {broker}, have a spool of 8 MiB that holds the run when it is full. A launch is
-requested every {trigger_s:g} s of scene time; one viewer reads the stream. Faults of 2 to 12 s, 10 to 25 s apart, of
-seed {seed}: {kinds}. {machine} Samples: [{name}.csv]({name}.csv).
+Both outputs, a pipe and a topic of {broker}, have a spool of 8 MiB that holds the run when it is
+full. A launch is requested every {trigger_s:g} s of scene time; one viewer reads the stream.
+Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}: {kinds}. {machine} Samples:
+[{name}.csv]({name}.csv).
 
-Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the first, after the
-warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps). What grows before is bounded: histories of
-detections and tracks.
+Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the
+first, after the warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps). What grows before is
+bounded: histories of detections and tracks.
 """
 
 LAUNCH = {

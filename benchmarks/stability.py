@@ -23,21 +23,24 @@ PAGE = """# Numerical stability
 
 Does opir lose digits that its inputs do not?
 
-{answer} {count} inputs were drawn for {functions} functions, each computed in float64 and in 40 digits or more.
+{answer} {count} inputs were drawn for {functions} functions, each computed in float64 and in 40
+digits or more.
 
-![Relative error against condition number of all draws, and the condition number of two-body arcs](stability.svg)
+![Error against condition number, and the condition number of two-body arcs](stability.svg)
 
-The relative error of a good formula is about (1 + κ) u (the line on the left): u = 1.1·10⁻¹⁶ is the rounding of a
-double, and the condition number κ is the factor by which an input's relative change grows on its way to the result.
-So 10⁻⁹ may be right, and 10⁻¹⁴ a defect. On the right κ of `propagate_kepler` by number of turns and speed: after a
-thousand turns three digits are gone, whatever computes them. The largest errors over (1 + κ) u: {worst}.
+The relative error of a good formula is about (1 + κ) u (the line on the left): u = 1.1·10⁻¹⁶ is
+the rounding of a double, and the condition number κ is the factor by which an input's relative
+change grows on its way to the result. So 10⁻⁹ may be right, and 10⁻¹⁴ a defect. On the right κ of
+`propagate_kepler` by number of turns and speed: after a thousand turns three digits are gone,
+whatever computes them. The largest errors over (1 + κ) u: {worst}.
 
-`chain` is a whole look, up to ten years after the scene's epoch, in which the Earth's angle, in a double, loses 0.2 mm
-of a satellite's way.
+`chain` is a whole look, up to ten years after the scene's epoch, in which the Earth's angle, in a
+double, loses 0.2 mm of a satellite's way.
 
-[All functions](stability.csv), those that work to a tolerance too, with the input of the largest error, and with
-reasons for those left out. No draw raised a warning or an overflow, and no result was `nan` where a number exists. By
-`--draws {draws} --seed {seed}`; the tests run each case with fewer draws.
+[All functions](stability.csv), those that work to a tolerance too, with the input of the largest
+error, and with reasons for those left out. No draw raised a warning or an overflow, and no result
+was `nan` where a number exists. By `--draws {draws} --seed {seed}`; the tests run each case with
+fewer draws.
 """
 
 

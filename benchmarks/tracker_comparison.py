@@ -32,34 +32,40 @@ PAGE = """# Comparison of trackers on one scene
 
 Which tracker is how accurate, how consistent and how fast?
 
-* `imm` is the more accurate from {ahead} s after ignition on, its velocity always, and consistent to slightly
-  conservative. Until then `kepler-arc` has the better position: where one sensor sees a target, it assumes an altitude.
-* `kepler-arc`, the paper's tracker, has errors that grow during the burn, and covariances that do not show them.
+* `imm` is the more accurate from {ahead} s after ignition on, its velocity always, and consistent
+  to slightly conservative. Until then `kepler-arc` has the better position: where one sensor sees
+  a target, it assumes an altitude.
+* `kepler-arc`, the paper's tracker, has errors that grow during the burn, and covariances that do
+  not show them.
 
-![Position and velocity RMSE, error over the bound, and NEES, by time since ignition](comparing-trackers.svg)
+![RMSE, error over the bound, and NEES, by time since ignition](comparing-trackers.svg)
 
 {table}
 
-Intervals are 95 %. An ICBM, an IRBM and an SRBM (`{scene}`), observed by the default fleet of SBIRS-GEO, in {runs}
-runs. All trackers get the same detections and data association, so only their estimates differ ({tracked} of the
-launches tracked, {tracks} tracks per launch, {false} false tracks per run, purity {purity}). Every figure in 20 s
-bins, with the confusion of types: [comparing-trackers.csv](comparing-trackers.csv); [score
-tracks](../how-to/score-tracks.md) defines them. The comparison again:
+Intervals are 95 %. An ICBM, an IRBM and an SRBM (`{scene}`), observed by the default fleet of
+SBIRS-GEO, in {runs} runs. All trackers get the same detections and data association, so only their
+estimates differ ({tracked} of the launches tracked, {tracks} tracks per launch, {false} false
+tracks per run, purity {purity}). Every figure in 20 s bins, with the confusion of types:
+[comparing-trackers.csv](comparing-trackers.csv); [score tracks](../how-to/score-tracks.md) defines
+them. The comparison again:
 
 ```
 opir compare {scene} --set "{sensors}" \\
     {words} --runs {runs}
 ```
 
-* **kepler-arc** fits one Keplerian arc to all detections of a boost. A thrusting target is on no such arc, so the
-  errors grow to many times the Cramér–Rao bound, while the least-squares covariance shrinks with each detection. The
-  arc gives the mean speed of the boost, not the speed at burnout: the predicted range falls short and the estimated
-  type is too small. No ellipse of the paper's σ₀ exp(−k n/N) contains the impact.
-* **kepler-arc with `memory_s: 5`** fits the last seconds. It does not diverge, but lags an accelerating target by about
-  the acceleration times the memory, which its covariance does not include.
-* **imm** has the specific force in its state and does not lag. It assumes a boost about along the velocity, so it may
-  be below the bound *with the thrust unknown*, which allows any force. Its impact regions include what the target may
-  still burn: they are large in the burn, and shrink at burnout.
+* **kepler-arc** fits one Keplerian arc to all detections of a boost. A thrusting target is on no
+  such arc, so the errors grow to many times the Cramér–Rao bound, while the least-squares
+  covariance shrinks with each detection. The arc gives the mean speed of the boost, not the speed
+  at burnout: the predicted range falls short and the estimated type is too small. No ellipse of
+  the paper's σ₀ exp(−k n/N) contains the impact.
+* **kepler-arc with `memory_s: 5`** fits the last seconds. It does not diverge, but lags an
+  accelerating target by about the acceleration times the memory, which its covariance does not
+  include.
+* **imm** has the specific force in its state and does not lag. It assumes a boost about along the
+  velocity, so it may be below the bound *with the thrust unknown*, which allows any force. Its
+  impact regions include what the target may still burn: they are large in the burn, and shrink at
+  burnout.
 """
 
 #: Rows of the short table: the quantity and the start of its time bin, "" for all launches.

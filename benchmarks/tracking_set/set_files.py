@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from opir_scoring.benchmark_tables import STATE
 from set_bounds import Bounds, bounds_of
 from set_cases import CASES, SEEDS, Launch, SetScene, scene_of
 from set_flights import burns
@@ -26,32 +27,17 @@ LICENCE = "CC0-1.0"
 #: The cut-off distance of GOSPA over the median bound of position at the scored ticks of a scene.
 CUTOFF_OF_BOUND = 10.0
 
-STATE = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 COLUMNS = {
     "lines_of_sight": (
-        *(
-            "scene",
-            "detection",
-            "time_utc",
-            "time_s",
-            "sensor",
-            "sensor_x_m",
-            "sensor_y_m",
-            "sensor_z_m",
-        ),
+        *("scene", "detection", "time_utc", "time_s", "sensor"),
+        *("sensor_x_m", "sensor_y_m", "sensor_z_m"),
         *("direction_x", "direction_y", "direction_z", "sigma_urad"),
     ),
     "truth": ("scene", "launch", "time_s", *STATE, "is_burning", "is_scored"),
     "origins": ("scene", "detection", "launch"),
     "launches": (
-        "scene",
-        "launch",
-        "stages",
-        "ignition_s",
-        "burnout_s",
-        "lat_deg",
-        "lon_deg",
-        "azimuth_deg",
+        *("scene", "launch", "stages", "ignition_s", "burnout_s"),
+        *("lat_deg", "lon_deg", "azimuth_deg"),
     ),
     "bounds": (
         *("scene", "launch", "time_s", "position_m", "velocity_m_s", "log_det", "energy_m"),
@@ -61,28 +47,31 @@ COLUMNS = {
 
 README = """# Boost-phase tracking by line of sight, version {version}
 
-{scenes} scenes in {cases} cases. Licence: CC0 1.0 (public domain, https://creativecommons.org/publicdomain/zero/1.0/).
-All figures are notional.
+{scenes} scenes in {cases} cases. Licence: CC0 1.0 (public domain,
+https://creativecommons.org/publicdomain/zero/1.0/). All figures are notional.
 
-- `lines_of_sight.csv` is what a tracker gets: the direction (unit vector) from a sensor to something hot. ECEF
-  (WGS 84), metres, seconds since the epoch {epoch}Z; `sigma_urad` is the stated standard deviation per axis across the
-  line. Light takes no time. A detection is a launch or clutter.
-- `set.json` is what a tracker may know: of each sensor its orbit, its looks (every `period_s` from `phase_s`, at the
-  whole Earth below it), its P_d for burning targets (dark ones are not detected), the stated standard deviation of its
-  bias (two constant angles about east and north at the sensor) and its clutter (mean number a look, uniform in a cone).
-- `truth.csv`, `launches.csv`, `origins.csv` (which detection is whose) and `bounds.csv` are not for trackers.
+- `lines_of_sight.csv` is what a tracker gets: the direction (unit vector) from a sensor to
+  something hot. ECEF (WGS 84), metres, seconds since the epoch {epoch}Z; `sigma_urad` is the
+  stated standard deviation per axis across the line. Light takes no time. A detection is a launch
+  or clutter.
+- `set.json` is what a tracker may know: of each sensor its orbit, its looks (every `period_s` from
+  `phase_s`, at the whole Earth below it), its P_d for burning targets (dark ones are not
+  detected), the stated standard deviation of its bias (two constant angles about east and north at
+  the sensor) and its clutter (mean number a look, uniform in a cone).
+- `truth.csv`, `launches.csv`, `origins.csv` (which detection is whose) and `bounds.csv` are not
+  for trackers.
 - Every table is there as Parquet too.
 """
 
 
-class Made(NamedTuple):
+class SceneTables(NamedTuple):
     """A scene's rows of each table, its bounds, and its description in `set.json`."""
 
     rows: dict[str, list[list[str]]]
     description: dict[str, Any]
 
 
-def made(name: str, seed: int) -> Made:
+def tables_of(name: str, seed: int) -> SceneTables:
     """Return the tables and the description of a scene."""
     scene = scene_of(name, seed)
     truth, sights = observed(scene)
@@ -96,7 +85,7 @@ def made(name: str, seed: int) -> Made:
     rows["bounds"] = [
         row for number, own in enumerate(bounds) for row in _bound_rows(scene, number, own)
     ]
-    return Made(rows, _description(scene, name, seed, truth, bounds))
+    return SceneTables(rows, _description(scene, name, seed, truth, bounds))
 
 
 def observed_rows(scene: SetScene, truth: Truth, sights: Sights) -> dict[str, list[list[str]]]:
@@ -208,7 +197,7 @@ def write_set(
 ) -> dict[str, dict[str, str]]:
     """Write the set into a folder; return the digests of its tables, and of those of each scene."""
     folder.mkdir(parents=True, exist_ok=True)
-    scenes = [made(name, seed) for name in cases for seed in seeds]
+    scenes = [tables_of(name, seed) for name in cases for seed in seeds]
     digests = {}
     for table, columns in COLUMNS.items():
         text = table_text(columns, (row for scene in scenes for row in scene.rows[table]))

@@ -1,0 +1,82 @@
+"""Scenes of one flight before one or two SBIRS-GEO, and the rows of its track."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from opir_scoring.impacts import main_regions, regions_given
+
+import opir_core as opir
+
+#: Ignition in the scene, s.
+START_S = 10.0
+CONTAINMENT = 0.95
+
+
+def write_table(path: Path, rows: np.ndarray) -> None:
+    """Write rows (n, 8) of time since ignition, ECEF state and burning as the target model `table`
+    reads them.
+    """
+    head = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is_burning"
+    form = ["%.6f", *["%.4f"] * 3, *["%.6f"] * 3, "%d"]
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt=form)
+
+
+def table_target(path: Path, kind: str) -> dict[str, Any]:
+    """Return the target of a table."""
+    return {"id": "T", "model": "table", "type": kind, "file": str(path), "start_s": START_S}
+
+
+def flight_scene(
+    target: dict[str, Any],
+    longitude_deg: float,
+    duration_s: float,
+    seed: int,
+    sensors: int = 2,
+    tracker: Any = "imm",
+    **settings: Any,
+) -> opir.Scene:
+    """Return the scene of a target before sensors on both sides of its launch; `settings` are
+    theirs.
+    """
+    slots_deg = [(longitude_deg + shift + 540.0) % 360.0 - 180.0 for shift in (-35.0, 30.0)]
+    return opir.scene_from_mapping(
+        {
+            "scene": "flight",
+            "epoch": "2026-04-01T18:00:00Z",
+            "duration_s": float(np.ceil(duration_s)),
+            "seed": seed,
+            "sensors": [
+                {
+                    "model": "SBIRS-GEO",
+                    "id": f"S{slot_deg:.2f}",
+                    "orbital_slot_deg": slot_deg,
+                    **settings,
+                }
+                for slot_deg in slots_deg[:sensors]
+            ],
+            "targets": [target],
+            "tracker": tracker,
+        }
+    )
+
+
+def longest_track(tracks: opir.Tracks) -> opir.Tracks:
+    """Return the rows of the track with most ticks: false ones are short."""
+    number, count = np.unique(tracks.track, return_counts=True)
+    longest = number[np.argmax(count)] if len(number) else -1
+    return tracks.take(np.flatnonzero(tracks.track == longest))
+
+
+def impact_containment(
+    track: opir.Tracks, row: int, impact: tuple[float, float] | None, is_over: bool
+) -> tuple[float, float]:
+    """Return whether an impact, rad, lies in the 95 % region of the likeliest condition, and in
+    that of the true one ("the burn is over" or not); nan without a region.
+    """
+    regions = [one for one in track.impact_regions[row] if one.containment == CONTAINMENT]
+    if impact is None or not regions:
+        return np.nan, np.nan
+    given = regions_given(regions, is_over)
+    inside = float(main_regions(regions)[0].contains(*impact))
+    return inside, float(given[0].contains(*impact)) if given else np.nan
