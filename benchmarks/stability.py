@@ -138,9 +138,11 @@ def main() -> None:
     warnings.simplefilter("error")
     outcomes: list[Outcome] = []
     facts: dict[str, Any] = {}
-    rows = list(rows_of(outcomes, options, facts))
+    rows = [] if options.from_csv else list(rows_of(outcomes, options, facts))
     warnings.simplefilter("default")
-    publish(options, page, lambda path, _: draw(path, outcomes), facts, stability=rows)
+    # The plot shows all draws, the data the worst of each function.
+    plot = None if options.from_csv else lambda path, _: draw(path, outcomes)
+    publish(options, page, plot, facts, stability=rows)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Two-body propagation against boinor (MIT licence), the heir of poliastro: its kernels of
 Farnocchia and of Vallado.
 
-Each is held to where it is known to be right (benchmarks/work_precision/kepler.py): neither near
+Each is held to where it is known to be right (benchmarks/kepler.py): neither near
 the parabola, the straight line, or a circle closed many times. Vallado's kernel takes its anomaly
 as found once a step is below 1e-7 km^½: r / √mu times that is 1e-6 s, so it is itself sure of nine
 digits and no more.

@@ -22,7 +22,13 @@ DEFAULTS = {
 SCRIPTS = ROOT / "benchmarks"
 PAGES = ROOT / "docs"
 #: The page of a script of another name.
-PAGE_OF = {"coverage_map": "coverage", "tracking_set/set_trackers": "tracking_set"}
+PAGE_OF = {
+    "calibration_scenes": "calibration",
+    "coverage_map": "coverage",
+    "fires_hour": "open_world",
+    "tracker_comparison": "comparing-trackers",
+    "tracking_set/set_trackers": "tracking_set",
+}
 OVERRIDE = re.compile(rf"^(?:.*\.)?({'|'.join(DEFAULTS)})=([\w.+-]+)$")
 
 

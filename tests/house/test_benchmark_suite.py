@@ -2,6 +2,7 @@
 compared.
 """
 
+import argparse
 import ast
 import importlib
 import json
@@ -13,10 +14,10 @@ import pytest
 from repository import ROOT
 
 sys.path.insert(0, str(ROOT))
-from benchmarks import __main__ as command
+from benchmarks import __main__ as command, pages
 from benchmarks.figures import figures_in, keep, kept_figures, number_of, ratios
 from benchmarks.registry import BENCHMARKS, Benchmark
-from benchmarks.suite import attempt, kept
+from benchmarks.suite import attempt, summary
 
 
 @pytest.mark.slow
@@ -34,7 +35,7 @@ def test_every_script_is_in_the_suite() -> None:
     scripts = {
         path.relative_to(ROOT / "benchmarks").as_posix()
         for path in (ROOT / "benchmarks").rglob("*.py")
-        if path.name != "__main__.py" and not path.stem.endswith("_page") and has_main(path)
+        if path.name != "__main__.py" and has_main(path)
     }
     assert scripts == {each.script for each in BENCHMARKS}
     assert len({each.name for each in BENCHMARKS}) == len(BENCHMARKS)
@@ -66,17 +67,28 @@ def test_an_unknown_name_is_answered_with_the_nearest() -> None:
 def test_peers_that_are_not_installed_are_left_out_of_tables_and_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks" / "work_precision"))
-    peers = importlib.import_module("peers")
-    monkeypatch.setattr(peers, "find_spec", lambda name: None if name == "filterpy" else name)
-    names = ["imm, 1 s", "Stone Soup EKF, two-body", "FilterPy EKF, two-body"]
-    assert peers.installed(names) == names[:2]
+    monkeypatch.setattr(pages, "find_spec", lambda name: None if name == "filterpy" else name)
+    names = ["imm, 1 s", "Stone Soup EKF, jerk, 1 s", "FilterPy EKF, acceleration, 1 s"]
+    assert pages.installed(names) == names[:2]
     assert "FilterPy: left out, not installed" in capsys.readouterr().err
-    assert (
-        peers.left_out({"tracker": name} for name in names[:2])
-        == "\nLeft out, because not installed: FilterPy.\n"
-    )
-    assert peers.times_faster(None, 2.0, 1) == "–"
+    assert pages.left_out(names[:2]) == "\nLeft out, because not installed: FilterPy.\n"
+    assert pages.shown(float("nan"), ".1f") == "–"
+
+
+def test_a_page_is_written_again_from_its_data(tmp_path: Path) -> None:
+    rows = [{"name": "a, b", "count": 2, "share": 0.25, "gap": float("nan")}]
+    table = pages.Table(rows)
+
+    def page(stored: pages.Table) -> str:
+        (row,) = stored.where(name="a, b")
+        return f"{row['count']} {row['share']} {stored.facts['runs']}"
+
+    for options in ({"write": tmp_path, "from_csv": None}, {"write": None, "from_csv": tmp_path}):
+        arguments = argparse.Namespace(**options)
+        measured = table if options["write"] else None
+        pages.publish(arguments, page, None, {"runs": 3}, data=measured)
+        assert (tmp_path / "data.md").read_text("utf-8") == "2 0.25 3"
+    assert np.isnan(pages.read_csv(tmp_path / "data.csv").column("gap")).all()
 
 
 def test_figures_are_named_by_the_text_and_the_first_number_of_their_row(tmp_path: Path) -> None:
@@ -149,7 +161,9 @@ def test_a_failed_benchmark_is_named_with_its_reason(tmp_path: Path) -> None:
     broken = tmp_path / "broken.py"
     broken.write_text("raise SystemExit('no sun')\n", encoding="utf-8")
     benchmark_ = Benchmark("broken", "?", str(broken), (), writes=False)
-    assert kept(benchmark_, [attempt(benchmark_, quick=True)])["problem"] == "exit code 1: no sun"
+    assert (
+        summary(benchmark_, [attempt(benchmark_, quick=True)])["problem"] == "exit code 1: no sun"
+    )
 
 
 def test_ratios_leave_out_what_only_one_has() -> None:
@@ -169,14 +183,13 @@ def test_the_exponent_of_a_power_law_above_a_start_is_found(
 
 def test_a_level_that_beats_a_default_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    page = importlib.import_module("end_to_end_page")
+    end_to_end = importlib.import_module("end_to_end")
 
-    def row(level: str, default: str, time: str, error: str) -> dict[str, str]:
+    def row(level: str, default: int, time: float, error: float) -> dict[str, object]:
         knob = {"scene": "one", "knob": "light time", "level": level, "default": default}
         return knob | {"processor_s": time, "line_of_sight_urad": error}
 
-    given = row("on", "1", "2.0", "0.0")
-    assert page.off_the_knee([given, row("off", "0", "1.0", "5.0")]) == []
-    assert page.off_the_knee([given, row("on too", "0", "1.0", "0.0")]) == [
-        "light time on too in `one`"
-    ]
+    default = row("on", 1, 2.0, 0.0)
+    assert end_to_end.off_the_knee([default, row("off", 0, 1.0, 5.0)]) == []
+    rival = row("on too", 0, 1.0, 0.0)
+    assert end_to_end.off_the_knee([default, rival]) == ["light time on too in `one`"]
