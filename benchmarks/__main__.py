@@ -8,21 +8,19 @@ small sizes: to see that everything works, never for times.
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
 
 from benchmarks.figures import ratios
 from benchmarks.machine import machine
-from benchmarks.registry import BENCHMARKS, Benchmark
-from benchmarks.suite import Attempt, rounds_of, summary
+from benchmarks.registry import BENCHMARKS
+from benchmarks.suite import rounds_of, summary
 
 #: Figures within this factor of the stored ones are counted, not shown.
 ALIKE = 1.1
 
 
-def selected(names: Sequence[str] | None) -> list[Benchmark]:
+def selected(names):
     """Return the benchmarks of these names, in the order of the registry; all without names."""
     known = {benchmark.name: benchmark for benchmark in BENCHMARKS}
     for name in names or ():
@@ -32,7 +30,7 @@ def selected(names: Sequence[str] | None) -> list[Benchmark]:
     return [benchmark for name, benchmark in known.items() if not names or name in names]
 
 
-def overview() -> str:
+def overview():
     """Return the table of all benchmarks."""
     lines = []
     for benchmark in BENCHMARKS:
@@ -43,7 +41,7 @@ def overview() -> str:
     return "\n".join(lines)
 
 
-def able_to_run(benchmarks: Sequence[Benchmark]) -> Iterator[Benchmark]:
+def able_to_run(benchmarks):
     """Yield the benchmarks that can run; print which cannot, and why."""
     for benchmark in benchmarks:
         if missing := list(benchmark.missing()):
@@ -57,11 +55,9 @@ def able_to_run(benchmarks: Sequence[Benchmark]) -> Iterator[Benchmark]:
         yield benchmark
 
 
-def results(
-    benchmarks: Sequence[Benchmark], rounds: int, *, quick: bool, docs: Path | None
-) -> dict[str, Any]:
+def results(benchmarks, rounds, *, quick, docs):
     """Run benchmarks, print a line for each run, and return the results."""
-    attempts: dict[str, list[Attempt]] = {benchmark.name: [] for benchmark in benchmarks}
+    attempts = {benchmark.name: [] for benchmark in benchmarks}
     conditions = {"machine": machine(), "quick": quick}
     for benchmark, run in rounds_of(benchmarks, rounds, quick=quick, docs=docs):
         attempts[benchmark.name].append(run)
@@ -77,7 +73,7 @@ def results(
     }
 
 
-def differences(results: Mapping[str, Any], stored: Mapping[str, Any]) -> Iterator[str]:
+def differences(results, stored):
     """Yield lines on differences from stored results, by benchmark."""
     for name in ("processor", "quick"):
         here, there = ({**run["machine"], **run}[name] for run in (results, stored))
@@ -97,7 +93,7 @@ def differences(results: Mapping[str, Any], stored: Mapping[str, Any]) -> Iterat
             yield f"  {ratio:8.3f}  {key}: {result['figures'][key]:g}"
 
 
-def options_of(words: Sequence[str] | None) -> argparse.Namespace:
+def options_of(words):
     """Return the options of the command line."""
     parser = argparse.ArgumentParser("python -m benchmarks", description=__doc__.splitlines()[0])
     option = parser.add_argument
@@ -111,7 +107,7 @@ def options_of(words: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
-def main(words: Sequence[str] | None = None) -> int:
+def main(words=None):
     """Run the benchmarks; return 1 if one failed."""
     options = options_of(words)
     if options.list:

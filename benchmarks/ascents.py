@@ -8,7 +8,7 @@ stages are about those of six webcast ascents. After the last burn the table goe
 in free flight.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
@@ -33,7 +33,7 @@ class Ascent:
     longitude_deg: float
     impact: tuple[float, float] | None = None
 
-    def state(self, time_s: float) -> np.ndarray:
+    def state(self, time_s):
         """Return the ECEF state (6,) at a time since ignition, by the cubic through two rows and
         their velocities.
         """
@@ -67,11 +67,11 @@ class Launcher(NamedTuple):
     share: float
 
     @property
-    def second_s(self) -> float:
+    def second_s(self):
         """The ignition of the second stage, s."""
         return self.first_s + self.gap_s
 
-    def acceleration(self, time_s: float) -> float:
+    def acceleration(self, time_s):
         """Return the thrust over mass."""
         if time_s < self.first_s:
             dip = 1.0 - self.dip * np.exp(-(((time_s - 62.0) / 10.0) ** 2))
@@ -82,7 +82,7 @@ class Launcher(NamedTuple):
         return self.upper / max(1.0 - burnt, 1.0 / self.highest)
 
 
-def drawn_near_orbit(rng: np.random.Generator) -> Ascent:
+def drawn_near_orbit(rng):
     """Return an ascent like that of 14 March 2024 (Starship IFT-3), which came down after half of
     an orbit.
 
@@ -94,9 +94,7 @@ def drawn_near_orbit(rng: np.random.Generator) -> Ascent:
             return ascent
 
 
-def drawn_ascent(
-    rng: np.random.Generator, share: float = 1.0, cut_off: tuple[float, float] | None = None
-) -> Ascent:
+def drawn_ascent(rng, share=1.0, cut_off=None):
     """Return an ascent; `share` of the orbital speed is reached at the last cut-off, below 1 it
     comes down.
 
@@ -126,7 +124,7 @@ def drawn_ascent(
             return ascent
 
 
-def drawn_return(rng: np.random.Generator) -> Ascent:
+def drawn_return(rng):
     """Return a first stage that turns around after its cut-off and burns against its motion."""
     ascent = drawn_ascent(rng)
     (_, cut_s), _ = ascent.burns_s
@@ -144,7 +142,7 @@ def drawn_return(rng: np.random.Generator) -> Ascent:
     return Ascent(rows, burns, ascent.longitude_deg, impact_of(rows[-1, 1:7]))
 
 
-def extended(rows: np.ndarray, until_s: float, force: np.ndarray) -> np.ndarray:
+def extended(rows, until_s, force):
     """Return rows (n, 8), the last of which begins a leg, with those of the leg under a force."""
     start_s = rows[-1, 0]
     times = np.append(np.arange(start_s, until_s - 1e-9, STEP_S), until_s)
@@ -157,28 +155,28 @@ def extended(rows: np.ndarray, until_s: float, force: np.ndarray) -> np.ndarray:
     return np.concatenate([rows[:-1], np.column_stack([times, leg.y.T, is_burning])])
 
 
-def impact_of(state: np.ndarray) -> tuple[float, float] | None:
+def impact_of(state):
     """Return latitude and longitude, rad, of the impact of a free flight, None if it has none in
     two hours.
     """
 
-    def height(_time_s: float, place: np.ndarray) -> float:
+    def height(_time_s, place):
         return geodetic(place[:3])[2]
 
     height.terminal = True
-    height.direction = -1.0  # type: ignore[attr-defined]
-    exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-4, "max_step": 60.0}
+    height.direction = -1.0
+    exact = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-4, "max_step": 60.0}
     fall = solve_ivp(lambda _, at: free_rates(at), (0.0, 7200.0), state, events=height, **exact)
     return geodetic(fall.y_events[0][0][:3])[:2] if len(fall.t_events[0]) else None
 
 
-def turned(time_s: np.ndarray, rate: np.ndarray) -> np.ndarray:
+def turned(time_s, rate):
     """Return the angles (n,), rad, of a turn at rates (n,), rad/s, from the first time on."""
     steps = 0.5 * np.diff(time_s) * (rate[1:] + rate[:-1])
     return np.append(0.0, np.cumsum(steps))
 
 
-def with_edges(rows: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def with_edges(rows, edges):
     """Return rows (n, 8) with two rows at each edge, for the force jumps there."""
     for edge in edges.tolist():
         row = int(np.argmin(np.abs(rows[:, 0] - edge)))
@@ -188,10 +186,10 @@ def with_edges(rows: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return rows
 
 
-def flown(launcher: Launcher) -> Ascent | None:
+def flown(launcher):
     """Return the ascent of a launcher, None if it does not reach its height or burns too long."""
 
-    def miss_m(late_rad: float) -> float:
+    def miss_m(late_rad):
         return float(course(launcher, late_rad)[-1, 1] - launcher.height_m)
 
     try:
@@ -213,7 +211,7 @@ def flown(launcher: Launcher) -> Ascent | None:
     return Ascent(table, burns_s, float(np.degrees(launcher.site[1])), impact)
 
 
-def over_ground(rows: np.ndarray, launcher: Launcher) -> np.ndarray:
+def over_ground(rows, launcher):
     """Return rows (n, 8) of a course (n, 4) along a great circle, dark."""
     time_s, height, speed, angle = rows.T
     radius = np.linalg.norm(ecef(*launcher.site))
@@ -229,7 +227,7 @@ def over_ground(rows: np.ndarray, launcher: Launcher) -> np.ndarray:
     return table
 
 
-def course(launcher: Launcher, late_rad: float) -> np.ndarray:
+def course(launcher, late_rad):
     """Return rows (n, 4) of time, height, speed over ground and flight-path angle to the cut-off;
     `late_rad` is the angle at the first cut-off.
     """

@@ -7,26 +7,21 @@ below the horizon `lowtran7_below.csv`, by `docs/design/lowtran_table.py`). Time
 of one core, medians.
 """
 
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from atmosphere_left_out import Model, Way, left_out, region_rows
+from atmosphere_left_out import Way, left_out, region_rows
 from opir_photons.radiometry.configs import CLIMATES
 from opir_photons.radiometry.long_paths import CLIMBS
 from opir_photons.radiometry.lowtran import (
     GRID_SHAPE,
     LowtranAtmosphere,
-    NodeTable,
     fine_grid,
     node_tables,
     shell_air_mass,
 )
 from pages import (
-    Row,
-    Table,
     markdown_table,
     median_s,
     options_of,
@@ -77,18 +72,18 @@ a grid four times as fine (`from_curves`).
 """
 
 
-def secant_law(nodes: NodeTable) -> Model:
+def secant_law(nodes):
     """Return exp(-(optical depth straight up) / sine), with optical depths straight in height."""
     depth = -np.log(np.maximum(nodes.transmittance[:, 0], LEAST))
     return lambda height, sine: np.exp(-np.interp(height, nodes.height_m, depth) / sine)
 
 
-def bilinear(nodes: NodeTable) -> Model:
+def bilinear(nodes):
     """Return the bilinear interpolation of ln τ over height and air mass."""
     depth = -np.log(np.maximum(nodes.transmittance, LEAST))
     masses = shell_air_mass(np.cos(nodes.zenith_rad))
 
-    def model(height_m: np.ndarray, sine: np.ndarray) -> np.ndarray:
+    def model(height_m, sine):
         row, up = bracket(nodes.height_m, height_m)
         column, across = bracket(masses, shell_air_mass(sine))
         lower = depth[row, column] * (1.0 - across) + depth[row, column + 1] * across
@@ -98,10 +93,10 @@ def bilinear(nodes: NodeTable) -> Model:
     return model
 
 
-def gridded(shape: tuple[int, int]) -> Way:
+def gridded(shape):
     """Return opir's own way with a grid of slants and heights."""
 
-    def model_of(nodes: NodeTable) -> Model:
+    def model_of(nodes):
         atmosphere = LowtranAtmosphere((fine_grid(nodes, shape),), None)
         return lambda height, sine: atmosphere._looked_up((0,), height, sine)[0]
 
@@ -116,14 +111,14 @@ WAYS: dict[str, tuple[Way, float]] = {
 }
 
 
-def bracket(points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bracket(points, values):
     """Return the gaps between points that values lie in, and how far across."""
     row = np.clip(np.searchsorted(points, values, side="right") - 1, 0, len(points) - 2)
     return row, (values - points[row]) / (points[row + 1] - points[row])
 
 
 @cache
-def tables() -> list[NodeTable]:
+def tables():
     """Return all tables."""
     skies = [(climate, "rural23km") for climate in CLIMATES] + [("us1976", "none")]
     return [
@@ -134,26 +129,26 @@ def tables() -> list[NodeTable]:
     ]
 
 
-def error_at_points(way: Way, nodes: NodeTable) -> float:
+def error_at_points(way, nodes):
     """Return the largest error at a table's points."""
     height_m, zenith_rad = np.meshgrid(nodes.height_m, nodes.zenith_rad, indexing="ij")
     transmittance = way(nodes)(height_m.ravel(), np.cos(zenith_rad).ravel())
     return float(np.abs(transmittance - nodes.transmittance.ravel()).max())
 
 
-def error_left_out(way: Way, nodes: list[NodeTable], kind: str) -> float:
+def error_left_out(way, nodes, kind):
     """Return the largest error at points left out of their tables."""
     errors = (error for table in nodes for _, error in left_out(way, table, kind))
     return max(float(error.max()) for error in errors)
 
 
 @cache
-def lowtran_values(file: str) -> Table:
+def lowtran_values(file):
     """Return LOWTRAN7's own values between the points."""
     return read_csv(DATA / file)
 
 
-def error_between(way: Way, file: str, every: int) -> float:
+def error_between(way, file, every):
     """Return the largest difference from LOWTRAN7 between the table's points, for every n-th
     climate.
     """
@@ -169,13 +164,13 @@ def error_between(way: Way, file: str, every: int) -> float:
     return worst
 
 
-def looks(count: int) -> tuple[np.ndarray, np.ndarray]:
+def looks(count):
     """Return random heights up to 100 km and sines of elevation above 5 degrees."""
     rng = np.random.default_rng(1)
     return rng.uniform(0.0, 99_999.0, count), rng.uniform(np.sin(np.radians(5.0)), 1.0, count)
 
 
-def from_curves(name: str, count: int = 20_000) -> float:
+def from_curves(name, count=20_000):
     """Return the largest difference of a grid from one four times as fine, nan for other ways."""
     if not name.startswith("grid"):
         return float("nan")
@@ -189,7 +184,7 @@ def from_curves(name: str, count: int = 20_000) -> float:
     )
 
 
-def row_of(name: str, options: Any) -> Row:
+def row_of(name, options):
     """Return the row of one way."""
     way, kilobytes = WAYS[name]
     nodes = tables()[0]
@@ -211,7 +206,7 @@ def row_of(name: str, options: Any) -> Row:
     }
 
 
-def nanoseconds_above_the_air(count: int, repeat: int) -> float:
+def nanoseconds_above_the_air(count, repeat):
     """Return the time of a look at a target above 100 km."""
     atmosphere = LowtranAtmosphere((fine_grid(tables()[0]),), None)
     blank = np.zeros((count, 3))
@@ -219,7 +214,7 @@ def nanoseconds_above_the_air(count: int, repeat: int) -> float:
     return 1e9 * median_s(lambda: atmosphere.transmittance(0, paths), repeat) / count
 
 
-def rows_of(options: Any, facts: dict[str, Any]) -> Iterator[Row]:
+def rows_of(options, facts):
     """Yield the rows of all ways."""
     facts["tables"] = len(tables()[:: options.every])
     facts["space_ns"] = round(nanoseconds_above_the_air(options.looks, options.repeat), 1)
@@ -227,12 +222,12 @@ def rows_of(options: Any, facts: dict[str, Any]) -> Iterator[Row]:
         yield row_of(name, options)
 
 
-def omitted_rows(every: int) -> Iterator[Row]:
+def omitted_rows(every):
     """Yield the errors of the shipped grid with points left out, by region."""
     yield from region_rows(gridded(GRID_SHAPE), tables()[::every])
 
 
-def page(table: Table, omitted: Table) -> str:
+def page(table, omitted):
     """Return the page."""
     shipped = table.row(way="grid {} x {}".format(*GRID_SHAPE))
     lines = [
@@ -257,7 +252,7 @@ def page(table: Table, omitted: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw error against time."""
     with svg_plot(path, figsize=(7, 4)) as (_, axes):
         times_ns = table.column("nanoseconds")
@@ -268,10 +263,10 @@ def draw(path: Path, table: Table) -> None:
         axes.set(yscale="log", xlabel="time per look, ns", ylabel="largest error of transmittance")
 
 
-def main() -> None:
+def main():
     """Measure and write; `--every N` takes every N-th of the tables."""
     options = options_of(__doc__, looks=1_000_000, repeat=7, every=1)
-    facts: dict[str, Any] = {}
+    facts = {}
     publish(
         options,
         page,

@@ -5,14 +5,13 @@ but the last and each climb but the last, the outermost lowest height included: 
 continued.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 from attrs import evolve
 from opir_photons.radiometry.long_paths import RADIUS_M, LimbTable
 from opir_photons.radiometry.lowtran import NodeTable
-from pages import Row
 
 #: Returns transmittances by height, m, and sine of elevation; and the maker of such a model from a
 #: table.
@@ -28,13 +27,13 @@ RISING = ("a height", "an angle")
 KINDS = (*RISING, "a lowest height", "a climb")
 
 
-def left_out(way: Way, nodes: NodeTable, kind: str) -> Iterator[Errors]:
+def left_out(way, nodes, kind):
     """Yield, for each point of a kind that a table can spare, the errors there without it."""
     errors = _rising if kind in RISING else _descending
     return errors(way, nodes, kind)
 
 
-def _rising(way: Way, nodes: NodeTable, kind: str) -> Iterator[Errors]:
+def _rising(way, nodes, kind):
     axis = RISING.index(kind)
     grid = np.meshgrid(nodes.height_m, nodes.zenith_rad, indexing="ij")
     name = ("height_m", "zenith_rad")[axis]
@@ -50,7 +49,7 @@ def _rising(way: Way, nodes: NodeTable, kind: str) -> Iterator[Errors]:
         yield height_m, np.abs(way(sparse)(height_m, np.cos(zenith_rad)) - exact)
 
 
-def _descending(way: Way, nodes: NodeTable, kind: str) -> Iterator[Errors]:
+def _descending(way, nodes, kind):
     limb = nodes.limb
     # The climb to the top of the air is never left out.
     is_top = limb.height_m > 99e3
@@ -67,7 +66,7 @@ def _descending(way: Way, nodes: NodeTable, kind: str) -> Iterator[Errors]:
         yield lowest_m, np.abs(transmittance - limb.transmittance[out])
 
 
-def region_rows(way: Way, tables: Iterable[NodeTable]) -> Iterator[Row]:
+def region_rows(way, tables):
     """Yield the largest errors of all tables by kind and by region."""
     every_table = list(tables)
     for kind in KINDS:

@@ -18,10 +18,8 @@ launches.
   (`calibration_ranks`).
 """
 
-import argparse
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -130,12 +128,12 @@ docs/benchmarks`; a part alone by `--only`.
 """
 
 
-def bin_numbers(probability: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def bin_numbers(probability, edges):
     """Return the bins of probabilities between edges (k + 1,)."""
     return np.clip(np.searchsorted(edges, probability, side="right") - 1, 0, len(edges) - 2)
 
 
-def report_row(confidence: np.ndarray, right: np.ndarray, emitter: np.ndarray) -> dict[str, Any]:
+def report_row(confidence, right, emitter):
     """Return a bin of events (n,). Those of one emitter are dependent: the interval is over
     emitters.
     """
@@ -151,10 +149,10 @@ def report_row(confidence: np.ndarray, right: np.ndarray, emitter: np.ndarray) -
     }
 
 
-def report_rows(count: int, sources: int, seeds: Sequence[int] = (2, 4)) -> Iterator[Row]:
+def report_rows(count, sources, seeds=(2, 4)):
     """Yield the bins of reports of each sensor."""
     sensors = {**SENSORS, **UNCONFIRMED}
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in sensors}
+    columns = {name: [] for name in sensors}
     for seed in seeds:
         rng = np.random.default_rng([seed, 29])
         targets = launches(rng, TARGET_TYPES, count)
@@ -190,14 +188,14 @@ def report_rows(count: int, sources: int, seeds: Sequence[int] = (2, 4)) -> Iter
                     yield row | report_row(confidence.real[rows], right.real[rows], emitter[rows])
 
 
-def look_tables(count: int, sources: int) -> tuple[list[Row], list[Row]]:
+def look_tables(count, sources):
     """Return the areas and the confusion of types of single looks."""
     people = population(count, sources, seed=1)
     looks = looks_at(people, *simulated(people))
     return list(area_rows(people, looks)), list(confusion_rows(people, looks))
 
 
-def class_run(count: int, sources: int, omitted: str) -> tuple[opir.Run, np.ndarray]:
+def class_run(count, sources, omitted):
     """Return a run without a class in the classifier, and the true hypotheses of the events."""
     duration_s = 512.0
     rng = np.random.default_rng([2, 31])
@@ -221,7 +219,7 @@ def class_run(count: int, sources: int, omitted: str) -> tuple[opir.Run, np.ndar
     return run, np.array(numbers)[run.truth.target]
 
 
-def bin_rows(probability: np.ndarray, truth: np.ndarray) -> Iterator[dict[str, Any]]:
+def bin_rows(probability, truth):
     """Yield the bins of events (n, hypotheses)."""
     is_true = np.arange(probability.shape[1]) == truth[:, None]
     number = bin_numbers(probability, EDGES)
@@ -236,7 +234,7 @@ def bin_rows(probability: np.ndarray, truth: np.ndarray) -> Iterator[dict[str, A
             }
 
 
-def rise(probability: np.ndarray, truth: np.ndarray) -> dict[str, Any]:
+def rise(probability, truth):
     """Return how "none of these" rises for events of an omitted class, against known launches.
 
     `oscr` is the area under correct classification against false positives (Dhamija, Günther and
@@ -262,10 +260,10 @@ def rise(probability: np.ndarray, truth: np.ndarray) -> dict[str, Any]:
     }
 
 
-def class_tables(count: int, sources: int) -> tuple[list[Row], list[Row]]:
+def class_tables(count, sources):
     """Return the rises of "none of these" and the bins, with each class left out in turn."""
-    rises: list[Row] = []
-    bins: list[Row] = []
+    rises = []
+    bins = []
     for omitted in OMITTED:
         run, truth = class_run(count, sources, omitted)
         probability = np.exp(run.detections.hypothesis_log_probability)
@@ -283,7 +281,7 @@ class WithoutClass(Host):
 
     omitted = ""
 
-    def names(self, hook: Any) -> list[str]:
+    def names(self, hook):
         """Return the names offered under a hook, sorted."""
         names = super().names(hook)
         return [name for name in names if hook is not TargetClass or name != self.omitted]
@@ -296,18 +294,18 @@ class Record(NamedTuple):
     mark: str
     probability: dict[str, float]
 
-    def best(self) -> tuple[str, float]:
+    def best(self):
         """Return the most probable hypothesis other than "none of these"."""
         return best_class(self.probability)
 
 
-def best_class(probability: Mapping[str, float]) -> tuple[str, float]:
+def best_class(probability):
     """Return the most probable hypothesis other than "none of these", and its probability."""
     name = max((name for name in probability if name != NONE), key=probability.__getitem__)
     return name, float(probability[name])
 
 
-def track_scene(count: int) -> dict[str, Any]:
+def track_scene(count):
     """Return a scene of launches of every class, in random order, three degrees apart."""
     rng = np.random.default_rng([12, 37])
     kinds = [kind for kind in CLASSES for _ in range(count)]
@@ -335,7 +333,7 @@ def track_scene(count: int) -> dict[str, Any]:
     }
 
 
-def records_of(mapping: Mapping[str, Any], omitted: str) -> Iterator[Record]:
+def records_of(mapping, omitted):
     """Yield the reports of tracks of launches at the marks, with a class left out."""
     host = WithoutClass.discover()
     host.omitted = omitted
@@ -357,7 +355,7 @@ def records_of(mapping: Mapping[str, Any], omitted: str) -> Iterator[Record]:
                 yield Record(target["type"], mark, dict(zip(names, probability, strict=True)))
 
 
-def track_row(omitted: str, mark: str, records: Sequence[Record]) -> Row:
+def track_row(omitted, mark, records):
     """Return how "none of these" rises at a mark, with one class left out."""
     unknown = [record for record in records if record.kind == omitted]
     known = [record for record in records if record.kind != omitted]
@@ -389,7 +387,7 @@ def track_row(omitted: str, mark: str, records: Sequence[Record]) -> Row:
     }
 
 
-def track_rows(count: int) -> Iterator[Row]:
+def track_rows(count):
     """Yield the rows of the tracker with each class left out in turn."""
     mapping = track_scene(count)
     for omitted in ("", *CLASSES):
@@ -421,14 +419,14 @@ PARTS = {
 TABLES = [name for part in PARTS.values() for name in part.tables]
 
 
-def bins_text(table: Table, stated: str) -> str:
+def bins_text(table, stated):
     """Return how many bins of enough events are near the diagonal."""
     large = [row for row in table if row["events"] >= ENOUGH]
     near = [row for row in large if abs(row[stated] - row["right"]) <= WITHIN]
     return f"{len(near)} of {len(large)}"
 
 
-def separated(rows: Table) -> str:
+def separated(rows):
     """Return the classes left out that "none of these" separates, and their AUROCs."""
     words = [
         f"{row['left_out']} ({row.get('sensor', 'imm')} {row['auroc']:.2f})"
@@ -438,7 +436,7 @@ def separated(rows: Table) -> str:
     return ", ".join(words) or "none"
 
 
-def page(tables: Mapping[str, Table]) -> str:
+def page(tables):
     """Return the page."""
     reports = tables["calibration"]
     bins = tables["left_out_bins"]
@@ -482,7 +480,7 @@ def page(tables: Mapping[str, Table]) -> str:
     )
 
 
-def right_types(tables: Mapping[str, Table]) -> dict[str, float]:
+def right_types(tables):
     """Return the share of launches reported with their type, by sensor."""
     table = tables["classification"]
     right = [row for row in table if row["true_type"] == row["reported"]]
@@ -492,7 +490,7 @@ def right_types(tables: Mapping[str, Table]) -> dict[str, float]:
     }
 
 
-def draw(path: Path, tables: Mapping[str, Table]) -> None:
+def draw(path, tables):
     """Draw all parts."""
     with svg_plot(path, 2, 3, figsize=(13.0, 7.5)) as (_, axes):
         draw_reliability(axes[0, 0], tables["calibration"], "confidence")
@@ -527,7 +525,7 @@ def draw(path: Path, tables: Mapping[str, Table]) -> None:
         axes[1, 2].tick_params(axis="x", rotation=40)
 
 
-def draw_reliability(axes: Any, table: Table, stated: str) -> None:
+def draw_reliability(axes, table, stated):
     """Draw shares that are right against stated probabilities, by sensor."""
     axes.plot([0.0, 1.0], [0.0, 1.0], color=GREY, linewidth=0.8)
     for sensor in table.names("sensor"):
@@ -536,7 +534,7 @@ def draw_reliability(axes: Any, table: Table, stated: str) -> None:
     axes.set(xlabel=stated, ylabel="share that is right")
 
 
-def measure(options: argparse.Namespace) -> None:
+def measure(options):
     """Run the parts, and write their tables into the folder."""
     for name in options.only:
         part = PARTS[name]
@@ -547,7 +545,7 @@ def measure(options: argparse.Namespace) -> None:
                 write_csv(options.write / f"{title}.csv", table)
 
 
-def main() -> None:
+def main():
     """Measure and write; the page if the data of all parts are there."""
     options = options_of(__doc__, only=tuple(PARTS), scale=1.0)
     if not options.from_csv:

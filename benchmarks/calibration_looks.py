@@ -6,13 +6,11 @@ it is scored: so objects are independent, and sensors are compared in pairs. All
 sensors are default.
 """
 
-from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from calibration_scenes import LOOK_SOURCES, launches, slot_scene, source_blocks
-from pages import Row
 from scipy.stats import beta, binomtest, norm, rankdata
 
 import opir_core as opir
@@ -46,7 +44,7 @@ class Looks(NamedTuple):
     probability: np.ndarray
 
 
-def population(count: int, sources: int, seed: int) -> Population:
+def population(count, sources, seed):
     """Return launches of each type and sources of each kind, with every sensor."""
     rng = np.random.default_rng([seed, 17])
     targets = launches(rng, TARGET_TYPES, count)
@@ -61,13 +59,13 @@ def population(count: int, sources: int, seed: int) -> Population:
     return Population(scene, kind, start_s + (end_s - start_s) * rng.random(len(kind)))
 
 
-def simulated(people: Population) -> tuple[Any, opir.Run]:
+def simulated(people):
     """Return the classifier and the run of a population."""
     scene = opir.scene_from_mapping(people.scene)
     return opir.compile_plan(scene).classifier, opir.simulate(scene)
 
 
-def looks_at(people: Population, classifier: Any, run: opir.Run) -> dict[str, Looks]:
+def looks_at(people, classifier, run):
     """Return, by sensor id, the report on each emitter from the last scan before its moment."""
     detections = run.detections
     target = run.truth.target
@@ -91,13 +89,13 @@ def looks_at(people: Population, classifier: Any, run: opir.Run) -> dict[str, Lo
     return looks
 
 
-def is_right(looks: Looks, kind: np.ndarray) -> np.ndarray:
+def is_right(looks, kind):
     """Return which looks at launches are reported with their type."""
     is_launch = np.isin(kind, TARGET_TYPES)
     return np.asarray(np.array(CODES)[looks.code[is_launch]] == kind[is_launch])
 
 
-def placements(plume: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def placements(plume, other):
     """Return how often each plume scores above the others, and each other below the plumes; ties
     count half.
     """
@@ -107,7 +105,7 @@ def placements(plume: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.nda
     return above, 1.0 - (ranks[count:] - rankdata(other)) / count
 
 
-def area(plume: np.ndarray, other: np.ndarray) -> tuple[float, float, float]:
+def area(plume, other):
     """Return the area under the ROC curve with DeLong's 95 % interval, which has hardly a width
     where little overlaps.
 
@@ -122,7 +120,7 @@ def area(plume: np.ndarray, other: np.ndarray) -> tuple[float, float, float]:
     return middle, max(least, 0.0), min(middle + 1.96 * sigma, 1.0)
 
 
-def influences(plume: np.ndarray, other: np.ndarray) -> tuple[float, list[np.ndarray]]:
+def influences(plume, other):
     """Return the area of scores above -inf, and the first-order contribution of each object, seen
     or not.
     """
@@ -135,9 +133,7 @@ def influences(plume: np.ndarray, other: np.ndarray) -> tuple[float, list[np.nda
     return middle, added
 
 
-def area_gain(
-    worse: list[np.ndarray], better: list[np.ndarray], *, of_looks: bool
-) -> tuple[float, float, float]:
+def area_gain(worse, better, *, of_looks):
     """Return the gain of an area on the same objects, its standard deviation, and one-sided p.
 
     Both are scores of plumes and of others. Of looks, unseen objects score below all; else they are
@@ -154,7 +150,7 @@ def area_gain(
     return gain, sigma, float(norm.sf(gain / sigma)) if sigma > 0.0 else 1.0
 
 
-def type_gain(worse: np.ndarray, better: np.ndarray) -> tuple[float, float]:
+def type_gain(worse, better):
     """Return the gain of a share of the same looks, and one-sided p (McNemar, exact)."""
     more = int(np.sum(better & ~worse))
     less = int(np.sum(worse & ~better))
@@ -162,15 +158,13 @@ def type_gain(worse: np.ndarray, better: np.ndarray) -> tuple[float, float]:
     return (more - less) / len(worse), float(p)
 
 
-def interval(hits: int, count: int) -> tuple[float, float]:
+def interval(hits, count):
     """Return the 95 % interval of a share (Clopper and Pearson)."""
     low = 0.0 if hits == 0 else float(beta.ppf(0.025, hits, count - hits + 1))
     return low, 1.0 if hits == count else float(beta.ppf(0.975, hits + 1, count - hits))
 
 
-def area_orders(
-    people: Population, looks: dict[str, Looks], *, of_looks: bool
-) -> list[tuple[str, str, float, float, float]]:
+def area_orders(people, looks, *, of_looks):
     """Return each step of the order of sensors with gain, deviation and p."""
     plume = np.isin(people.kind, TARGET_TYPES)
     scores = [[looks[sensor].log_odds[plume], looks[sensor].log_odds[~plume]] for sensor in SENSORS]
@@ -178,7 +172,7 @@ def area_orders(
     return [(*names, *area_gain(*both, of_looks=of_looks)) for names, both in pairs]
 
 
-def type_orders(people: Population, looks: dict[str, Looks]) -> list[tuple[str, str, float, float]]:
+def type_orders(people, looks):
     """Return each step of the order of sensors with gain and p."""
     right = {sensor: is_right(looks[sensor], people.kind) for sensor in SENSORS}
     return [
@@ -187,7 +181,7 @@ def type_orders(people: Population, looks: dict[str, Looks]) -> list[tuple[str, 
     ]
 
 
-def area_rows(people: Population, looks: dict[str, Looks]) -> Iterator[Row]:
+def area_rows(people, looks):
     """Yield the areas of each sensor against each kind, of reports and of looks."""
     plume = np.isin(people.kind, TARGET_TYPES)
     for name in ("reports", "looks"):
@@ -205,9 +199,9 @@ def area_rows(people: Population, looks: dict[str, Looks]) -> Iterator[Row]:
                     yield {**row, "low": low, "high": high, **counted}
 
 
-def confusion_rows(people: Population, looks: dict[str, Looks]) -> Iterator[Row]:
+def confusion_rows(people, looks):
     """Yield how often looks at objects of each kind are reported as each type."""
-    kinds: Sequence[str] = (*TARGET_TYPES, *LOOK_SOURCES)
+    kinds = (*TARGET_TYPES, *LOOK_SOURCES)
     for sensor in SENSORS:
         for kind in kinds:
             codes = looks[sensor].code[people.kind == kind]

@@ -15,7 +15,6 @@ distribution. The moments of the time have a figure of their own, error² / vari
 """
 
 import tempfile
-from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -26,8 +25,7 @@ from one_flight import START_S, flight_scene, longest_track, table_target, write
 from opir_scoring import nees, regions_given
 from opir_scoring.containments import on_normal_scale
 from opir_trackers import launch_points
-from pages import Row
-from prior_flights import PriorFlight, drawn_flights_of_prior
+from prior_flights import drawn_flights_of_prior
 from scipy.stats import chi2, norm
 
 import opir_core as opir
@@ -75,7 +73,7 @@ class Mixture(NamedTuple):
     time_s: np.ndarray
     probability: np.ndarray
 
-    def ranks(self, launch: tuple[float, float]) -> tuple[float, float, float]:
+    def ranks(self, launch):
         """Return the shares east, north and later of a launch at `START_S`."""
         error = ecef(*launch)[:, None] - self.place
         east, north = (
@@ -88,12 +86,12 @@ class Mixture(NamedTuple):
         earlier = np.interp(before_s, edges_s, np.append(0.0, np.cumsum(bins)))
         return east, north, 1.0 - float(earlier)
 
-    def sigma(self, axis: np.ndarray) -> np.ndarray:
+    def sigma(self, axis):
         """Return the standard deviations (m,) along an axis, m."""
         return np.sqrt(np.einsum("i,ijm,j->m", axis, self.covariance, axis))
 
 
-def normal_ranks(track: opir.Tracks, launch: tuple[float, float]) -> tuple[float, float, float]:
+def normal_ranks(track, launch):
     """Return the shares east, north and later of a launch at `START_S`, of a track whose launch
     point is normal.
     """
@@ -109,9 +107,7 @@ MOMENTS = launch_points.moment_matched
 MIXTURES = dict[float, Mixture]()
 
 
-def recorded_moments(
-    place: np.ndarray, covariance: np.ndarray, time_s: np.ndarray, probability: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def recorded_moments(place, covariance, time_s, probability):
     """Return the moments of mixtures (n, m) as the tracker computes them, and keep the mixtures."""
     points, spread = MOMENTS(place, covariance, time_s, probability)
     shape = probability.shape
@@ -125,7 +121,7 @@ def recorded_moments(
     return points, spread
 
 
-def ranks_of(task: tuple[PriorFlight, int]) -> list[Rank]:
+def ranks_of(task):
     """Return the ranks of a flight's truth at the marks."""
     flight, seed = task
     # A plume that is first seen in the instant of burnout is never seen.
@@ -152,7 +148,7 @@ def ranks_of(task: tuple[PriorFlight, int]) -> list[Rank]:
     return ranks
 
 
-def ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Rank]:
+def ranks_at(mark, flight, track):
     """Yield the ranks of all reports of a track's row."""
     time_s = float(track.tick_s[0]) - START_S
     is_over = time_s >= flight.burnout_s
@@ -178,7 +174,7 @@ def ranks_at(mark: int, flight: PriorFlight, track: opir.Tracks) -> Iterator[Ran
         yield Rank(mark, OVER, float(np.clip(1.0 - burning, 0.0, 1.0)), is_over)
 
 
-def launch_ranks(flight: PriorFlight, track: opir.Tracks) -> Iterator[Rank]:
+def launch_ranks(flight, track):
     """Yield the ranks of a reported launch point."""
     launch_s = float(track.launch[0, 2])
     if not np.isfinite(launch_s):
@@ -206,26 +202,26 @@ class Test(NamedTuple):
     p: float
 
 
-def chi2_test(counts: np.ndarray, expected: np.ndarray) -> Test:
+def chi2_test(counts, expected):
     """Return the test of counts against expected ones."""
     value = float(np.sum(np.square(counts - expected) / expected))
     freedom = len(counts) - 1
     return Test(counts, value, freedom, float(chi2.sf(value, freedom)))
 
 
-def values(ranks: Sequence[Rank]) -> np.ndarray:
+def values(ranks):
     """Return the values of ranks."""
     return np.array([rank.value for rank in ranks])
 
 
-def uniformity(ranks: Sequence[Rank]) -> Test:
+def uniformity(ranks):
     """Return the test of ranks in [0, 1] in at most ten equal bins."""
     bins = int(np.clip(len(ranks) // LEAST_EXPECTED, 2, 10))
     counts = np.histogram(values(ranks), np.linspace(0.0, 1.0, bins + 1))[0]
     return chi2_test(counts, np.full(bins, len(ranks) / bins))
 
 
-def of_cells(ranks: Sequence[Rank]) -> Test:
+def of_cells(ranks):
     """Return the test of impacts in the cells between regions."""
     counts = np.bincount(values(ranks).astype(int), minlength=len(CELLS)).astype(float)
     expected = len(ranks) * CELLS
@@ -235,7 +231,7 @@ def of_cells(ranks: Sequence[Rank]) -> Test:
     return chi2_test(counts, expected)
 
 
-def of_probabilities(ranks: Sequence[Rank]) -> Test:
+def of_probabilities(ranks):
     """Return the test of true events by stated probability.
 
     Hosmer and Lemeshow's test with stated probabilities: one degree of freedom for each bin.
@@ -253,14 +249,14 @@ def of_probabilities(ranks: Sequence[Rank]) -> Test:
     return Test(counts, value, freedom, float(chi2.sf(value, freedom)))
 
 
-def of_squares(ranks: Sequence[Rank]) -> Test:
+def of_squares(ranks):
     """Return squared errors over their variance: their sum and number, and no p, for they are not
     normal.
     """
     return Test(np.empty(0), float(values(ranks).sum()), len(ranks), np.nan)
 
 
-def rank_rows(flights: int, seed: int) -> Iterator[Row]:
+def rank_rows(flights, seed):
     """Yield the tests of each quantity at each mark."""
     drawn = drawn_flights_of_prior(np.random.default_rng([seed, 11]), flights)
     ranks = [

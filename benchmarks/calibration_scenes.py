@@ -2,8 +2,7 @@
 slot, with the prior of the classifier that is true of them.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,14 +43,14 @@ LOOK_SOURCES = {
 Place = tuple[float, float]
 
 
-def place_seen(rng: np.random.Generator) -> Place:
+def place_seen(rng):
     """Return latitude and longitude, rad, of a random place that sees the satellite."""
     elevation = np.arcsin(rng.uniform(0.03, 1.0))
     angle = float(np.arccos(RADIUS_KM * np.cos(elevation) / SLOT_KM) - elevation)
     return moved((0.0, 0.0), angle, 2.0 * np.pi * rng.random())
 
 
-def moved(place: Place, angle: float, heading: float) -> Place:
+def moved(place, angle, heading):
     """Return the place at an angle from another, on a sphere."""
     latitude, longitude = place
     level = np.cos(latitude) * np.sin(angle)
@@ -60,15 +59,13 @@ def moved(place: Place, angle: float, heading: float) -> Place:
     return float(np.arcsin(sine)), longitude + float(east)
 
 
-def degrees(place: Place) -> dict[str, float]:
+def degrees(place):
     """Return a place as scenes write it."""
     latitude, longitude = np.degrees(place).tolist()
     return {"lat_deg": latitude, "lon_deg": (longitude + 180.0) % 360.0 - 180.0}
 
 
-def launched(
-    rng: np.random.Generator, kind: str, number: int, launch: Place, has_light: bool = True
-) -> dict[str, Any]:
+def launched(rng, kind, number, launch, has_light=True):
     """Return a launch of a class: profile, range, heading and brightness drawn as the classifier
     assumes.
     """
@@ -78,7 +75,7 @@ def launched(
     longest_m = min(profile.maximum_range_m, 1.5e7) / 1.02
     angle = float(np.exp(rng.uniform(*np.log([shortest_m, longest_m])))) / 1e3 / RADIUS_KM
     heading = 2.0 * np.pi * rng.random()
-    target: dict[str, Any] = {"id": f"{kind}-{number}", "type": kind, "launch": degrees(launch)}
+    target = {"id": f"{kind}-{number}", "type": kind, "launch": degrees(launch)}
     if has_light:
         spread = BRIGHTNESS * rng.standard_normal() + COLOUR * rng.standard_normal(3)
         peaks = target_class.plume(profile.name).peak_w_sr
@@ -97,16 +94,14 @@ def launched(
     return {**target, "aim": aim, **({"profile": profile.name} if has_profile else {})}
 
 
-def launches(rng: np.random.Generator, kinds: Iterable[str], count: int) -> list[dict[str, Any]]:
+def launches(rng, kinds, count):
     """Return so many launches of each class, from places that see the satellite."""
     return [
         launched(rng, kind, number, place_seen(rng)) for kind in kinds for number in range(count)
     ]
 
 
-def source_blocks(
-    rng: np.random.Generator, kinds: Mapping[str, Source], count: int
-) -> list[dict[str, Any]]:
+def source_blocks(rng, kinds, count):
     """Return a block of so many sources of each kind; glints are near the point below the Sun."""
     blocks = []
     for kind, source in kinds.items():
@@ -125,12 +120,12 @@ def source_blocks(
 
 
 def prior(
-    kinds: Sequence[str],
-    count: int,
-    sources: Mapping[str, Source],
-    source_count: int,
-    time_s: float,
-) -> dict[str, Any]:
+    kinds,
+    count,
+    sources,
+    source_count,
+    time_s,
+):
     """Return the settings of the classifier that are true of so many launches and sources in a
     time.
     """
@@ -144,9 +139,7 @@ def prior(
     }
 
 
-def slot_scene(
-    sensors: Mapping[str, Mapping[str, Any]], duration_s: float, seed: int, **settings: Any
-) -> dict[str, Any]:
+def slot_scene(sensors, duration_s, seed, **settings):
     """Return a scene of sensors over the Gulf of Guinea, through air and over the Earth."""
     return {
         "scene": "calibration",

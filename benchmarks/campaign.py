@@ -90,12 +90,12 @@ class Stand:
     broker: Any
 
 
-def scene(folder: Path, seed: int) -> dict[str, Any]:
+def scene(folder, seed):
     """Return a scene with an output in a folder."""
     return {**SCENE, "seed": seed, "outputs": [{"jsonl": {"path": str(folder / "e.jsonl")}}]}
 
 
-def run_into(folder: Path, seed: int) -> None:
+def run_into(folder, seed):
     """Run the scene into a folder."""
     plan = opir.compile_plan(opir.scene_from_mapping(scene(folder, seed)))
     truth = folder / "e.truth.jsonl"
@@ -103,7 +103,7 @@ def run_into(folder: Path, seed: int) -> None:
     outcome.raise_for_failures()
 
 
-def complete_run(folder: Path, *seeds: int) -> int:
+def complete_run(folder, *seeds):
     """Return the events of a run that must be complete and of one of the seeds; the next run must
     replace it.
     """
@@ -115,7 +115,7 @@ def complete_run(folder: Path, *seeds: int) -> int:
     return events
 
 
-def batch_killed(rng: random.Random, folder: Path, stand: Stand) -> Result:
+def batch_killed(rng, folder, stand):
     """A batch run over another one, ended by a signal at a random moment."""
     run_into(folder, 1)
     path = folder.with_name("scene.yaml")
@@ -129,7 +129,7 @@ def batch_killed(rng: random.Random, folder: Path, stand: Stand) -> Result:
     return Result(complete_run(folder, 1, 2))
 
 
-def batch_failing_disk(rng: random.Random, folder: Path, _stand: Stand) -> Result:
+def batch_failing_disk(rng, folder, _stand):
     """A batch run over another one, on a disk that fails."""
     run_into(folder, 1)
     with FailingDisk(folder) as disk:
@@ -139,12 +139,12 @@ def batch_failing_disk(rng: random.Random, folder: Path, _stand: Stand) -> Resul
     return Result(complete_run(folder, *((2,) if message is None else (1, 2))))
 
 
-def fault(rng: random.Random) -> int:
+def fault(rng):
     """Return a random fault of a disk."""
     return rng.choice([*ERRORS, SHORT])
 
 
-def message_of(work: Callable[[], Any]) -> str | None:
+def message_of(work):
     """Return the message of an error, None without one."""
     try:
         work()
@@ -153,7 +153,7 @@ def message_of(work: Callable[[], Any]) -> str | None:
     return None
 
 
-def spool_sink(path: Path, carrier: Any, rng: random.Random) -> TransportSink:
+def spool_sink(path, carrier, rng):
     """Return an output with a spool and a random policy."""
     damage = salvaged_at_start(path)
     journal = Journal(str(path), 64 * MIB, survives_power_cut=rng.random() < 0.5)
@@ -162,10 +162,10 @@ def spool_sink(path: Path, carrier: Any, rng: random.Random) -> TransportSink:
     return TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy, damage)
 
 
-def spool_failing_disk(rng: random.Random, folder: Path, _stand: Stand) -> Result:
+def spool_failing_disk(rng, folder, _stand):
     """Six lives of an output with a spool on a disk that fails at random calls but in the last."""
-    arrived: dict[str, None] = {}
-    written: list[str] = []
+    arrived = {}
+    written = []
     reported = 0
     with FailingDisk(folder) as disk:
         for life in range(6):
@@ -188,9 +188,9 @@ def spool_failing_disk(rng: random.Random, folder: Path, _stand: Stand) -> Resul
     return compared(written, arrived, reported)
 
 
-def spooled(rng: random.Random, sink: TransportSink, first: int) -> list[str]:
+def spooled(rng, sink, first):
     """Write windows of random sizes until one fails; return the ids of all events."""
-    ids: list[str] = []
+    ids = []
     for _ in range(rng.randint(1, 6)):
         part = window(rng.randint(1, 200), first + len(ids))
         ids += ids_of(part)
@@ -199,7 +199,7 @@ def spooled(rng: random.Random, sink: TransportSink, first: int) -> list[str]:
     return ids
 
 
-def compared(written: list[str], arrived: dict[str, None], reported: int) -> Result:
+def compared(written, arrived, reported):
     """Hold arrivals against the events written: order by sensor, nothing unknown, missing ones
     reported.
     """
@@ -212,7 +212,7 @@ def compared(written: list[str], arrived: dict[str, None], reported: int) -> Res
     return Result(len(written), reported, max(0, missing - reported))
 
 
-def spool_damaged(rng: random.Random, folder: Path, _stand: Stand) -> Result:
+def spool_damaged(rng, folder, _stand):
     """A spool with bits flipped between two runs."""
     path = folder / "spool"
     written = ids_of(window(2000))
@@ -235,7 +235,7 @@ def spool_damaged(rng: random.Random, folder: Path, _stand: Stand) -> Result:
     return Result(result.events, result.reported + result.missing)
 
 
-def kafka_faults(rng: random.Random, folder: Path, stand: Stand) -> Result:
+def kafka_faults(rng, folder, stand):
     """Four lives of the Kafka sink with a spool; the broker comes, goes, is slow, refuses or
     freezes but in the last.
     """
@@ -263,7 +263,7 @@ def kafka_faults(rng: random.Random, folder: Path, stand: Stand) -> Result:
     return Result(first)
 
 
-def broker_fault(rng: random.Random, broker: Any) -> None:
+def broker_fault(rng, broker):
     """Let a broker fail at random, or recover."""
     kind = rng.choice(["down", "up", "slow", "error", "fatal", "none"])
     if kind in ("down", "up"):
@@ -275,7 +275,7 @@ def broker_fault(rng: random.Random, broker: Any) -> None:
         broker.tell("error", kafka_broker.PRODUCE, *[rng.choice(codes)] * rng.choice([1, 5, 30]))
 
 
-def service_faults(rng: random.Random, _folder: Path, stand: Stand) -> Result:
+def service_faults(rng, _folder, stand):
     """A service with two outputs through launches, settings, restarts, kills, and faults of broker
     and disk.
     """
@@ -290,18 +290,18 @@ def service_faults(rng: random.Random, _folder: Path, stand: Stand) -> Result:
     return Result(2 * sum(service.given.values()), sum(service.lost.values()))
 
 
-def service_step(rng: random.Random, service: WatchedService, broker: Any) -> None:
+def service_step(rng, service, broker):
     """Do one thing to a service at random."""
 
-    def restart(end: Callable[[], None]) -> None:
+    def restart(end):
         end()
         service.start()
 
-    def fail_disk() -> None:
+    def fail_disk():
         kinds = rng.choice([WRITING, (READ,)])
         service.fail_disk(rng.randint(1, 40), fault(rng), rng.random() < 0.5, kinds)
 
-    steps: list[Callable[[], Any]] = [
+    steps = [
         lambda: broker_fault(rng, broker),
         fail_disk,
         service.heal_disk,
@@ -325,7 +325,7 @@ KINDS: dict[str, Callable[[random.Random, Path, Stand], Result]] = {
 }
 
 
-def campaign(minutes: float, seed: int, only: str, first: int) -> tuple[dict[str, Row], list[str]]:
+def campaign(minutes, seed, only, first):
     """Make trials until the time is over; return their rows and the failures."""
     rows = {name: Row() for name, trial in KINDS.items() if only in trial.__name__}
     failures = list[str]()
@@ -348,7 +348,7 @@ def campaign(minutes: float, seed: int, only: str, first: int) -> tuple[dict[str
     return rows, failures
 
 
-def tried(name: str, rng: random.Random, row: Row, stand: Stand) -> str:
+def tried(name, rng, row, stand):
     """Make one trial; return its failure, empty if it survived."""
     row.tried += 1
     with tempfile.TemporaryDirectory() as place:
@@ -367,14 +367,14 @@ def tried(name: str, rng: random.Random, row: Row, stand: Stand) -> str:
     return f"{result.missing} events are missing" if result.missing else ""
 
 
-def table(rows: dict[str, Row]) -> str:
+def table(rows):
     """Return the table of the trials."""
     columns = ("tried", "survived", "events", "reported", "missing")
     lines = [[name, *(getattr(row, column) for column in columns)] for name, row in rows.items()]
     return markdown_table(HEAD, lines)
 
 
-def write(path: Path, rows: dict[str, Row], minutes: float, seed: int) -> None:
+def write(path, rows, minutes, seed):
     """Put the figures into a page, between its marks."""
     before, part = path.read_text(encoding="utf-8").split(BEGIN)
     day = datetime.now(UTC).date().isoformat()
@@ -386,7 +386,7 @@ def write(path: Path, rows: dict[str, Row], minutes: float, seed: int) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def main() -> int:
+def main():
     """Make a campaign; return 1 if a trial failed."""
     options = options_of(__doc__, minutes=60.0, seed=1, only="", first=0, page=Path)
     rows, failures = campaign(options.minutes, options.seed, options.only, options.first)

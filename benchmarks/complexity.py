@@ -12,12 +12,9 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pages import COLOURS, Row, Table, options_of, publish, svg_plot
+from pages import COLOURS, options_of, publish, svg_plot
 
 #: The scene that stays, and the first value of each quantity, whose last is 10 to the number of
 #: decades times that: a run is short, so that the largest points take about a minute.
@@ -44,7 +41,7 @@ process, start-up included. All points: [complexity.csv](complexity.csv).
 """
 
 
-def scene(targets: int, sensors: int, duration_s: float, rate_hz: float) -> dict[str, Any]:
+def scene(targets, sensors, duration_s, rate_hz):
     """Return a scene with equally many launches every minute: looks grow with the duration."""
     places = np.random.default_rng(7).uniform(-20.0, 20.0, (targets, 2)).tolist()
     launches = [
@@ -79,7 +76,7 @@ def scene(targets: int, sensors: int, duration_s: float, rate_hz: float) -> dict
     }
 
 
-def child(values: Mapping[str, float]) -> None:
+def child(values):
     """Run a scene, encode its events, and print the looks and events."""
     import opir_core as opir
     from opir_core.interfaces.contexts import EncoderContext
@@ -101,7 +98,7 @@ def child(values: Mapping[str, float]) -> None:
     print(json.dumps({"looks": looks, "events": events}))
 
 
-def process_of(*words: str) -> tuple[str, float, float]:
+def process_of(*words):
     """Run this script's child; return its output, processor time, s, and peak memory, MiB."""
     process = subprocess.Popen([sys.executable, sys.argv[0], *words], stdout=subprocess.PIPE)
     text = process.stdout.read() if process.stdout else b""
@@ -112,7 +109,7 @@ def process_of(*words: str) -> tuple[str, float, float]:
     return text.decode(), used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
 
 
-def rows_of(decades: float, points: int = 2) -> Iterator[Row]:
+def rows_of(decades, points=2):
     """Yield the points of every quantity, so many a decade."""
     for quantity, first in BASE.items():
         for value in first * 10.0 ** np.linspace(0.0, decades, round(points * decades) + 1):
@@ -122,7 +119,7 @@ def rows_of(decades: float, points: int = 2) -> Iterator[Row]:
             yield {**row, "processor_s": processor_s, "peak_mib": peak_mib}
 
 
-def exponent(value: np.ndarray, cost: np.ndarray) -> float:
+def exponent(value, cost):
     """Return k of a + b n^k by least squares, with a the best start below the smallest cost."""
     if cost.max() < FLAT * cost.min():
         return 0.0
@@ -134,12 +131,12 @@ def exponent(value: np.ndarray, cost: np.ndarray) -> float:
     return best[1]
 
 
-def exponent_of(points: Table, cost: str) -> float:
+def exponent_of(points, cost):
     """Return the exponent of a cost, `processor_s` or `peak_mib`, of a quantity's points."""
     return exponent(np.array(points.column("value")), np.array(points.column(cost)))
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     parts = []
     for quantity in table.names("quantity"):
@@ -160,7 +157,7 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw time and memory against each quantity."""
     names = table.names("quantity")
     with svg_plot(path, 2, len(names), figsize=(12.0, 5.5), sharey="row") as (_, axes):
@@ -180,7 +177,7 @@ def draw(path: Path, table: Table) -> None:
         axes[1, 0].set_ylabel("peak memory, MiB")
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, decades=3.0, child=json.loads)
     if options.child:

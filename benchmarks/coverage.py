@@ -5,11 +5,8 @@ through the engine's own test of visibility. A place is covered while at least o
 fleet sees it.
 """
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-
 import numpy as np
-from pages import Row, Table, draw_lines, markdown_table, options_of, publish, svg_plot
+from pages import Table, draw_lines, markdown_table, options_of, publish, svg_plot
 
 import opir_core as opir
 from opir_core.geometry import geodetic_to_ecef
@@ -49,7 +46,7 @@ latitude and 30° of longitude; times every {step_s:g} s of a day. By latitude:
 HEAD = ("fleet", "covered all day", "two satellites", "satellites in view", "longest gap, min")
 
 
-def satellites_in_view(constellations: list[str], step_s: float) -> np.ndarray:
+def satellites_in_view(constellations, step_s):
     """Return how many satellites see each place at each time (latitudes, longitudes, times)."""
     scene = {
         "scene": "coverage",
@@ -71,7 +68,7 @@ def satellites_in_view(constellations: list[str], step_s: float) -> np.ndarray:
     return count.reshape(len(LATITUDES_DEG), len(LONGITUDES_DEG), -1)
 
 
-def longest_gap_s(seen: np.ndarray, step_s: float) -> float:
+def longest_gap_s(seen, step_s):
     """Return the longest run of times (n,), over the day's end and into the next, in which a place
     is not seen.
     """
@@ -82,7 +79,7 @@ def longest_gap_s(seen: np.ndarray, step_s: float) -> float:
     return float(np.diff(ends, prepend=-1).max() - 1) * step_s
 
 
-def rows_of(step_s: float) -> Iterator[Row]:
+def rows_of(step_s):
     """Yield the coverage of each fleet by latitude."""
     for fleet, constellations in FLEETS.items():
         counts = satellites_in_view(constellations, step_s)
@@ -97,19 +94,19 @@ def rows_of(step_s: float) -> Iterator[Row]:
             }
 
 
-def span(values: Sequence[float]) -> str:
+def span(values):
     """Return the smallest and the largest of some values, or the one value that all have."""
     low = f"{min(values):.2f}"
     high = f"{max(values):.2f}"
     return low if low == high else f"{low} to {high}"
 
 
-def latitude_text(latitude_deg: float) -> str:
+def latitude_text(latitude_deg):
     """Return a latitude with its hemisphere."""
     return f"{abs(latitude_deg):g}° {'S' if latitude_deg < 0.0 else 'N'}" if latitude_deg else "0°"
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     lines = []
     for fleet in table.names("fleet"):
@@ -129,7 +126,7 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw coverage against latitude."""
     labels = {
         "covered": "share of the day with a satellite in view",
@@ -143,7 +140,7 @@ def draw(path: Path, table: Table) -> None:
         axes[0].set_ylabel("latitude, deg")
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, step_s=300.0)
     publish(options, page, draw, {"step_s": options.step_s}, coverage=rows_of(options.step_s))

@@ -7,8 +7,6 @@ horizon of a sphere, without field of regard, the Sun or the ellipsoid.
 
 import resource
 import time
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from figures import keep
@@ -30,7 +28,7 @@ SCENE = {
 }
 
 
-def timed(name: str, work: Callable[[], Any]) -> Any:
+def timed(name, work):
     """Print the processor time of a piece of work, and the most memory so far."""
     start = time.process_time()
     result = work()
@@ -41,7 +39,7 @@ def timed(name: str, work: Callable[[], Any]) -> Any:
     return result
 
 
-def script(position_m: np.ndarray) -> np.ndarray:
+def script(position_m):
     """Return the numbers in view (T, cells) of satellites (S, T, 3) above a sphere."""
     latitude, longitude = np.radians(
         np.meshgrid(np.arange(-89, 90, 2), np.arange(-179, 180, 2), indexing="ij")
@@ -52,7 +50,7 @@ def script(position_m: np.ndarray) -> np.ndarray:
     return np.stack([(satellites @ up > 6371008.8).sum(axis=0) for satellites in instants])
 
 
-def main() -> None:
+def main():
     """Measure and print."""
     options = options_of(__doc__, scene=str, grid=2.0)
     scene = load_scene(options.scene) if options.scene else scene_from_mapping(SCENE)

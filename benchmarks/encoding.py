@@ -55,12 +55,12 @@ class RaidEvent(msgspec.Struct, gc=False):
     altitude_m: None
 
 
-def encoded(encoder: ForgeEncoder, windows: list[opir.Window]) -> list[bytes]:
+def encoded(encoder, windows):
     """Return the lines of windows, block by block."""
     return [encoder.encode(block) for window in windows for block in window_blocks(window)]
 
 
-def filed(encoder: ForgeEncoder, windows: list[opir.Window]) -> None:
+def filed(encoder, windows):
     """Write the lines of windows into a file."""
     with tempfile.TemporaryDirectory() as folder:
         sink = LineFile(f"{folder}/events.jsonl", encoder)
@@ -69,7 +69,7 @@ def filed(encoder: ForgeEncoder, windows: list[opir.Window]) -> None:
         sink.close()
 
 
-def msgspec_ways(lines: bytes) -> dict[str, Way]:
+def msgspec_ways(lines):
     """Return the ways of msgspec to make lines; raise `SystemExit` if they make other lines."""
     encode = msgspec.json.Encoder().encode_lines
     structs = [msgspec.json.decode(line, type=RaidEvent) for line in lines.splitlines()]
@@ -82,7 +82,7 @@ def msgspec_ways(lines: bytes) -> dict[str, Way]:
     }
 
 
-def ways_of(launches: int, tracker: str) -> tuple[dict[str, Way], int]:
+def ways_of(launches, tracker):
     """Return the ways to encode the events of a raid, and the number of events."""
     scene = raid_scene(launches, 12, 300.0, [])
     plan = opir.compile_plan(scene)
@@ -101,12 +101,12 @@ def ways_of(launches: int, tracker: str) -> tuple[dict[str, Way], int]:
     return ways, lines.count(b"\n")
 
 
-def with_tracker(scene: opir.Scene, tracker: str) -> opir.Scene:
+def with_tracker(scene, tracker):
     """Return a scene with a tracker."""
     return opir.scene_from_mapping({**scene_mapping(scene), "tracker": tracker})
 
 
-def main() -> None:
+def main():
     """Measure and print."""
     options = options_of(__doc__, raid=10, repeats=7, tracker="kepler-arc")
     ways, events = ways_of(options.raid, options.tracker)

@@ -12,10 +12,8 @@ import json
 import os
 import pickle
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -23,10 +21,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import yaml
 from complexity import process_of
-from opir_studies.differences import RunAnswers, answers_of, differences
+from opir_studies.differences import answers_of, differences
 from opir_studies.knobs import Knob, knobs_of
 from opir_studies.tuning import overrides_at
-from pages import COLOURS, Row, Table, markdown_table, options_of, publish, shown, svg_plot
+from pages import COLOURS, markdown_table, options_of, publish, shown, svg_plot
 
 import opir_core as opir
 from opir_core.builtin.class_flights import EPHEMERIS_TOLERANCE_M
@@ -72,7 +70,7 @@ wanted error.
 """
 
 
-def scene(launches: int, duration_s: float) -> dict[str, Any]:
+def scene(launches, duration_s):
     """Return a scene: launches from a field of points 100 km apart, in the first ten seconds."""
     side = int(np.ceil(np.sqrt(launches)))
     targets = []
@@ -107,7 +105,7 @@ def scene(launches: int, duration_s: float) -> dict[str, Any]:
     }
 
 
-def knobs(mapping: Mapping[str, Any]) -> list[Knob]:
+def knobs(mapping):
     """Return all settings: those that `opir tune` turns, and those that leave a part out or are not
     in a scene file.
     """
@@ -123,20 +121,20 @@ def knobs(mapping: Mapping[str, Any]) -> list[Knob]:
     ]
 
 
-def child(request: Mapping[str, Any], path: Path) -> None:
+def child(request, path):
     """Run a scene with overrides and keep its answers."""
     for module in TRAJECTORIES if request["tolerance_m"] else ():
-        import_module(f"opir_core.builtin.{module}").EPHEMERIS_TOLERANCE_M = request["tolerance_m"]  # type: ignore[attr-defined]
+        import_module(f"opir_core.builtin.{module}").EPHEMERIS_TOLERANCE_M = request["tolerance_m"]
     run = opir.simulate(opir.scene_from_mapping(request["scene"], overrides=request["overrides"]))
     path.write_bytes(pickle.dumps(answers_of(run)))
 
 
-def trajectory_tolerance(overrides: Sequence[str]) -> float | None:
+def trajectory_tolerance(overrides):
     """Return the tolerance among overrides, m, None without one."""
     return next((float(word.removesuffix(" m")) for word in overrides if word.endswith(" m")), None)
 
 
-def answered(mapping: Mapping[str, Any], overrides: Sequence[str]) -> tuple[RunAnswers, float]:
+def answered(mapping, overrides):
     """Return the answers of a process that runs a scene, and its processor time, s."""
     request = {
         "scene": mapping,
@@ -151,7 +149,7 @@ def answered(mapping: Mapping[str, Any], overrides: Sequence[str]) -> tuple[RunA
         return pickle.loads(answers.read_bytes()), processor_s
 
 
-def is_default(mapping: Mapping[str, Any], overrides: Sequence[str]) -> bool:
+def is_default(mapping, overrides):
     """Whether overrides leave the scene as it is."""
     tolerance_m = trajectory_tolerance(overrides)
     if tolerance_m is not None:
@@ -161,18 +159,18 @@ def is_default(mapping: Mapping[str, Any], overrides: Sequence[str]) -> bool:
     return scene_mapping(changed) == scene_mapping(scene)
 
 
-def shown_override(override: str) -> str:
+def shown_override(override):
     """Return an override without the path of its component."""
     path, equals, value = override.partition("=")
     return f"{path.rpartition('.')[2]}={value}" if equals else path
 
 
-def scene_rows(mapping: Mapping[str, Any], only: Sequence[str]) -> Iterator[Row]:
+def scene_rows(mapping, only):
     """Yield the rows of one scene."""
     settings = knobs(mapping)
     default, default_s = answered(mapping, ())
 
-    def row(knob: str, level: str, run: tuple[RunAnswers, float], reference: RunAnswers) -> Row:
+    def row(knob, level, run, reference):
         answers, processor_s = run
         figures = {
             "knob": knob,
@@ -184,7 +182,7 @@ def scene_rows(mapping: Mapping[str, Any], only: Sequence[str]) -> Iterator[Row]
         return figures | errors | {"from_truth_km": answers.from_truth["impact_km"]}
 
     for knob in settings:
-        reference: RunAnswers | None = None
+        reference = None
         for level in knob.levels if not only or knob.name in only else ():
             run = answered(mapping, level)
             if is_default(mapping, level):
@@ -199,9 +197,7 @@ def scene_rows(mapping: Mapping[str, Any], only: Sequence[str]) -> Iterator[Row]
         yield row(ALL, "defaults", (default, default_s), exact[0])
 
 
-def rows_of(
-    scenes: Sequence[str], raid: int, only: Sequence[str], duration_s: float
-) -> Iterator[Row]:
+def rows_of(scenes, raid, only, duration_s):
     """Yield the rows of all scenes."""
     for name in scenes:
         launches = raid if name == "raid" else SCENES[name]
@@ -210,7 +206,7 @@ def rows_of(
             yield {"scene": name, "launches": launches, "duration_s": duration_s, **row}
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     defaults = table.where(knob=ALL, level="defaults")
     exact = table.where(knob=ALL, level="exact")
@@ -239,7 +235,7 @@ def page(table: Table) -> str:
     )
 
 
-def answer(table: Table, defaults: Table) -> str:
+def answer(table, defaults):
     """Return which bars are met or missed, and which defaults are off the knee."""
     if not defaults:
         return "The rows of all settings together were not run."
@@ -264,7 +260,7 @@ def answer(table: Table, defaults: Table) -> str:
     )
 
 
-def off_the_knee(table: Sequence[Row]) -> list[str]:
+def off_the_knee(table):
     """Return the levels that beat a default in time by a fifth with no larger error."""
     levels = []
     for default in table:
@@ -281,7 +277,7 @@ def off_the_knee(table: Sequence[Row]) -> list[str]:
     return levels
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw error against time, a panel for each setting, the default ringed."""
     names = [name for name in ERRORS if name in table.names("knob")]
     lines = max(1, -(-len(names) // COLUMNS))
@@ -308,7 +304,7 @@ def draw(path: Path, table: Table) -> None:
             panel.set_xlabel("processor time, s", fontsize=8)
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(
         __doc__,

@@ -6,15 +6,11 @@ evaluated for targets x 1000 times in one call, in order (as a grid) and shuffle
 another target and time). Times are processor time of one core, medians.
 """
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
-
 import numpy as np
-from pages import Row, Table, draw_lines, markdown_table, median_s, options_of, publish, svg_plot
+from pages import draw_lines, markdown_table, median_s, options_of, publish, svg_plot
 
-from opir_core.flight.aiming import Aim, aim, boost_ephemeris, flight_ephemeris
+from opir_core.flight.aiming import aim, boost_ephemeris, flight_ephemeris
 from opir_core.flight.boost import boost_profiles
-from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 
@@ -49,7 +45,7 @@ COLUMNS = {
 }
 
 
-def flights(count: int) -> Aim:
+def flights(count):
     """Return flights of all classes over random ranges in random directions."""
     rng = np.random.default_rng(1)
     classes = list(boost_profiles().values())
@@ -66,7 +62,7 @@ def flights(count: int) -> Aim:
     return aim(start, Geodetic(*end, 0.0), rng.uniform(0.0, 600.0, count), profiles)
 
 
-def exact_m(flight: Aim, target: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+def exact_m(flight, target, time_s):
     """Return positions (n, 3) without an ephemeris."""
     burnout_s = flight.burnout_s[target]
     boost, _ = flight.path.state(target, time_s)
@@ -78,7 +74,7 @@ def exact_m(flight: Aim, target: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     return np.where((time_s <= burnout_s)[:, None], boost, eci_to_ecef(coast, time_s))
 
 
-def largest_error_m(ephemeris: Ephemeris, flight: Aim, points: int) -> float:
+def largest_error_m(ephemeris, flight, points):
     """Return the largest error over random points, half of them crowded towards the start."""
     rng = np.random.default_rng(2)
     worst_m = 0.0
@@ -92,7 +88,7 @@ def largest_error_m(ephemeris: Ephemeris, flight: Aim, points: int) -> float:
     return worst_m
 
 
-def kilobytes(ephemeris: Ephemeris) -> float:
+def kilobytes(ephemeris):
     """Return the memory of all the arrays of an ephemeris."""
     values = [
         getattr(record, name)
@@ -104,13 +100,13 @@ def kilobytes(ephemeris: Ephemeris) -> float:
 
 
 def row_of(
-    span: str,
-    build: Callable[[float], Ephemeris],
-    flight: Aim,
-    tolerance_m: float,
-    points: int,
-    repeat: int,
-) -> Row:
+    span,
+    build,
+    flight,
+    tolerance_m,
+    points,
+    repeat,
+):
     """Return the row of one span and tolerance."""
     ephemeris = build(tolerance_m)
     count = len(ephemeris)
@@ -122,7 +118,7 @@ def row_of(
     order = np.random.default_rng(3).permutation(len(target))
     mixed = (target[order], time_s[order])
 
-    def nanoseconds(action: Callable[[], object]) -> float:
+    def nanoseconds(action):
         return 1e9 * median_s(action, repeat) / len(target)
 
     return {
@@ -138,10 +134,10 @@ def row_of(
     }
 
 
-def rows_of(targets: int, points: int, repeat: int) -> Iterator[Row]:
+def rows_of(targets, points, repeat):
     """Yield the rows of all spans and tolerances."""
     flight = flights(targets)
-    spans: dict[str, Callable[[float], Ephemeris]] = {
+    spans = {
         "boost": lambda tolerance_m: boost_ephemeris(flight.path, tolerance_m),
         "flight": lambda tolerance_m: flight_ephemeris(flight, tolerance_m),
     }
@@ -150,7 +146,7 @@ def rows_of(targets: int, points: int, repeat: int) -> Iterator[Row]:
             yield row_of(span, build, flight, tolerance_m, points, repeat)
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     default = table.row(span="flight", tolerance_m=0.01)
     lines = [
@@ -168,7 +164,7 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw build time, memory and evaluation time against tolerance."""
     names = ("build_us", "kilobytes", "ordered_ns")
     with svg_plot(path, 1, len(names), figsize=(11, 3.4)) as (_, axes):
@@ -178,7 +174,7 @@ def draw(path: Path, table: Table) -> None:
             panel.invert_xaxis()
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, targets=1000, points=1_000_000, repeat=7)
     rows = rows_of(options.targets, options.points, options.repeat)

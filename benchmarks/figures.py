@@ -9,7 +9,6 @@ import csv
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 Figures = dict[str, float]
@@ -19,7 +18,7 @@ _NUMBER = re.compile(r"[-+−]?\d+(?: \d{3})*(?:\.\d+)?(?:[eE][-+]?\d+)?(?=$|[ %
 _RULE = re.compile(r"^\|[-:| ]+\|$")
 
 
-def keep(name: str, value: float, unit: str = "") -> None:
+def keep(name, value, unit=""):
     """Keep a figure for the suite that runs this script, if one does."""
     path = os.environ.get("OPIR_BENCHMARK_FIGURES")
     if path:
@@ -27,17 +26,17 @@ def keep(name: str, value: float, unit: str = "") -> None:
             file.write(json.dumps([f"{name}, {unit}" if unit else name, float(value)]) + "\n")
 
 
-def kept_figures(path: Path) -> Figures:
+def kept_figures(path):
     """Return the figures that a script kept."""
     lines = path.read_text("utf-8").splitlines() if path.exists() else []
     return dict(json.loads(line) for line in lines)
 
 
-def figures_in(folder: Path) -> Figures:
+def figures_in(folder):
     """Return the figures of the CSV files in a folder, or else of the tables of its pages, by file,
     row and column.
     """
-    figures: Figures = {}
+    figures = {}
     for path in sorted(folder.glob("*.csv")):
         lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
         figures |= table_figures(path.stem, list(csv.reader(lines)))
@@ -48,9 +47,9 @@ def figures_in(folder: Path) -> Figures:
     return figures
 
 
-def markdown_tables(text: str) -> Iterator[list[list[str]]]:
+def markdown_tables(text):
     """Yield the tables of a page, each its header and rows."""
-    table: list[list[str]] = []
+    table = []
     for line in [*text.splitlines(), ""]:
         if not line.startswith("|"):
             if table:
@@ -60,7 +59,7 @@ def markdown_tables(text: str) -> Iterator[list[list[str]]]:
             table.append([cell.strip(" *") for cell in line.strip("|").split("|")])
 
 
-def table_figures(title: str, table: Sequence[Sequence[str]]) -> Figures:
+def table_figures(title, table):
     """Return the numbers of a table, named by the text of their row, the first number if need be,
     and the column.
     """
@@ -76,19 +75,19 @@ def table_figures(title: str, table: Sequence[Sequence[str]]) -> Figures:
     if len({*labels}) < len(labels) or not all(labels):
         first = [row[min(cells, default=0)] for row, cells in zip(rows, numbers, strict=True)]
         labels = [f"{label} {cell}".strip() for label, cell in zip(labels, first, strict=True)]
-    figures: Figures = {}
+    figures = {}
     for place, (label, cells) in enumerate(zip(labels, numbers, strict=True)):
         number = f" ({place})" if label in labels[:place] else ""
         figures |= {f"{title}: {label}{number}: {head[n]}": value for n, value in cells.items()}
     return figures
 
 
-def number_of(cell: str) -> float | None:
+def number_of(cell):
     """Return the number that a cell begins with, None without one."""
     match = _NUMBER.match(cell.strip())
     return float(match[0].replace(" ", "").replace("−", "-")) if match else None
 
 
-def ratios(figures: Mapping[str, float], reference: Mapping[str, float]) -> dict[str, float]:
+def ratios(figures, reference):
     """Return the ratios to all reference figures of the same name that are not zero."""
     return {name: value / reference[name] for name, value in figures.items() if reference.get(name)}

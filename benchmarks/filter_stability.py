@@ -6,13 +6,12 @@ the long case, and most of any other.
 """
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
-from pages import COLOURS, Row, Table, options_of, publish, svg_plot
+from pages import COLOURS, options_of, publish, svg_plot
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
-from ill_conditioned_filters import Sample, an_hour, cases, samples
+from ill_conditioned_filters import an_hour, cases, samples
 
 PAGE = """# Numerical stability of `imm`
 
@@ -30,9 +29,9 @@ deviations. Worst of each family: [filter_stability.csv](filter_stability.csv).
 """
 
 
-def rows_of(each: int, slices: int) -> Iterator[Row]:
+def rows_of(each, slices):
     """Yield the row of each family."""
-    families: dict[str, list[Sample]] = {}
+    families = {}
     for case in cases(each):
         short = case._replace(slices=min(case.slices, slices))
         families.setdefault(case.name, []).extend(samples(short, every=5))
@@ -51,14 +50,14 @@ def rows_of(each: int, slices: int) -> Iterator[Row]:
         }
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     worst = max(table.column("worst_covariance_error"))
     drift = max(table.column("worst_drift"))
     return PAGE.format(count=table.facts.get("cases", 100), worst=worst, drift=drift)
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw errors against condition numbers."""
     with svg_plot(path, figsize=(7.0, 4.5)) as (_, axes):
         for row in table:
@@ -68,7 +67,7 @@ def draw(path: Path, table: Table) -> None:
         axes.set(xlabel="condition number of the covariance", ylabel="largest relative error of it")
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, each=10, slices=3600)
     facts = {"cases": 10 * options.each}

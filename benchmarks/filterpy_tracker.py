@@ -2,16 +2,13 @@
 tracker protocol.
 """
 
-from typing import Any
-
 import numpy as np
 from opir_trackers.imm.report import earth_fixed
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 from opir_trackers.triangulation import triangulated
 
-from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import tangent_axes
-from opir_core.interfaces.records import Detections, Tracks
+from opir_core.interfaces.records import Tracks
 
 #: How fast the acceleration wanders, m/s²/√s, and how surely the filter starts: m, m/s, m/s².
 NOISE = 2.0
@@ -23,16 +20,16 @@ class FilterPyTracker:
     update a look.
     """
 
-    def __init__(self, cadence_s: float = 1.0) -> None:
-        self.cadence_s: float | None = cadence_s
-        self._filter: Any = None
+    def __init__(self, cadence_s=1.0):
+        self.cadence_s = cadence_s
+        self._filter = None
         self._time_s = 0.0
 
-    def associate(self, detections: Detections) -> IntArray:
+    def associate(self, detections):
         """Return track 0 for all detections once there is one."""
         return np.full(len(detections), -1 if self._filter is None else 0, dtype=np.int64)
 
-    def step(self, tick_s: float, detections: Detections) -> Tracks:
+    def step(self, tick_s, detections):
         """Take in the detections one by one and return the estimate at the tick."""
         rays = LinesOfSight.of(detections)
         if self._filter is None and len(np.unique(rays.sensor)) > 1:
@@ -44,7 +41,7 @@ class FilterPyTracker:
         self._predict(tick_s)
         return self._tracks(tick_s)
 
-    def _begin(self, rays: LinesOfSight) -> None:
+    def _begin(self, rays):
         from filterpy.kalman import ExtendedKalmanFilter
 
         first = rays.take(np.unique(rays.sensor, return_index=True)[1])
@@ -60,7 +57,7 @@ class FilterPyTracker:
         )
         self._filter.P = np.diag(START_SIGMA**2)
 
-    def _predict(self, time_s: float) -> None:
+    def _predict(self, time_s):
         step = time_s - self._time_s
         self._time_s = time_s
         powers = np.array([[1.0, step, step**2 / 2.0], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
@@ -71,19 +68,18 @@ class FilterPyTracker:
         self._filter.Q = NOISE**2 * np.kron(np.outer(gain, gain), np.eye(3))
         self._filter.predict()
 
-    def _take_in(self, rays: LinesOfSight, row: int) -> None:
+    def _take_in(self, rays, row):
         apart = earth_rotated(rays.origin_ecef_m[[row]], rays.time_s[[row]])[0] - self._filter.x[:3]
         left_s = emission_s(rays.time_s[[row]], np.array([np.sqrt(apart @ apart)]), True)
         origin = earth_rotated(rays.origin_ecef_m[[row]], left_s)[0]
         frame = tangent_axes(earth_rotated(rays.direction_ecef[[row]], left_s))[0]
         self._predict(float(left_s[0]))
 
-        def seen(state: FloatArray) -> FloatArray:
+        def seen(state):
             local = frame @ (state[:3] - origin)
-            angles: FloatArray = local[:2] / local[2]
-            return angles
+            return local[:2] / local[2]
 
-        def slope(state: FloatArray) -> FloatArray:
+        def slope(state):
             local = frame @ (state[:3] - origin)
             part = (frame[:2] - (local[:2] / local[2])[:, None] * frame[2]) / local[2]
             return np.concatenate([part, np.zeros((2, 6))], axis=1)
@@ -91,7 +87,7 @@ class FilterPyTracker:
         self._filter.R = np.eye(2) * rays.sigma_rad[row] ** 2
         self._filter.update(np.zeros(2), slope, seen)
 
-    def _tracks(self, tick_s: float) -> Tracks:
+    def _tracks(self, tick_s):
         unknown = np.full((1, 6, 6), np.nan)
         state, covariance = earth_fixed(
             self._filter.x[None, :6], self._filter.P[None, :6, :6], tick_s

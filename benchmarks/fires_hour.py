@@ -3,7 +3,6 @@ them: tracks that claim a launch, and times until launches are recognised.
 """
 
 import time
-from typing import Any
 
 import numpy as np
 from figures import keep
@@ -36,13 +35,13 @@ it?](../explanation/hypotheses.md) for the detections and motion of each launch.
 HEAD = ("launch", "first detection, s", f"P(launch) > {KNOWN}, s", "closed form, s", "ratio")
 
 
-def launch_targets(duration_s: float, rng: np.random.Generator) -> list[dict[str, Any]]:
+def launch_targets(duration_s, rng):
     """Return launches from the region, spread over the time."""
     targets = []
     for number, kind in enumerate(LAUNCHES):
         launch = {"lat_deg": rng.uniform(31, 44), "lon_deg": rng.uniform(42, 78)}
         launch["time_s"] = duration_s * (number + 0.5) / (len(LAUNCHES) + 1.0)
-        target: dict[str, Any] = {"id": f"{kind}-{number}", "type": kind, "launch": launch}
+        target = {"id": f"{kind}-{number}", "type": kind, "launch": launch}
         reach_deg = {"SRBM": 4.0, "IRBM": 25.0, "ICBM": 70.0}.get(kind)
         if reach_deg is None:
             target["azimuth_deg"] = 70.0
@@ -53,7 +52,7 @@ def launch_targets(duration_s: float, rng: np.random.Generator) -> list[dict[str
     return targets
 
 
-def hour_scene(duration_s: float, seed: int) -> opir.Scene:
+def hour_scene(duration_s, seed):
     """Return the scene."""
     region = {"south_deg": 30, "north_deg": 45, "west_deg": 40, "east_deg": 80}
     slots_deg = {"SBIRS-GEO": 40.0, "DSP": 70.0, "NEXTGEN-GEO": 90.0}
@@ -90,15 +89,15 @@ class Watched:
     launches.
     """
 
-    def __init__(self, plan: opir.Plan) -> None:
+    def __init__(self, plan):
         self.early_s = plan.targets.ignition_s[: len(plan.scene.targets)] + 60.0
         self.early = [opir.Detections.empty() for _ in self.early_s]
-        self.counts: dict[int, dict[int, int]] = {}
-        self.claimed: set[int] = set()
-        self.known_s: dict[int, float] = {}
-        self.tracks: set[int] = set()
+        self.counts = {}
+        self.claimed = set()
+        self.known_s = {}
+        self.tracks = set()
 
-    def add(self, window: opir.Window) -> None:
+    def add(self, window):
         """Add a window."""
         detections = window.detections
         target = window.truth.target
@@ -116,13 +115,13 @@ class Watched:
         for row in np.flatnonzero(tracks.probability_launch > KNOWN).tolist():
             self.known_s.setdefault(int(tracks.track[row]), float(tracks.tick_s[row]))
 
-    def target_of(self, track: int) -> int:
+    def target_of(self, track):
         """Return the target, -1 for noise, that gave a track most of its detections."""
         counts = self.counts.get(track, {-1: 1})
         return max(counts, key=counts.__getitem__)
 
 
-def closed_form_s(plan: opir.Plan, target: int, looks: opir.Detections) -> float:
+def closed_form_s(plan, target, looks):
     """Return the time since ignition at which the detections of a target distinguish it from a fire
     by its motion alone, s.
 
@@ -149,7 +148,7 @@ def closed_form_s(plan: opir.Plan, target: int, looks: opir.Detections) -> float
     return float(looks.time_s[np.argmax(enough)]) - ignition_s if enough.any() else np.nan
 
 
-def launch_line(plan: opir.Plan, watched: Watched, target: int) -> list[str]:
+def launch_line(plan, watched, target):
     """Return the line of a launch, empty if it is not recognised."""
     times_s = [
         time_s for track, time_s in watched.known_s.items() if watched.target_of(track) == target
@@ -165,7 +164,7 @@ def launch_line(plan: opir.Plan, watched: Watched, target: int) -> list[str]:
     return [plan.targets.ids[target], *cells, f"{taken_s / least_s:.2f}"]
 
 
-def hour(duration_s: float, seed: int) -> str:
+def hour(duration_s, seed):
     """Return the part of the page about fires."""
     plan = opir.compile_plan(hour_scene(duration_s, seed))
     watched = Watched(plan)

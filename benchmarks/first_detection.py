@@ -8,12 +8,10 @@ too much, the script fails. The exact distribution is computed once more with ea
 switched off by itself.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pages import Row, Table, markdown_table, options_of, publish, svg_plot
+from pages import markdown_table, options_of, publish, svg_plot
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
@@ -96,7 +94,7 @@ class Law(NamedTuple):
     height_m: np.ndarray
     first: np.ndarray
 
-    def median(self) -> dict[str, float]:
+    def median(self):
         """Return time after ignition and height of the median first detection, and the share
         detected.
         """
@@ -112,13 +110,13 @@ NO_LOOK = Law(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 def scene(
-    climate: str,
-    cloud: str,
-    targets: int,
-    exact: bool,
-    settings: Mapping[str, Any] | None = None,
-    **changes: Any,
-) -> opir.Scene:
+    climate,
+    cloud,
+    targets,
+    exact,
+    settings=None,
+    **changes,
+):
     """Return a scene with each launch repeated; `settings` are those of all sensors, `changes` of
     the scene.
     """
@@ -153,7 +151,7 @@ def scene(
     )
 
 
-def laws(exact_scene: opir.Scene) -> dict[tuple[int, int], Law]:
+def laws(exact_scene):
     """Return the law of the first report by sensor and target, from every look's probability."""
     plan = opir.compile_plan(exact_scene)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
@@ -171,7 +169,7 @@ def laws(exact_scene: opir.Scene) -> dict[tuple[int, int], Law]:
     return by_pair
 
 
-def first_reports(probability: np.ndarray, needed: int, scans: int) -> np.ndarray:
+def first_reports(probability, needed, scans):
     """Return the probabilities (n,) that looks with P_d (n,) are reported first: the M-th detection
     among N looks.
 
@@ -193,7 +191,7 @@ def first_reports(probability: np.ndarray, needed: int, scans: int) -> np.ndarra
     return first
 
 
-def first_times(plan: opir.Plan) -> np.ndarray:
+def first_times(plan):
     """Return when the light of first reports left (sensors, targets), s; inf without one."""
     first_s = np.full((len(plan.sensors), len(plan.targets.ids)), np.inf)
     engine = opir.Engine(plan)
@@ -206,7 +204,7 @@ def first_times(plan: opir.Plan) -> np.ndarray:
     return first_s
 
 
-def sky_rows(climate: str, cloud: str, targets: int, comparisons: int) -> Iterator[Row]:
+def sky_rows(climate, cloud, targets, comparisons):
     """Yield the results of all classes and sensors under one sky."""
     by_pair = laws(scene(climate, cloud, 1, exact=True))
     first_s = first_times(opir.compile_plan(scene(climate, cloud, targets, exact=False)))
@@ -223,7 +221,7 @@ def sky_rows(climate: str, cloud: str, targets: int, comparisons: int) -> Iterat
             yield {**sky, **law.median(), "ratio": float(largest / bound)}
 
 
-def cause_rows(cause: str, climate: str) -> Iterator[Row]:
+def cause_rows(cause, climate):
     """Yield the cases with a cause of delays switched off under a clear sky, from the exact
     distribution.
     """
@@ -236,7 +234,7 @@ def cause_rows(cause: str, climate: str) -> Iterator[Row]:
             yield {**sky, **law.median(), "ratio": 0.0}
 
 
-def rows_of(climates: Sequence[str], targets: int, facts: dict[str, Any]) -> Iterator[Row]:
+def rows_of(climates, targets, facts):
     """Yield all cases; raise `SystemExit` if the engine differs from the exact distribution."""
     comparisons = len(climates) * len(CLOUDS) * len(AIMS) * len(SENSORS)
     rows = [
@@ -257,7 +255,7 @@ def rows_of(climates: Sequence[str], targets: int, facts: dict[str, Any]) -> Ite
             yield from cause_rows(cause, climate)
 
 
-def air_rows(climates: Sequence[str]) -> Iterator[Row]:
+def air_rows(climates):
     """Yield the transmittances of the three bands from several heights to space."""
     lowtran = opir.Host.discover().component("opir_atmosphere_models", "lowtran")
     context = AtmosphereContext(bands=BANDS, path="atmosphere", seed=0)
@@ -272,20 +270,20 @@ def air_rows(climates: Sequence[str]) -> Iterator[Row]:
             yield {**row, "swir": swir, "mwir": mwir, "lwir": lwir}
 
 
-def between(values: Sequence[float], short: float = 0.0) -> str:
+def between(values, short=0.0):
     """Return the range of values, with a digit after the point below `short`."""
     low, high = (f"{value:.{1 if value < short else 0}f}" for value in (min(values), max(values)))
     return low if low == high else f"{low}–{high}"
 
 
-def spread(table: Table, **cells: str) -> tuple[str, str]:
+def spread(table, **cells):
     """Return the ranges of times and heights of some cases."""
     rows = table.where(**cells)
     time_s = between(rows.column("time_s"), 9.95)
     return f"{time_s} s", f"{between(rows.column('height_km'), 1e3)} km"
 
 
-def delay(table: Table, kind: str, sensor: str, cause: str) -> str:
+def delay(table, kind, sensor, cause):
     """Return the times without a cause and by default."""
     case = {"kind": kind, "sensor": sensor}
     without, _ = spread(table, **case, cloud=cause)
@@ -293,13 +291,13 @@ def delay(table: Table, kind: str, sensor: str, cause: str) -> str:
     return f"{without} instead of {default}"
 
 
-def percent(table: Table, cloud: str) -> str:
+def percent(table, cloud):
     """Return the range of the shares of SRBM launches that DSP detects, in percent."""
     shares = table.where(kind="SRBM", sensor="DSP", cloud=cloud).column("share")
     return between([100.0 * share for share in shares])
 
 
-def page(table: Table, air: Table) -> str:
+def page(table, air):
     """Return the page."""
     ground = air.where(height_km=0)
     swir = ground.column("swir")
@@ -330,7 +328,7 @@ def page(table: Table, air: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw heights of the first report: a panel for each kind of cloud and without air, a mark for
     each climate.
     """
@@ -350,11 +348,11 @@ def draw(path: Path, table: Table) -> None:
         axes[0].set_ylabel("median height of the first report, km")
 
 
-def main() -> None:
+def main():
     """Run all skies and write."""
     options = options_of(__doc__, targets=200, climates=len(CLIMATES))
     climates = CLIMATES[: options.climates]
-    facts: dict[str, Any] = {}
+    facts = {}
     publish(
         options,
         page,

@@ -4,12 +4,10 @@ settings.
 Frames are those of `focal_plane_images`, which shares no code with the closed forms.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from focal_plane_images import PIXELS, STEP, Images, Outputs, centroid_errors, filtered, shares
+from focal_plane_images import PIXELS, STEP, Images, centroid_errors, filtered, shares
 from opir_photons.detection import cfar_loss, cfar_probability_of_detection, cfar_threshold
 from opir_photons.radiometry import (
     FrameDifference,
@@ -22,7 +20,7 @@ from opir_photons.radiometry import (
     signal_gain,
 )
 from opir_photons.radiometry.focal_plane import centroid_factor_rad, photon_centroid_variance
-from pages import COLOURS, GREY, Row, Table, markdown_table, options_of, publish, svg_plot
+from pages import COLOURS, GREY, Table, markdown_table, options_of, publish, svg_plot
 from scipy.special import ndtr, ndtri
 
 READ_E = 20.0
@@ -94,7 +92,7 @@ class Setting(NamedTuple):
     ratio: float
 
 
-def settings(seed: int = 5) -> Iterator[Setting]:
+def settings(seed=5):
     """Yield three settings for each pair of a spatial and a temporal filter, all else drawn at
     random.
     """
@@ -116,12 +114,12 @@ def settings(seed: int = 5) -> Iterator[Setting]:
 
 
 def images_of(
-    weights: np.ndarray,
-    structure: dict[str, float],
-    ratio: float,
-    temporal: tuple[float, float] | None,
-    snr: float,
-) -> Images:
+    weights,
+    structure,
+    ratio,
+    temporal,
+    snr,
+):
     """Return frames with clutter `ratio` times the noise and targets of a mean SNR."""
     spot = structure["spot"]
     frames = None if temporal is None else FrameDifference(1.0, *temporal)
@@ -153,7 +151,7 @@ def images_of(
 class Noise:
     """Closed forms of a setting's noise: by the distance of its two frames."""
 
-    def __init__(self, images: Images) -> None:
+    def __init__(self, images):
         self._images = images
         self._transfer = SpatialTransfer.of(images.weights, PointSpread(np.inf, images.spot), 6.0)
         counted_e = images.background_e + images.read_e**2
@@ -162,24 +160,24 @@ class Noise:
         count = len(self._distances) if images.is_difference else 1
         self._variances = [self._variance(0.0, moved) for moved in self._distances[:count]]
 
-    def _variance(self, registration: float, drift: float) -> float:
+    def _variance(self, registration, drift):
         images = self._images
         frames = FrameDifference(1.0, registration, drift) if images.is_difference else None
         clutter = self._transfer.variance(images.scale, images.exponent, frames)
         return self.white + images.structure_e**2 * float(clutter)
 
     @property
-    def sigma(self) -> float:
+    def sigma(self):
         """The standard deviation over all frames."""
         return float(np.sqrt(self._variance(self._images.registration, self._images.drift)))
 
-    def sigma_moved(self, moved: np.ndarray) -> np.ndarray:
+    def sigma_moved(self, moved):
         """Return standard deviations of frames at some distances."""
         if not self._images.is_difference:
             return np.full(np.shape(moved), self.sigma)
         return np.sqrt(np.interp(moved, self._distances, self._variances))
 
-    def distances(self) -> tuple[np.ndarray, np.ndarray]:
+    def distances(self):
         """Return nodes and weights of the distance of two frames: a drift and the errors of
         both.
         """
@@ -190,7 +188,7 @@ class Noise:
         return moved.ravel(), joint.ravel()
 
 
-def expected(setting: Setting) -> tuple[float, float, float]:
+def expected(setting):
     """Return P_fa and P_d in closed form, and the P_d of the detection model."""
     images = setting.images
     noise = Noise(images)
@@ -218,7 +216,7 @@ def expected(setting: Setting) -> tuple[float, float, float]:
     return false_alarm, float(weight @ detected @ phase_weight), model
 
 
-def crossed(setting: Setting, outputs: Outputs) -> tuple[np.ndarray, np.ndarray]:
+def crossed(setting, outputs):
     """Return the shares (frames,) of places that cross the threshold, without and with a target."""
     images = setting.images
     mean = 0.0 if images.is_difference else float(images.weights.sum()) * images.background_e
@@ -238,12 +236,12 @@ def crossed(setting: Setting, outputs: Outputs) -> tuple[np.ndarray, np.ndarray]
     return (empty > limit).mean(axis=1), (target > limit).mean(axis=1)
 
 
-def threshold_row(setting: Setting, frames: int, rng: np.random.Generator) -> Row:
+def threshold_row(setting, frames, rng):
     """Return the row of a setting."""
     images = setting.images
     outputs = filtered(images, frames, rng)
     false_alarm, detection, model = expected(setting)
-    row: dict[str, Any] = {
+    row = {
         "kind": "threshold",
         "filter": setting.kind,
         "difference": "yes" if images.is_difference else "no",
@@ -269,9 +267,7 @@ def threshold_row(setting: Setting, frames: int, rng: np.random.Generator) -> Ro
     return row | {"p_d_model": model, **{f"centroid_px{end}": "" for end in ends}}
 
 
-def centroid_row(
-    columns: Row, centroid: tuple[float, float, float], frames: int, rng: np.random.Generator
-) -> Row:
+def centroid_row(columns, centroid, frames, rng):
     """Return the row of a centroid's error: root mean square along both axes."""
     spot, noise_e, target_e = centroid
     square = np.square(centroid_errors(spot, noise_e, target_e, frames, rng)).mean(axis=1)
@@ -291,9 +287,9 @@ def centroid_row(
     }
 
 
-def rows_of(frames: int) -> Iterator[Row]:
+def rows_of(frames):
     """Yield the rows of all settings and centroids."""
-    columns: Row = {}
+    columns = {}
     for number, setting in enumerate(settings()):
         columns = threshold_row(setting, frames, np.random.default_rng([2026, number]))
         yield columns
@@ -301,7 +297,7 @@ def rows_of(frames: int) -> Iterator[Row]:
         yield centroid_row(columns, centroid, frames, np.random.default_rng([2027, number]))
 
 
-def deviations(table: Table, name: str) -> np.ndarray:
+def deviations(table, name):
     """Return the deviations of a figure from its closed form, in standard errors."""
     rows = Table(row for row in table if row[name] != "")
     figure, closed, error = (
@@ -310,7 +306,7 @@ def deviations(table: Table, name: str) -> np.ndarray:
     return np.asarray((figure - closed) / error)
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     threshold = table.where(kind="threshold")
     centroid = table.where(kind="centroid")
@@ -329,7 +325,7 @@ def page(table: Table) -> str:
     tails = [row["p_fa"] / float(ndtr(-row["threshold_sigma"])) for row in fixed]
     error_px = np.array(centroid.column("centroid_px"))
 
-    def percent(end: str) -> float:
+    def percent(end):
         return 100.0 * float(np.abs(error_px / centroid.column(f"centroid_px{end}") - 1.0).max())
 
     return PAGE.format(
@@ -350,7 +346,7 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw simulated against closed-form figures, and the deviations."""
     threshold = table.where(kind="threshold")
     with svg_plot(path, 1, 2, figsize=(8.0, 3.6)) as (_, (left, right)):
@@ -369,7 +365,7 @@ def draw(path: Path, table: Table) -> None:
         right.set(xlabel="deviation, standard errors", ylabel="settings")
 
 
-def main() -> None:
+def main():
     """Simulate, compare and write."""
     options = options_of(__doc__, frames=10_000)
     publish(options, page, draw, focal_plane=rows_of(options.frames))

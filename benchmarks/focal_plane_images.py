@@ -55,13 +55,13 @@ class Outputs(NamedTuple):
     moved: np.ndarray
 
 
-def filtered(images: Images, frames: int, rng: np.random.Generator) -> Outputs:
+def filtered(images, frames, rng):
     """Return the outputs of a filter over frames, or differences of two."""
     parts = [_batch(images, min(25, frames - start), rng) for start in range(0, frames, 25)]
     return Outputs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _batch(images: Images, frames: int, rng: np.random.Generator) -> Outputs:
+def _batch(images, frames, rng):
     field = _field(images, frames, rng)
     turn = rng.uniform(0.0, 2.0 * np.pi, frames)
     drift = images.drift * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -82,13 +82,13 @@ def _batch(images: Images, frames: int, rng: np.random.Generator) -> Outputs:
     return Outputs(*sums, phase, np.linalg.norm(second - first, axis=1))
 
 
-def _wave_numbers(cells: int) -> tuple[np.ndarray, np.ndarray]:
+def _wave_numbers(cells):
     """Return the wave numbers of cells along both axes, radians a pixel."""
     scale = 2.0 * np.pi * SUB
     return scale * np.fft.fftfreq(cells)[:, None], scale * np.fft.rfftfreq(cells)
 
 
-def _field(images: Images, frames: int, rng: np.random.Generator) -> np.ndarray:
+def _field(images, frames, rng):
     """Return the transforms of fields of cells, each the mean of the radiance in it."""
     cells = PIXELS * SUB
     x, y = _wave_numbers(cells)
@@ -102,7 +102,7 @@ def _field(images: Images, frames: int, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(white * (images.structure_e * np.sqrt(power) * mean).astype(np.float32))
 
 
-def _seen(images: Images, field: np.ndarray, shift: np.ndarray) -> np.ndarray:
+def _seen(images, field, shift):
     """Return the electrons that pixels expect (frames, PIXELS, PIXELS) of fields moved by (frames,
     2).
     """
@@ -121,7 +121,7 @@ def _seen(images: Images, field: np.ndarray, shift: np.ndarray) -> np.ndarray:
     return np.maximum(pixels + images.background_e, 0.0)
 
 
-def _windows(frames: np.ndarray, width: int) -> np.ndarray:
+def _windows(frames, width):
     """Return the windows (frames, places, width, width) to which a filter is applied."""
     starts = np.arange(0, PIXELS - width + 1, STEP)
     rows = starts[:, None] + np.arange(width)
@@ -129,11 +129,11 @@ def _windows(frames: np.ndarray, width: int) -> np.ndarray:
     return cut.reshape(len(frames), len(starts) ** 2, width, width)
 
 
-def _counted(images: Images, expected_e: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _counted(images, expected_e, rng):
     return rng.poisson(expected_e) + images.read_e * rng.normal(size=expected_e.shape)
 
 
-def shares(spot: float, phase: np.ndarray, width: int) -> np.ndarray:
+def shares(spot, phase, width):
     """Return the shares (n, width, width) of spots (n, 2) about the centre of a window, by sums
     over samples.
     """
@@ -149,13 +149,13 @@ def shares(spot: float, phase: np.ndarray, width: int) -> np.ndarray:
 
 
 def centroid_errors(
-    spot: float,
-    noise_e: float,
-    target_e: float,
-    frames: int,
-    rng: np.random.Generator,
-    width: int = 11,
-) -> np.ndarray:
+    spot,
+    noise_e,
+    target_e,
+    frames,
+    rng,
+    width=11,
+):
     """Return errors (frames, 2), pixels, of places fitted to images of spots by maximum likelihood.
 
     Brightness and spot are known. `noise_e` is normal noise of a pixel, to which Poisson noise of

@@ -6,7 +6,6 @@ gravity, no drag. Numbers of stages, burn times, accelerations, gaps and pitch-o
 wider than any preset of opir.
 """
 
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -36,7 +35,7 @@ class Leg(NamedTuple):
     first: float
     growth: float
 
-    def acceleration(self, time_s: float) -> float:
+    def acceleration(self, time_s):
         """Return the thrust over mass at a time."""
         share = min((time_s - self.ignition_s) / self.burn_s, 1.0)
         return self.first / (1.0 - (1.0 - 1.0 / self.growth) * share)
@@ -56,11 +55,11 @@ class ForeignFlight:
     solutions: list[tuple[Leg, Any]]
 
     @property
-    def burnout_s(self) -> float:
+    def burnout_s(self):
         """The time of the last burnout since ignition, s."""
         return self.burns_s[-1][1]
 
-    def state(self, time_s: float) -> np.ndarray:
+    def state(self, time_s):
         """Return the ECEF state (6,) at a time since ignition, nan outside the flight."""
         for leg, solution in self.solutions:
             if leg.start_s <= time_s <= leg.end_s:
@@ -68,7 +67,7 @@ class ForeignFlight:
         return np.full(6, np.nan)
 
 
-def ecef(latitude: float, longitude: float) -> np.ndarray:
+def ecef(latitude, longitude):
     """Return the ECEF position of a point on WGS 84."""
     n = RADIUS_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * np.sin(latitude) ** 2)
     level = n * np.cos(latitude)
@@ -76,7 +75,7 @@ def ecef(latitude: float, longitude: float) -> np.ndarray:
     return np.array([level * np.cos(longitude), level * np.sin(longitude), north])
 
 
-def geodetic(place: np.ndarray) -> tuple[float, float, float]:
+def geodetic(place):
     """Return latitude, longitude and height of an ECEF position, by fixed-point iteration."""
     x, y, z = place.tolist()
     level = float(np.hypot(x, y))
@@ -90,16 +89,14 @@ def geodetic(place: np.ndarray) -> tuple[float, float, float]:
     return float(latitude), float(np.arctan2(y, x)), float(height)
 
 
-def distance_m(start: tuple[float, float], end: tuple[float, float]) -> float:
+def distance_m(start, end):
     """Return the distance of two points, rad, along a sphere."""
     a = ecef(*start)
     b = ecef(*end)
     return RADIUS_M * float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def drawn_flight(
-    stages: int, gaps: bool, rng: np.random.Generator, gap_s: tuple[float, float] = (2.0, 12.0)
-) -> ForeignFlight:
+def drawn_flight(stages, gaps, rng, gap_s=(2.0, 12.0)):
     """Return a random flight with a number of stages, dark for some time of `gap_s` between them if
     `gaps`.
     """
@@ -119,7 +116,7 @@ def drawn_flight(
             return flight
 
 
-def directions(launch: tuple[float, float], azimuth: float) -> tuple[np.ndarray, np.ndarray]:
+def directions(launch, azimuth):
     """Return up and the horizontal direction of an azimuth, rad, at a place."""
     latitude, longitude = launch
     level = np.cos(latitude)
@@ -128,7 +125,7 @@ def directions(launch: tuple[float, float], azimuth: float) -> tuple[np.ndarray,
     return up, np.sin(azimuth) * east + np.cos(azimuth) * np.cross(up, east)
 
 
-def free_rates(state: np.ndarray) -> np.ndarray:
+def free_rates(state):
     """Return the rates (6,) of a state in the rotating frame under central gravity."""
     x, y, z, u, v, w = state.tolist()
     pull = -MU / (x * x + y * y + z * z) ** 1.5
@@ -154,24 +151,24 @@ class Boost:
     up: np.ndarray = field(init=False)
     along: np.ndarray = field(init=False)
 
-    def __attrs_post_init__(self) -> None:
+    def __attrs_post_init__(self):
         up, along = directions(self.launch, self.azimuth)
         object.__setattr__(self, "up", up)
         object.__setattr__(self, "along", along)
 
     @property
-    def end_s(self) -> float:
+    def end_s(self):
         """The last burnout, s after ignition."""
         return float(self.burn_s.sum() + self.gap_s.sum())
 
-    def rates(self, time_s: float, state: np.ndarray, leg: Leg) -> np.ndarray:
+    def rates(self, time_s, state, leg):
         """Return the rates (6,) of a state in the rotating frame."""
         rates = free_rates(state)
         if leg.first:
             rates[3:] += leg.acceleration(time_s) * self.thrust_axis(time_s, state, leg)
         return rates
 
-    def thrust_axis(self, time_s: float, state: np.ndarray, _leg: Leg) -> np.ndarray:
+    def thrust_axis(self, time_s, state, _leg):
         """Return the direction of the thrust."""
         if time_s < self.rise_s:
             return self.up
@@ -183,7 +180,7 @@ class Boost:
             axis /= np.linalg.norm(axis)
         return np.asarray(axis)
 
-    def legs(self) -> Iterator[Leg]:
+    def legs(self):
         """Yield the legs: burns, split where the thrust turns, and gaps."""
         start_s = 0.0
         stages = (self.burn_s, self.acceleration_m_s2, self.growth, self.gap_s)
@@ -197,24 +194,24 @@ class Boost:
             start_s = end_s + gap_s
 
 
-def dark_leg(start_s: float, duration_s: float) -> Leg:
+def dark_leg(start_s, duration_s):
     """Return a leg of free flight."""
     return Leg(start_s, start_s + duration_s, start_s, 1.0, 0.0, 1.0)
 
 
-def ground(_time_s: float, state: np.ndarray, _leg: Leg) -> float:
+def ground(_time_s, state, _leg):
     """Return the height, m: an integration ends where it falls below zero."""
     return geodetic(state[:3])[2]
 
 
 ground.terminal = True
-ground.direction = -1.0  # type: ignore[attr-defined]
+ground.direction = -1.0
 
 
-def flown(boost: Boost) -> ForeignFlight | None:
+def flown(boost):
     """Return the flight of a boost; None where it hits the ground early or does not come down."""
-    exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-6, "dense_output": True}
-    solutions: list[tuple[Leg, Any]] = []
+    exact = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-6, "dense_output": True}
+    solutions = []
     state = np.concatenate([ecef(*boost.launch), np.zeros(3)])
     for leg in boost.legs():
         flight = solve_ivp(boost.rates, (leg.start_s, leg.end_s), state, args=(leg,), **exact)
@@ -239,7 +236,7 @@ def flown(boost: Boost) -> ForeignFlight | None:
     return ForeignFlight(boost, rows, tuple(burns), (*place, landed_s), range_km, solutions)
 
 
-def table_rows(solutions: list[tuple[Leg, Any]], boost: Boost) -> np.ndarray:
+def table_rows(solutions, boost):
     """Return rows (n, 8) of legs, up to a minute after the last burnout."""
     rows = []
     for leg, solution in solutions:

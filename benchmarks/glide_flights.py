@@ -29,7 +29,7 @@ class Glide(NamedTuple):
     curve: float
 
 
-def drawn_glide(rng: np.random.Generator) -> Ascent:
+def drawn_glide(rng):
     """Return a boost and the first `DARK_S` of its glide, with the place where it comes down."""
     while True:
         stages = int(rng.integers(1, 3))
@@ -66,11 +66,11 @@ class Course(NamedTuple):
     height_m: float
     level_rad: float
 
-    def miss_m(self, bend: float) -> float:
+    def miss_m(self, bend):
         """Return the height of the end above the wanted one."""
         return float(self.rows(bend)[-1, 1] - self.height_m)
 
-    def rows(self, bend: float) -> np.ndarray:
+    def rows(self, bend):
         """Return rows (n, 4) of time, height, speed and flight-path angle."""
         time_s = height = 0.0
         speed = 0.1
@@ -90,7 +90,7 @@ class Course(NamedTuple):
                 rows.append([time_s, height, speed, angle])
         return np.array(rows)
 
-    def force(self, leg: int, share: float) -> float:
+    def force(self, leg, share):
         """Return the specific force, m/s², at a share of a leg; every second leg is dark."""
         if leg % 2:
             return 0.0
@@ -98,7 +98,7 @@ class Course(NamedTuple):
         return float(self.first[leg // 2] / (1.0 - (1.0 - 1.0 / growth) * share))
 
 
-def lead_rad(rows: np.ndarray) -> float:
+def lead_rad(rows):
     """Return the largest angle between thrust and velocity, from `SLOW_S` on, that bends the path
     of a boost.
     """
@@ -109,7 +109,7 @@ def lead_rad(rows: np.ndarray) -> float:
     return float(np.max(np.abs(np.arctan2(side, along))[along > 5.0]))
 
 
-def glide_rows(boost_end: np.ndarray, glide: Glide) -> np.ndarray:
+def glide_rows(boost_end, glide):
     """Return rows (n, 4) of a glide from the end of a boost, and of its end on the ground."""
     time_s, height, speed, angle = boost_end.tolist()
     top_m = height
@@ -134,12 +134,12 @@ def glide_rows(boost_end: np.ndarray, glide: Glide) -> np.ndarray:
 
 
 def flight_of(
-    boost: np.ndarray,
-    glide: Glide,
-    edges: np.ndarray,
-    place: tuple[float, float],
-    azimuth: float,
-) -> Ascent:
+    boost,
+    glide,
+    edges,
+    place,
+    azimuth,
+):
     """Return the flight of rows along a course from a place, curved after the boost."""
     up0, along0 = directions(place, azimuth)
     radius = float(np.linalg.norm(ecef(*place)))

@@ -3,7 +3,7 @@ biases. `--set KEY=VALUE` are settings of the tracker.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,7 +68,7 @@ HEAD = (
 )
 
 
-def scene_of(seed: int, case: Case, tracker: Mapping[str, Any]) -> opir.Scene:
+def scene_of(seed, case, tracker):
     """Return one run's scene."""
     rng = np.random.default_rng(1000 + seed)
     sensor = {"model": "SBIRS-GEO", "line_of_sight_bias_sigma_urad": case.bias_urad}
@@ -94,9 +94,7 @@ def scene_of(seed: int, case: Case, tracker: Mapping[str, Any]) -> opir.Scene:
     )
 
 
-def short_target(
-    number: int, rng: np.random.Generator, lat_deg: float, lon_deg: float, height_m: float = 0.0
-) -> dict[str, Any]:
+def short_target(number, rng, lat_deg, lon_deg, height_m=0.0):
     """Return an SRBM or IRBM from a place, in a random direction at 2 to 8 s."""
     kind = ("SRBM", "IRBM")[number % 2]
     reach_deg = rng.uniform(3.0, 4.5) if kind == "SRBM" else rng.uniform(18.0, 28.0)
@@ -114,7 +112,7 @@ def short_target(
     return {"id": f"T{number}", "type": kind, "launch": launch, "aim": aim}
 
 
-def line_of(name: str, runs: int, tracker: Mapping[str, Any]) -> list[str]:
+def line_of(name, runs, tracker):
     """Return a case's line of the table."""
     states = []
     targets = []
@@ -131,9 +129,7 @@ def line_of(name: str, runs: int, tracker: Mapping[str, Any]) -> list[str]:
     return cells(name, runs, StateErrors.concatenate(states), np.concatenate(targets), points)
 
 
-def cells(
-    name: str, runs: int, state: StateErrors, target: np.ndarray, points: Sequence[PointErrors]
-) -> list[str]:
+def cells(name, runs, state, target, points):
     """Return the cells of a case's line; `target` (n,) numbers the targets of states."""
     point = PointErrors.concatenate(points)
     nees = np.array([state.nees[target == number].mean() / 6.0 for number in np.unique(target)])
@@ -155,13 +151,13 @@ def cells(
     return [*line, f"{np.nanmedian(point.launch_time_s):+.2f}"]
 
 
-def mean_text(values: np.ndarray) -> str:
+def mean_text(values):
     """Return a mean with its 99 % interval."""
     half = 2.576 * values.std(ddof=1) / np.sqrt(len(values))
     return f"{values.mean():.2f} ± {half:.2f}"
 
 
-def main() -> None:
+def main():
     """Run the cases and print, or write, the table."""
     options = options_of(__doc__, runs=20, only=tuple(CASES), set="")
     tracker = yaml.safe_load(options.set.replace("=", ": ", 1)) or {}

@@ -19,7 +19,6 @@ timed until the last is acknowledged:
 The methods alternate; figures are medians, ratios medians of the ratios within each repetition.
 """
 
-import argparse
 import asyncio
 import os
 import re
@@ -28,11 +27,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import confluent_kafka
 from aiokafka import AIOKafkaProducer
@@ -92,7 +90,7 @@ Times = tuple[float, float]
 Way = Callable[[KafkaConfig], Mapping[str, float]]
 
 
-def main() -> None:
+def main():
     """Measure and print; write the page where asked."""
     options = options_of(__doc__, events=200_000, partitions=6, repeats=5)
     with tempfile.TemporaryDirectory() as scratch, broker_of(Path(scratch)) as (broker, name):
@@ -106,13 +104,13 @@ def main() -> None:
         (options.write / "kafka.md").write_text(text, encoding="utf-8")
 
 
-def has_java() -> bool:
+def has_java():
     """Whether there is an Apache Kafka to start, and no broker is named."""
     return not kafka_broker.BOOTSTRAP and not kafka_cluster.why_absent()
 
 
 @contextmanager
-def broker_of(scratch: Path) -> Iterator[tuple[Any, str]]:
+def broker_of(scratch):
     """Yield a broker and its name."""
     if has_java():
         with kafka_cluster.cluster(scratch / "cluster") as cluster:
@@ -122,9 +120,7 @@ def broker_of(scratch: Path) -> Iterator[tuple[Any, str]]:
             yield broker, kafka_broker.BOOTSTRAP or "librdkafka's mock cluster, own process"
 
 
-def turns(
-    broker: Any, options: argparse.Namespace, compression: str, scratch: Path
-) -> dict[str, list[Times]]:
+def turns(broker, options, compression, scratch):
     """Return each way's times, turn by turn; the first turn is left out."""
     windows = [window(WINDOW_EVENTS, first) for first in range(0, options.events, WINDOW_EVENTS)]
     lines = [line for part in windows for line in ENCODER.encode(part).splitlines()]
@@ -132,17 +128,17 @@ def turns(
     file = scratch / "events.jsonl"
     file.write_bytes(b"\n".join(lines[:50_000]))
 
-    def spooled(config: KafkaConfig) -> float:
+    def spooled(config):
         return through_the_sink(config, windows, tempfile.mkdtemp(dir=scratch))
 
-    ways: list[Way] = [partial(java_producer, file=file, events=len(lines))] if has_java() else []
+    ways = [partial(java_producer, file=file, events=len(lines))] if has_java() else []
     ways += [
         lambda config: {"confluent-kafka": by_confluent_kafka(config, messages)},
         lambda config: {"aiokafka, batches": asyncio.run(in_batches(config, messages))},
         lambda config: {"kafka": through_the_sink(config, windows, None)},
         lambda config: {"kafka, spooled": spooled(config)},
     ]
-    times: dict[str, list[Times]] = {}
+    times = {}
     for turn in range(options.repeats + 1):
         for way in ways:
             config = KafkaConfig(
@@ -158,7 +154,7 @@ def turns(
     return times
 
 
-def java_producer(config: KafkaConfig, file: Path, events: int) -> dict[str, float]:
+def java_producer(config, file, events):
     """Return the times of Kafka's own producer for so many events, with and without its first
     report.
     """
@@ -182,7 +178,7 @@ def java_producer(config: KafkaConfig, file: Path, events: int) -> dict[str, flo
     return {JAVA: events / warm_rate, COLD: events / rate}
 
 
-def by_confluent_kafka(config: KafkaConfig, messages: Messages) -> float:
+def by_confluent_kafka(config, messages):
     """Return the time of confluent-kafka, s."""
     settings = {
         "bootstrap.servers": config.bootstrap_servers,
@@ -202,7 +198,7 @@ def by_confluent_kafka(config: KafkaConfig, messages: Messages) -> float:
     return time.perf_counter() - start_s
 
 
-async def in_batches(config: KafkaConfig, messages: Messages) -> float:
+async def in_batches(config, messages):
     """Return the time of bare aiokafka with the settings of the sink, s."""
     producer = AIOKafkaProducer(
         bootstrap_servers=list(config.servers),
@@ -217,11 +213,11 @@ async def in_batches(config: KafkaConfig, messages: Messages) -> float:
     partitioner = DefaultPartitioner()
     partition_of = {key: partitioner(key, partitions, partitions) for key in KEYS}
     start_s = time.perf_counter()
-    queues: dict[int, Messages] = {partition: [] for partition in partitions}
+    queues = {partition: [] for partition in partitions}
     for key, value in messages:
         queues[partition_of[key]].append((key, value))
 
-    async def send(partition: int) -> None:
+    async def send(partition):
         queue = queues[partition][::-1]
         while queue:
             batch = producer.create_batch()
@@ -238,7 +234,7 @@ async def in_batches(config: KafkaConfig, messages: Messages) -> float:
     return taken_s
 
 
-def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None) -> float:
+def through_the_sink(config, windows, folder):
     """Return the time of the sink, s, with a spool in a folder, if given."""
     backlog = MemoryBacklog(1 << 30) if folder is None else Journal(f"{folder}/spool", 1 << 30)
     carrier = KafkaTransport(config, connector(config))
@@ -256,9 +252,7 @@ def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None
     return taken_s
 
 
-def page(
-    times: Mapping[str, Mapping[str, list[Times]]], options: argparse.Namespace, broker: str
-) -> str:
+def page(times, options, broker):
     """Return the page."""
     reference = JAVA if has_java() else "confluent-kafka"
     lines = {}

@@ -11,13 +11,12 @@ import os
 import platform
 import statistics
 import sys
-from collections.abc import Collection
 from pathlib import Path
 
 import mpmath
 import numpy as np
-from kepler_arcs import CLASSES, States
-from kepler_peers import NAMES, Library, installed_libraries
+from kepler_arcs import CLASSES
+from kepler_peers import NAMES, installed_libraries
 from pages import markdown_table, options_of
 
 from opir_core.constants import EARTH_MU_M3_S2 as MU
@@ -47,7 +46,7 @@ flights from 100–300 km; *near circular* has e from 1e-16 to 1e-3, *near parab
 Ends = list[list[mpmath.mpf]]
 
 
-def references(states: States) -> tuple[Ends, float]:
+def references(states):
     """Return the exact end positions, and the largest error, m, of rounding the inputs alone."""
     ends = []
     floors = []
@@ -64,7 +63,7 @@ def references(states: States) -> tuple[Ends, float]:
     return ends, max(floors)
 
 
-def worst_error(library: Library, states: States, ends: Ends) -> str:
+def worst_error(library, states, ends):
     """Return the largest error, m, one state per call, and how many states failed."""
     errors = []
     for index, end in enumerate(ends):
@@ -77,11 +76,11 @@ def worst_error(library: Library, states: States, ends: Ends) -> str:
     return f"{figure} ({failed} of {len(ends)} fail)" if failed else figure
 
 
-def nanoseconds(libraries: dict[str, Library], states: States, repeat: int) -> dict[str, float]:
+def nanoseconds(libraries, states, repeat):
     """Return the median time per state of each, in interleaved rounds, so that the machine's load
     affects all alike.
     """
-    times: dict[str, list[float]] = {name: [] for name in libraries}
+    times = {name: [] for name in libraries}
     for turn in range(repeat + 1):
         for name, library in libraries.items():
             end, seconds = library(states)
@@ -90,16 +89,16 @@ def nanoseconds(libraries: dict[str, Library], states: States, repeat: int) -> d
     return {name: statistics.median(values) for name, values in times.items()}
 
 
-def spread(times: list[float]) -> str:
+def spread(times):
     """Return the range of times over the classes that a library can propagate."""
     known = [value for value in times if not np.isnan(value)]
     return f"{min(known):.0f} to {max(known):.0f}" if known else "–"
 
 
-def page(states: int, checked: int, repeat: int, names: Collection[str]) -> str:
+def page(states, checked, repeat, names):
     """Return the page."""
     libraries = installed_libraries(names)
-    times: dict[str, list[float]] = {name: [] for name in libraries}
+    times = {name: [] for name in libraries}
     floor_line = ["*floor: rounding of the inputs*"]
     lines = {name: [name] for name in libraries}
     for kind in CLASSES:
@@ -123,7 +122,7 @@ def page(states: int, checked: int, repeat: int, names: Collection[str]) -> str:
     )
 
 
-def main() -> None:
+def main():
     """Measure and print; write the page where asked."""
     options = options_of(__doc__, states=100_000, checked=60, repeat=9, libraries=NAMES)
     mpmath.mp.dps = 60

@@ -8,7 +8,7 @@ from opir_core.constants import EARTH_MU_M3_S2 as MU
 States = tuple[np.ndarray, ...]
 
 
-def frames(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+def frames(rng, count):
     """Return pairs of unit vectors (n, 3) at right angles."""
     axis, side = rng.normal(size=(2, count, 3))
     axis /= np.linalg.norm(axis, axis=1)[:, None]
@@ -16,9 +16,7 @@ def frames(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray
     return axis, normal / np.linalg.norm(normal, axis=1)[:, None]
 
 
-def flights(
-    rng: np.random.Generator, count: int, elevation: np.ndarray, speed: np.ndarray
-) -> States:
+def flights(rng, count, elevation, speed):
     """Return burnouts at 100 to 300 km, with times anywhere up to the way back to that height."""
     up, along = frames(rng, count)
     radius = 6378e3 + rng.uniform(100e3, 300e3, count)
@@ -30,7 +28,7 @@ def flights(
     return radius[:, None] * up, velocity, duration
 
 
-def conics(rng: np.random.Generator, e: np.ndarray, farthest_m: float, nu: np.ndarray) -> States:
+def conics(rng, e, farthest_m, nu):
     """Return states on conics of these eccentricities and true anomalies, within a day."""
     pericentre, along = frames(rng, e.size)
     p = rng.uniform(6.55e6, farthest_m, e.size) * (1.0 + e)
@@ -43,34 +41,34 @@ def conics(rng: np.random.Generator, e: np.ndarray, farthest_m: float, nu: np.nd
     return position, velocity, rng.uniform(-86400.0, 86400.0, e.size)
 
 
-def ballistic(rng: np.random.Generator, count: int) -> States:
+def ballistic(rng, count):
     elevation = np.radians(rng.uniform(15.0, 80.0, count))
     return flights(rng, count, elevation, rng.uniform(2e3, 7.2e3, count))
 
 
-def near_circular(rng: np.random.Generator, count: int) -> States:
+def near_circular(rng, count):
     e = 10.0 ** rng.uniform(-16.0, -3.0, count)
     return conics(rng, e, 4.2e7, rng.uniform(-np.pi, np.pi, count))
 
 
-def near_parabolic(rng: np.random.Generator, count: int) -> States:
+def near_parabolic(rng, count):
     e = 1.0 + 10.0 ** rng.uniform(-15.0, -3.0, count) * rng.choice([-1.0, 1.0], count)
     return conics(rng, e, 2e7, rng.uniform(-2.5, 2.5, count))
 
 
-def near_rectilinear(rng: np.random.Generator, count: int) -> States:
+def near_rectilinear(rng, count):
     lean = 10.0 ** rng.uniform(-12.0, -7.0, count)
     return flights(rng, count, 0.5 * np.pi - lean, rng.uniform(1e3, 7e3, count))
 
 
-def vertical(rng: np.random.Generator, count: int) -> States:
+def vertical(rng, count):
     elevation = np.full(count, 0.5 * np.pi)
     position, velocity, duration = flights(rng, count, elevation, rng.uniform(1e3, 7e3, count))
     climb = np.linalg.norm(velocity, axis=1) / np.linalg.norm(position, axis=1)
     return position, climb[:, None] * position, duration
 
 
-def hyperbolic(rng: np.random.Generator, count: int) -> States:
+def hyperbolic(rng, count):
     e = rng.uniform(1.01, 10.0, count)
     return conics(rng, e, 5e7, 0.98 * np.arccos(-1.0 / e) * rng.uniform(-1.0, 1.0, count))
 

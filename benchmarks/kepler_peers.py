@@ -7,14 +7,11 @@ import sys
 import time
 import types
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
-from multiprocessing.connection import Connection
-from typing import Any
 
 import numpy as np
-from kepler_arcs import States
 
 from opir_core.constants import EARTH_MU_M3_S2 as MU
 from opir_core.flight.kepler import propagate_kepler
@@ -22,7 +19,7 @@ from opir_core.flight.kepler import propagate_kepler
 Propagator = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def by_heyoka() -> Propagator:
+def by_heyoka():
     """Return heyoka's compiled function: Kepler's equation of the difference of eccentric
     anomalies, ellipses only.
     """
@@ -54,7 +51,7 @@ def by_heyoka() -> Propagator:
     return propagate
 
 
-def by_pykep() -> Propagator:
+def by_pykep():
     """Return pykep's Lagrangian propagation, one call a state."""
     # pykep 3.0.1's wheel lacks the data files of its trajectory gym, without which it does not
     # import.
@@ -73,7 +70,7 @@ def by_pykep() -> Propagator:
     return propagate
 
 
-def by_boinor(kernel_name: str) -> Propagator:
+def by_boinor(kernel_name):
     """Return one of boinor's kernels, looped over in numba, in its own unit, the kilometre."""
     import boinor.core.propagation as kernels
     import numba
@@ -81,17 +78,17 @@ def by_boinor(kernel_name: str) -> Propagator:
     kernel = getattr(kernels, kernel_name)
     mu = MU / 1e9
 
-    def by_coefficients(r, v, t):  # type: ignore[no-untyped-def]
+    def by_coefficients(r, v, t):
         f, g, f_rate, g_rate = kernel(mu, r, v, t, 100)
         return f * r + g * v, f_rate * r + g_rate * v
 
-    def by_elements(r, v, t):  # type: ignore[no-untyped-def]
+    def by_elements(r, v, t):
         return kernel(mu, r, v, t)
 
     single = numba.njit(by_coefficients if kernel_name == "vallado" else by_elements)
 
-    @numba.njit  # type: ignore[untyped-decorator]
-    def loop(position, velocity, duration, end):  # type: ignore[no-untyped-def]
+    @numba.njit
+    def loop(position, velocity, duration, end):
         for i in range(duration.size):
             end[0, i], end[1, i] = single(position[i], velocity[i], duration[i])
 
@@ -112,7 +109,7 @@ LIBRARIES: dict[str, tuple[str, Callable[[], Propagator]]] = {
 }
 
 
-def name_of(label: str) -> str:
+def name_of(label):
     """Return the name of a library, without what is called in it."""
     return re.split("[ ,]", label)[0]
 
@@ -120,7 +117,7 @@ def name_of(label: str) -> str:
 NAMES = tuple(dict.fromkeys(name_of(label) for label in LIBRARIES))
 
 
-def serve(label: str, pipe: Connection) -> None:
+def serve(label, pipe):
     """Answer states with end positions and the time taken, in a process of its own: heyoka and
     pykep bear no other.
     """
@@ -148,7 +145,7 @@ class Library:
     seconds.
     """
 
-    def __init__(self, label: str) -> None:
+    def __init__(self, label):
         context = multiprocessing.get_context("spawn")
         self.pipe, child_pipe = context.Pipe()
         self.process = context.Process(target=serve, args=(label, child_pipe), daemon=True)
@@ -158,23 +155,22 @@ class Library:
         self.problem = answer if isinstance(answer, str) else ""
         self.version = "" if self.problem else answer[0]
 
-    def answer(self) -> Any:
+    def answer(self):
         try:
             return self.pipe.recv()
         except EOFError:
             return "the process died"
 
-    def __call__(self, states: States) -> tuple[np.ndarray | None, float]:
+    def __call__(self, states):
         self.pipe.send(states)
-        answer: tuple[np.ndarray | None, float] = self.answer()
-        return answer
+        return self.answer()
 
-    def close(self) -> None:
+    def close(self):
         self.pipe.send(None)
         self.answer()
 
 
-def installed_libraries(names: Collection[str]) -> dict[str, Library]:
+def installed_libraries(names):
     """Return the named propagators that can be imported, by name and version."""
     libraries = {}
     for label in LIBRARIES:

@@ -7,18 +7,15 @@ period after it was due misses its deadline.
 """
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pages import Row, markdown_table, options_of, printed
+from pages import markdown_table, options_of, printed
 
 from opir_core.host.host import Host
 from opir_core.live.loops import limit_pauses
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.reading import load_scene, scene_from_mapping, scene_mapping
-from opir_core.scene.scene import Scene
 
 SCENE = Path(__file__).resolve().parents[1] / "examples" / "raid_100.yaml"
 OUTPUT = ["outputs=[{jsonl: {path: /dev/null}}]"]
@@ -43,16 +40,16 @@ priority (`chrt -f 50`).
 """
 
 
-def measured(host: Host, scene: Scene, seconds: float, speed: float) -> Row:
+def measured(host, scene, seconds, speed):
     """Run a scene for a time, s, and return its figures."""
     run = LiveRun(scene, host, LiveSettings(speed=speed, loop=True))
     limit_pauses()
     run.start()
-    sink: Any = run._sinks[0]._sink
+    sink = run._sinks[0]._sink
     write = sink.write
     ages_s = []
 
-    def aged(window: Any) -> None:
+    def aged(window):
         write(window)
         due_s = run._pace._start_ns * 1e-9 + window.detections.time_s / speed
         ages_s.append(time.monotonic() - due_s)
@@ -77,7 +74,7 @@ def measured(host: Host, scene: Scene, seconds: float, speed: float) -> Row:
     }
 
 
-def raid(host: Host, times: int) -> Scene:
+def raid(host, times):
     """Return the raid with that many times its targets, a tenth of a degree apart."""
     mapping = scene_mapping(load_scene(SCENE, overrides=OUTPUT, host=host))
     targets = []
@@ -89,7 +86,7 @@ def raid(host: Host, times: int) -> Scene:
     return scene_from_mapping(mapping | {"targets": targets}, host=host)
 
 
-def until_late(host: Host, seconds: float) -> Iterator[Row]:
+def until_late(host, seconds):
     """Yield runs with twice the targets each time, up to the first with missed deadlines."""
     times = 2
     while times <= MAX_TIMES:
@@ -100,7 +97,7 @@ def until_late(host: Host, seconds: float) -> Iterator[Row]:
         times *= 2
 
 
-def page(rows: list[Row]) -> str:
+def page(rows):
     """Return the page."""
     first = rows[0]
     late = next((row for row in rows[1:] if row["missed deadlines"]), None)
@@ -117,7 +114,7 @@ def page(rows: list[Row]) -> str:
     )
 
 
-def main() -> None:
+def main():
     """Measure and print; write the page where asked. `--step 0` leaves higher loads out."""
     options = options_of(__doc__, seconds=300.0, step=40.0, speed=1.0)
     host = Host.discover()

@@ -6,7 +6,6 @@ import subprocess
 import time
 from importlib.metadata import distributions
 from pathlib import Path
-from typing import Any
 
 #: Distributions whose versions change times or results, beside those of opir.
 MEASURED_WITH = frozenset(
@@ -17,7 +16,7 @@ MEASURED_WITH = frozenset(
 )
 
 
-def machine() -> dict[str, Any]:
+def machine():
     """Return the machine and the versions."""
     return {
         "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -31,7 +30,7 @@ def machine() -> dict[str, Any]:
     }
 
 
-def versions() -> dict[str, str]:
+def versions():
     """Return the versions of opir, its plugins and what it is compared with."""
     installed = {each.name.lower(): each.version for each in distributions()}
     return {
@@ -41,7 +40,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def processor() -> str:
+def processor():
     """Return the name of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -51,7 +50,7 @@ def processor() -> str:
     return next(names, platform.machine())
 
 
-def commit() -> str:
+def commit():
     """Return the commit of the checkout, with a + if it has changes, or nothing."""
     command = ["git", "describe", "--always", "--dirty=+"]
     folder = Path(__file__).parent

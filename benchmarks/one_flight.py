@@ -1,8 +1,5 @@
 """Scenes of one flight before one or two SBIRS-GEO, and the rows of its track."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 from opir_scoring.impacts import main_regions, regions_given
 
@@ -13,7 +10,7 @@ START_S = 10.0
 CONTAINMENT = 0.95
 
 
-def write_table(path: Path, rows: np.ndarray) -> None:
+def write_table(path, rows):
     """Write rows (n, 8) of time since ignition, ECEF state and burning as the target model `table`
     reads them.
     """
@@ -22,20 +19,20 @@ def write_table(path: Path, rows: np.ndarray) -> None:
     np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt=form)
 
 
-def table_target(path: Path, kind: str) -> dict[str, Any]:
+def table_target(path, kind):
     """Return the target of a table."""
     return {"id": "T", "model": "table", "type": kind, "file": str(path), "start_s": START_S}
 
 
 def flight_scene(
-    target: dict[str, Any],
-    longitude_deg: float,
-    duration_s: float,
-    seed: int,
-    sensors: int = 2,
-    tracker: Any = "imm",
-    **settings: Any,
-) -> opir.Scene:
+    target,
+    longitude_deg,
+    duration_s,
+    seed,
+    sensors=2,
+    tracker="imm",
+    **settings,
+):
     """Return the scene of a target before sensors on both sides of its launch; `settings` are
     theirs.
     """
@@ -61,16 +58,14 @@ def flight_scene(
     )
 
 
-def longest_track(tracks: opir.Tracks) -> opir.Tracks:
+def longest_track(tracks):
     """Return the rows of the track with most ticks: false ones are short."""
     number, count = np.unique(tracks.track, return_counts=True)
     longest = number[np.argmax(count)] if len(number) else -1
     return tracks.take(np.flatnonzero(tracks.track == longest))
 
 
-def impact_containment(
-    track: opir.Tracks, row: int, impact: tuple[float, float] | None, is_over: bool
-) -> tuple[float, float]:
+def impact_containment(track, row, impact, is_over):
     """Return whether an impact, rad, lies in the 95 % region of the likeliest condition, and in
     that of the true one ("the burn is over" or not); nan without a region.
     """

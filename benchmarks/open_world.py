@@ -10,9 +10,9 @@ and missile, does it come down, does the region hold?
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -33,7 +33,7 @@ from one_flight import (
     write_table,
 )
 from opir_scoring.containments import nees, proportion
-from pages import Row, Table, options_of, publish, svg_plot
+from pages import Table, options_of, publish, svg_plot
 from scipy.stats import chi2
 
 import opir_core as opir
@@ -69,10 +69,10 @@ class Kind(NamedTuple):
     sensors: int = 2
 
 
-def staged(stages: int, gap_s: tuple[float, float]) -> Callable[[np.random.Generator], Ascent]:
+def staged(stages, gap_s):
     """Return a drawing of staged gravity turns with dark times between the stages."""
 
-    def flight(rng: np.random.Generator) -> Ascent:
+    def flight(rng):
         turn = drawn_flight(stages, bool(gap_s[1]), rng, gap_s)
         rows = turn.table[turn.table[:, 0] <= turn.burnout_s + DARK_S]
         longitude_deg = float(np.degrees(turn.boost.launch[1]))
@@ -94,7 +94,7 @@ KINDS = {
 SHARES = ("burning", "orbit", "down", "missile", "glide")
 
 
-def table_ascents(folder: Path) -> Iterator[Ascent]:
+def table_ascents(folder):
     """Yield the ascents of a folder's CSV files."""
     for path in sorted(folder.glob("*.csv")):
         rows = np.loadtxt(path, delimiter=",", skiprows=1)
@@ -104,7 +104,7 @@ def table_ascents(folder: Path) -> Iterator[Ascent]:
         yield Ascent(rows, tuple(map(tuple, times.tolist())), longitude_deg)
 
 
-def marks_of(ascent: Ascent) -> Iterator[tuple[str, float]]:
+def marks_of(ascent):
     """Yield names and times since ignition of marks."""
     for number, (begin, end) in enumerate(ascent.burns_s, 1):
         yield f"half of burn {number}", 0.5 * (begin + end)
@@ -116,7 +116,7 @@ def marks_of(ascent: Ascent) -> Iterator[tuple[str, float]]:
                 yield f"{late_s:g} s after burn {number}", end + late_s
 
 
-def figures_at(ascent: Ascent, plan: opir.Plan, track: opir.Tracks) -> dict[str, float]:
+def figures_at(ascent, plan, track):
     """Return the figures of a track's row."""
     time_s = float(track.tick_s[0]) - START_S
     error = track.state - ascent.state(time_s)
@@ -137,7 +137,7 @@ def figures_at(ascent: Ascent, plan: opir.Plan, track: opir.Tracks) -> dict[str,
     }
 
 
-def flown(ascent: Ascent, path: Path, seed: int, sensors: int) -> dict[str, dict[str, float]]:
+def flown(ascent, path, seed, sensors):
     """Return the figures of an ascent's longest track at the marks, empty ones without a row."""
     write_table(path, ascent.rows)
     target = table_target(path, "SLV")
@@ -152,20 +152,20 @@ def flown(ascent: Ascent, path: Path, seed: int, sensors: int) -> dict[str, dict
     return figures
 
 
-def count_text(values: Sequence[float]) -> str:
+def count_text(values):
     """Return a count of the known values, `10 of 12`."""
     known = [value for value in values if np.isfinite(value)]
     return f"{int(sum(known))} of {len(known)}" if known else "-"
 
 
-def row_of(title: str, mark: str, flights: Sequence[dict[str, float]]) -> Row:
+def row_of(title, mark, flights):
     """Return the row of flights at a mark."""
     reported = [figures for figures in flights if figures]
     held = sum(figures["nees"] <= chi2.ppf(CONTAINMENT, 6) for figures in reported)
     shares = proportion(held, len(reported)) if reported else (np.nan,) * 3
     keep(f"{title}: {mark}: state held", held / max(len(reported), 1))
 
-    def median(name: str) -> float:
+    def median(name):
         known = [row[name] for row in reported if np.isfinite(row[name])]
         return float(np.median(known)) if known else np.nan
 
@@ -185,7 +185,7 @@ def row_of(title: str, mark: str, flights: Sequence[dict[str, float]]) -> Row:
     }
 
 
-def kind_rows(title: str, ascents: Sequence[Ascent], sensors: int, seeds: int) -> Iterator[Row]:
+def kind_rows(title, ascents, sensors, seeds):
     """Yield the rows of flights at their marks."""
     start_s = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
@@ -201,7 +201,7 @@ def kind_rows(title: str, ascents: Sequence[Ascent], sensors: int, seeds: int) -
         yield row_of(title, mark, [figures[mark] for figures in flights if mark in figures])
 
 
-def rows_of(options: Any) -> Iterator[Row]:
+def rows_of(options):
     """Yield the rows of all kinds."""
     for name in options.only:
         kind = KINDS[name]
@@ -212,11 +212,11 @@ def rows_of(options: Any) -> Iterator[Row]:
         yield from kind_rows("Tables", list(table_ascents(options.tables)), 2, options.seeds)
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     ends = Table(row for row in table if row["mark"].startswith("20 s after"))
 
-    def final(title: str, name: str) -> float:
+    def final(title, name):
         rows = ends.where(kind=title)
         return rows[-1][name] if rows else float("nan")
 
@@ -234,7 +234,7 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw shares and probabilities of each kind by mark."""
     titles = table.names("kind")
     size = (11.0, 2.2 * len(titles))
@@ -250,7 +250,7 @@ def draw(path: Path, table: Table) -> None:
             panel.set(title=title, ylim=(-0.03, 1.03))
 
 
-def main() -> None:
+def main():
     """Measure and write; the hour of fires, `--hour-s` long, is part of a run of all kinds."""
     options = options_of(
         __doc__,

@@ -16,11 +16,10 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import yaml
 from pages import markdown_table, options_of
-from playwright.sync_api import CDPSession, Page, sync_playwright
+from playwright.sync_api import sync_playwright
 from service import running, status
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -60,7 +59,7 @@ COUNT = """async ({seconds, isTurning}) => {
 }"""
 
 
-def scene_of(launches: int, tracker: str) -> dict[str, Any]:
+def scene_of(launches, tracker):
     """Return a scene with a number of launches from 2 to 12 s, the same every time."""
     rng = random.Random(launches)
     targets = []
@@ -90,7 +89,7 @@ def scene_of(launches: int, tracker: str) -> dict[str, Any]:
     }
 
 
-def rate(page: Page, view: str, seconds: float, *, is_turning: bool) -> list[str]:
+def rate(page, view, seconds, *, is_turning):
     """Return a line of the table."""
     page.wait_for_timeout(1500)
     session = page.context.new_cdp_session(page)
@@ -103,13 +102,13 @@ def rate(page: Page, view: str, seconds: float, *, is_turning: bool) -> list[str
     return [view, f"{frames / passed_s:.1f}", *gap_cells, f"{used_ms / max(frames, 1):.1f}"]
 
 
-def busy_s(session: CDPSession) -> float:
+def busy_s(session):
     """Return the processor time of the page's main thread: scripts, layout, painting commands."""
     metrics = session.send("Performance.getMetrics")["metrics"]
     return float(next(row["value"] for row in metrics if row["name"] == "TaskDuration"))
 
 
-def rates(page: Page, seconds: float) -> list[list[str]]:
+def rates(page, seconds):
     """Return the lines of the table."""
     lines = [rate(page, "map, at rest", seconds, is_turning=False)]
     lines.append(rate(page, "map, panned", seconds, is_turning=True))
@@ -119,14 +118,14 @@ def rates(page: Page, seconds: float) -> list[list[str]]:
     return lines
 
 
-def wait_for_tracks(port: int, launches: int) -> None:
+def wait_for_tracks(port, launches):
     """Wait until most launches have tracks, or for `PATIENCE_S` where the tracker is slower."""
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end and status(port)["counts"]["tracks"] < 0.95 * launches:
         time.sleep(1.0)
 
 
-def measured(port: int, launches: int, tracker: str, seconds: float, picture: Path | None) -> str:
+def measured(port, launches, tracker, seconds, picture):
     """Return the page about a service; write a picture of it where asked."""
     executable = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     with sync_playwright() as playwright:
@@ -154,7 +153,7 @@ def measured(port: int, launches: int, tracker: str, seconds: float, picture: Pa
     )
 
 
-def main() -> None:
+def main():
     """Measure and print; write the page where asked."""
     options = options_of(
         __doc__, launches=1000, seconds=15.0, tracker="kepler-arc", screenshot=Path

@@ -6,7 +6,7 @@ import io
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from math import isnan
@@ -28,24 +28,24 @@ class Table(list[dict[str, Any]]):
 
     facts: dict[str, Any]
 
-    def where(self, **cells: Any) -> "Table":
+    def where(self, **cells):
         """Return the rows with these cells."""
         return Table(row for row in self if cells.items() <= row.items())
 
-    def row(self, **cells: Any) -> dict[str, Any]:
+    def row(self, **cells):
         """Return the first row with these cells."""
         return self.where(**cells)[0]
 
-    def column(self, name: str) -> list[Any]:
+    def column(self, name):
         """Return the values of a column, nan for empty cells."""
         return [float("nan") if row[name] == "" else row[name] for row in self]
 
-    def names(self, column: str) -> list[Any]:
+    def names(self, column):
         """Return the different values of a column, in order of appearance."""
         return list(dict.fromkeys(row[column] for row in self))
 
 
-def options_of(description: str | None, **defaults: Any) -> argparse.Namespace:
+def options_of(description, **defaults):
     """Return the options of the command line: one for each default, `--write` and `--from-csv`.
 
     A default of `False` makes a flag, a type an option without a default, a tuple an option with
@@ -55,7 +55,7 @@ def options_of(description: str | None, **defaults: Any) -> argparse.Namespace:
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     for name, default in defaults.items():
-        settings: dict[str, Any] = {"type": type(default), "default": default}
+        settings = {"type": type(default), "default": default}
         if isinstance(default, bool):
             settings = {"action": "store_true"}
         elif callable(default):
@@ -70,12 +70,12 @@ def options_of(description: str | None, **defaults: Any) -> argparse.Namespace:
 
 
 def publish(
-    options: argparse.Namespace,
-    page: Callable[..., str],
-    draw: Callable[..., None] | None = None,
-    facts: Mapping[str, Any] | None = None,
-    **tables: Iterable[Row],
-) -> None:
+    options,
+    page,
+    draw=None,
+    facts=None,
+    **tables,
+):
     """Print the rows of tables; write them, the page and the plot into the folder of the options.
 
     The first table names page and plot; `page` takes all tables, `draw` the path of the plot and
@@ -95,20 +95,20 @@ def publish(
             draw(folder / f"{name}.svg", stored[0])
 
 
-def printed(row: Row) -> Row:
+def printed(row):
     """Print a row and return it."""
     print(",".join(map(cell_text, row.values())), flush=True)
     return row
 
 
-def cell_text(value: Any) -> str:
+def cell_text(value):
     """Return a value as a CSV file has it: six digits, nothing for nan."""
     if isinstance(value, float):
         return "" if isnan(value) else f"{value:.6g}"
     return str(value)
 
 
-def write_csv(path: Path, rows: Sequence[Row], facts: Mapping[str, Any] | None = None) -> None:
+def write_csv(path, rows, facts=None):
     """Write rows with the same columns, and facts about the run above them as `# name: value`."""
     text = io.StringIO()
     text.writelines(f"# {name}: {cell_text(value)}\n" for name, value in (facts or {}).items())
@@ -118,7 +118,7 @@ def write_csv(path: Path, rows: Sequence[Row], facts: Mapping[str, Any] | None =
     path.write_text(text.getvalue(), encoding="utf-8")
 
 
-def read_csv(path: Path) -> Table:
+def read_csv(path):
     """Return the rows of a CSV file."""
     lines = path.read_text(encoding="utf-8").splitlines()
     facts = [line.removeprefix("# ").split(": ", 1) for line in lines if line.startswith("# ")]
@@ -128,7 +128,7 @@ def read_csv(path: Path) -> Table:
     return table
 
 
-def value_of(cell: str) -> Any:
+def value_of(cell):
     """Return the number that a cell holds, or its text."""
     for kind in (int, float):
         try:
@@ -138,18 +138,18 @@ def value_of(cell: str) -> Any:
     return cell
 
 
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+def markdown_table(head, rows):
     """Return a Markdown table."""
     lines = (f"| {' | '.join(map(str, cells))} |" for cells in (head, *rows))
     return "\n".join([next(lines), "|" + "---|" * len(head), *lines])
 
 
-def shown(value: Any, form: str) -> str:
+def shown(value, form):
     """Return a number in a format, a dash for an empty cell or nan."""
     return "–" if value == "" or isnan(value) else format(value, form)
 
 
-def interval_text(row: Row, name: str, form: str, unit: str = "") -> str:
+def interval_text(row, name, form, unit=""):
     """Return a figure with its 95 % interval, columns `<name>_low95` and `<name>_high95`."""
     low = row[f"{name}_low95"]
     if row[name] == "" or low == "":
@@ -158,7 +158,7 @@ def interval_text(row: Row, name: str, form: str, unit: str = "") -> str:
 
 
 @contextmanager
-def svg_plot(path: Path, *shape: int, **settings: Any) -> Iterator[tuple[Any, Any]]:
+def svg_plot(path, *shape, **settings):
     """Yield a figure and its axes, as `matplotlib.pyplot.subplots`; save it reproducibly as SVG."""
     import matplotlib
 
@@ -176,23 +176,21 @@ def svg_plot(path: Path, *shape: int, **settings: Any) -> Iterator[tuple[Any, An
     pyplot.close(figure)
 
 
-def draw_lines(axes: Any, rows: Table, by: str, across: str, up: str, style: str = "o-") -> None:
+def draw_lines(axes, rows, by, across, up, style="o-"):
     """Draw a line of one column against another for each value of a third."""
     for name in rows.names(by):
         line = rows.where(**{by: name})
         axes.plot(line.column(across), line.column(up), style, markersize=4, label=name)
 
 
-def median_s(action: Callable[[], object], repeat: int, warm: bool = True) -> float:
+def median_s(action, repeat, warm=True):
     """Return the median processor time of an action, after one call that is not counted."""
     return turns_s({"": action}, repeat, warm)[""]
 
 
-def turns_s(
-    actions: Mapping[str, Callable[[], object]], repeat: int, warm: bool = True
-) -> dict[str, float]:
+def turns_s(actions, repeat, warm=True):
     """Return median processor times of actions, done in turn: a slow spell meets all alike."""
-    times: dict[str, list[float]] = {name: [] for name in actions}
+    times = {name: [] for name in actions}
     for _ in range(repeat + warm):
         for name, action in actions.items():
             start = time.process_time()
@@ -201,12 +199,12 @@ def turns_s(
     return {name: statistics.median(taken[warm:]) for name, taken in times.items()}
 
 
-def is_installed(name: str) -> bool:
+def is_installed(name):
     """Whether a line of a table can be measured: a peer's only if its module is installed."""
     return all(find_spec(module) for peer, module in PEERS.items() if name.startswith(peer))
 
 
-def installed(names: Iterable[str]) -> list[str]:
+def installed(names):
     """Return the names without those of missing peers, which are named on standard error."""
     lines = list(names)
     for peer in absent(filter(is_installed, lines)):
@@ -218,13 +216,13 @@ def installed(names: Iterable[str]) -> list[str]:
     return list(filter(is_installed, lines))
 
 
-def absent(names: Iterable[str]) -> list[str]:
+def absent(names):
     """Return the peers without a line among these."""
     lines = list(names)
     return [peer for peer in PEERS if not any(name.startswith(peer) for name in lines)]
 
 
-def left_out(names: Iterable[str]) -> str:
+def left_out(names):
     """Return a sentence for a page about peers without a line, empty if all have one."""
     missing = absent(names)
     return f"\nLeft out, because not installed: {' and '.join(missing)}.\n" if missing else ""

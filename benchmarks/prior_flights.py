@@ -9,8 +9,8 @@ failures. Gliders and unknown classes are left out. Where a flight starts is uni
 flights are hidden by clouds at first: they do not burn in the table before a uniform time.
 """
 
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from attrs import field, frozen
@@ -20,7 +20,6 @@ from foreign_flights import (
     RADIUS_M,
     STEP_S,
     Boost,
-    Leg,
     dark_leg,
     distance_m,
     ecef,
@@ -37,7 +36,6 @@ from opir_trackers.forecast.vehicles import (
     RATIO,
     SPACE,
     STAGES,
-    VehicleModel,
     vehicle_model,
 )
 from opir_trackers.launch_points import AT_ONCE, BEFORE_S, SITES, site_shares
@@ -92,12 +90,12 @@ class PriorFlight(NamedTuple):
     hidden_s: float = 0.0
 
     @property
-    def seen_s(self) -> float:
+    def seen_s(self):
         """The time since ignition from which the flight is seen, s; inf if it never is."""
         seen = (self.table[:, 0] >= self.hidden_s) & (self.table[:, 7] > 0.0)
         return float(np.min(self.table[seen, 0], initial=np.inf))
 
-    def state(self, time_s: float) -> np.ndarray:
+    def state(self, time_s):
         """Return the ECEF state (6,) at a time since ignition, nan outside the table."""
         times, first = np.unique(self.table[:, 0], return_index=True)
         rows = self.table[first]
@@ -106,7 +104,7 @@ class PriorFlight(NamedTuple):
         place = CubicHermiteSpline(times, rows[:, 1:4], rows[:, 4:7])
         return np.concatenate([place(time_s), place(time_s, 1)])
 
-    def seen_table(self) -> np.ndarray:
+    def seen_table(self):
         """Return the rows of the table, dark where the flight is hidden."""
         rows = self.table.copy()
         rows[rows[:, 0] < self.hidden_s, 7] = 0.0
@@ -120,11 +118,11 @@ class PriorBoost(Boost):
     program: Program | None = None
     side: np.ndarray = field(init=False)
 
-    def __attrs_post_init__(self) -> None:
+    def __attrs_post_init__(self):
         super().__attrs_post_init__()
         object.__setattr__(self, "side", np.cross(self.along, self.up))
 
-    def thrust_axis(self, time_s: float, state: np.ndarray, leg: Leg) -> np.ndarray:
+    def thrust_axis(self, time_s, state, leg):
         """Return the direction of the thrust."""
         program = self.program
         assert program
@@ -137,9 +135,7 @@ class PriorBoost(Boost):
         lead = program.lead(time_s)
         return np.cos(lead) * axis + np.sin(lead) * np.cross(axis, self.side)
 
-    def axis_to_orbit(
-        self, time_s: float, state: np.ndarray, acceleration: float, orbit_m: float
-    ) -> np.ndarray:
+    def axis_to_orbit(self, time_s, state, acceleration, orbit_m):
         """Return the direction that ends at the height of the orbit without climbing: a climb
         linear in the time.
         """
@@ -159,12 +155,12 @@ class PriorBoost(Boost):
         return sine * up + np.sqrt(1.0 - sine**2) * along / np.linalg.norm(along)
 
 
-def inertial_velocity(state: np.ndarray) -> np.ndarray:
+def inertial_velocity(state):
     """Return the inertial velocity, along the axes of the rotating Earth."""
     return np.asarray(state[3:] + np.cross(AXIS, state[:3]))
 
 
-def drawn_flights_of_prior(rng: np.random.Generator, count: int) -> list[PriorFlight]:
+def drawn_flights_of_prior(rng, count):
     """Return flights of the prior, in random order."""
     model = vehicle_model()
     groups = model.data["groups"]
@@ -178,9 +174,7 @@ def drawn_flights_of_prior(rng: np.random.Generator, count: int) -> list[PriorFl
     return [flights[row]._replace(hidden_s=time_s) for row, time_s in pairs]
 
 
-def missile_flights(
-    model: VehicleModel, rng: np.random.Generator, count: int
-) -> Iterator[PriorFlight]:
+def missile_flights(model, rng, count):
     """Yield flights of missiles whose ranges are about log-uniform: as many of each octave."""
     octaves = len(RANGES_M) - 1
     missing = np.bincount(rng.integers(0, octaves, count), minlength=octaves)
@@ -193,7 +187,7 @@ def missile_flights(
                 yield flight
 
 
-def launcher_flight(model: VehicleModel, rng: np.random.Generator) -> PriorFlight:
+def launcher_flight(model, rng):
     """Return a flight of a space launcher, to orbit or failed on its way."""
     while True:
         orbit_m = float(rng.uniform(180e3, 400e3))
@@ -208,13 +202,13 @@ def launcher_flight(model: VehicleModel, rng: np.random.Generator) -> PriorFligh
             return flight
 
 
-def launch_of(rng: np.random.Generator) -> Launch:
+def launch_of(rng):
     """Return a random place and azimuth, rad."""
     place = float(np.arcsin(rng.uniform(-0.85, 0.85))), float(rng.uniform(-np.pi, np.pi))
     return place, float(rng.uniform(0.0, 2.0 * np.pi))
 
 
-def program_of(model: VehicleModel, family: int, rng: np.random.Generator) -> Program:
+def program_of(model, family, rng):
     """Return the program of a vehicle drawn from the law of a family."""
     logs = np.full((1, STAGES, 4), np.nan)
     row = np.array([family])
@@ -244,23 +238,23 @@ def program_of(model: VehicleModel, family: int, rng: np.random.Generator) -> Pr
     )
 
 
-def below_ground(time_s: float, state: np.ndarray, leg: Leg) -> float:
+def below_ground(time_s, state, leg):
     """Return the height above the lowest site, m."""
     return ground(time_s, state, leg) - LOWEST_M
 
 
-def surplus_m_s(_time_s: float, state: np.ndarray, _leg: Leg) -> float:
+def surplus_m_s(_time_s, state, _leg):
     """Return the speed beyond that of a circular orbit: where it is reached, the burn ends."""
     circular = np.sqrt(MU / np.linalg.norm(state[:3]))
     return float(np.linalg.norm(inertial_velocity(state)) - circular)
 
 
 below_ground.terminal = surplus_m_s.terminal = True
-below_ground.direction = -1.0  # type: ignore[attr-defined]
-surplus_m_s.direction = 1.0  # type: ignore[attr-defined]
+below_ground.direction = -1.0
+surplus_m_s.direction = 1.0
 
 
-def flown(program: Program, launch: Launch) -> PriorFlight | None:
+def flown(program, launch):
     """Return the flight of a program from a place; None where it falls back to the ground in its
     burn.
     """
@@ -268,7 +262,7 @@ def flown(program: Program, launch: Launch) -> PriorFlight | None:
     state = np.concatenate([ecef(*boost.launch) + program.site_m * boost.up, 1e-3 * boost.up])
     events = [below_ground] if program.orbit_m is None else [below_ground, surplus_m_s]
     end_s = program.cut_off * boost.end_s
-    exact: dict[str, Any] = {"rtol": 1e-8, "atol": 1e-4, "max_step": 10.0, "dense_output": True}
+    exact = {"rtol": 1e-8, "atol": 1e-4, "max_step": 10.0, "dense_output": True}
     rows = []
     for leg in boost.legs():
         if leg.start_s >= end_s:
@@ -289,10 +283,10 @@ def flown(program: Program, launch: Launch) -> PriorFlight | None:
     return with_fall(program, boost, np.concatenate(rows))
 
 
-def with_fall(program: Program, boost: PriorBoost, rows: np.ndarray) -> PriorFlight | None:
+def with_fall(program, boost, rows):
     """Return the flight of a boost with its free flight, None if it neither lands nor orbits."""
     burnout_s = float(rows[rows[:, 7] > 0.0, 0].max())
-    exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-4, "dense_output": True}
+    exact = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-4, "dense_output": True}
     leg = dark_leg(float(rows[-1, 0]), 7200.0)
     span = (leg.start_s, leg.end_s)
     fall = solve_ivp(

@@ -12,13 +12,12 @@ them) at the default tolerance, and medians; times are processor time of one cor
 import statistics
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from pages import Row, Table, draw_lines, markdown_table, median_s, options_of, publish, svg_plot
+from pages import Table, draw_lines, markdown_table, median_s, options_of, publish, svg_plot
 from startup import process_s
 
 import opir_core as opir
@@ -78,9 +77,7 @@ hundred launches, {looks} looks, with medians of {columns}, {runs} and {repeat} 
 HEAD = ("chain", "largest error", "detections", "changed", "ns per look", "every look, ns")
 
 
-def raid(
-    every: int, detection: Any, sky: dict[str, Any], path: Path | None = None
-) -> dict[str, Any]:
+def raid(every, detection, sky, path=None):
     """Return the scene with every n-th of its launches; its types cost nothing."""
     return {
         **SCENE,
@@ -93,34 +90,34 @@ def raid(
     }
 
 
-def raid_plan(every: int, chain: str, *overrides: str, **detection: Any) -> opir.Plan:
+def raid_plan(every, chain, *overrides, **detection):
     """Return the plan of the scene; the chain `constant` has no light."""
     settings, sky = CHAINS.get(chain, ({}, {}))
-    model: Any = "constant" if chain == "constant" else {"model": "snr", **settings, **detection}
+    model = "constant" if chain == "constant" else {"model": "snr", **settings, **detection}
     scene = opir.scene_from_mapping(raid(every, model, sky), overrides=overrides)
     return opir.compile_plan(scene)
 
 
-def drained(plan: opir.Plan) -> None:
+def drained(plan):
     """Run a plan, keeping nothing."""
     for _ in opir.plan_windows(plan):
         pass
 
 
-def look_ns(plan: opir.Plan, repeat: int) -> float:
+def look_ns(plan, repeat):
     """Return the processor time of a look of a plan, ns."""
     taken_s = median_s(lambda: drained(plan), repeat, warm=repeat > 1)
     return 1e9 * taken_s / int(plan.pairs.looks.sum())
 
 
-def detection_ids(plan: opir.Plan) -> np.ndarray:
+def detection_ids(plan):
     """Return the ids of all detections of targets, as bytes."""
     windows = list(opir.plan_windows(plan))
     ids = [window.detections.detection_id[window.truth.target >= 0] for window in windows]
     return np.unique(np.concatenate(ids).view("V16").ravel())
 
 
-def exact_probability(plan: opir.Plan, looks: Looks, rows: np.ndarray) -> np.ndarray:
+def exact_probability(plan, looks, rows):
     """Return P_d of some of the looks."""
     geometry = plan.look_geometry()
     parts = []
@@ -130,7 +127,7 @@ def exact_probability(plan: opir.Plan, looks: Looks, rows: np.ndarray) -> np.nda
     return np.concatenate(parts)
 
 
-def chain_rows(chain: str, options: Any) -> Iterator[Row]:
+def chain_rows(chain, options):
     """Yield the rows of one chain: all tolerances, and every look evaluated (0)."""
     exact = raid_plan(options.every, chain, exact=True)
     looks = Looks.between(exact.pairs, 0, exact.end_ns)
@@ -167,7 +164,7 @@ def chain_rows(chain: str, options: Any) -> Iterator[Row]:
     }
 
 
-def rows_of(options: Any, facts: dict[str, Any]) -> Iterator[Row]:
+def rows_of(options, facts):
     """Yield the rows of all chains."""
     constant = raid_plan(options.every, "constant")
     spectral = raid_plan(options.every, "atmosphere and Earth", "classification=spectral")
@@ -181,7 +178,7 @@ def rows_of(options: Any, facts: dict[str, Any]) -> Iterator[Row]:
         yield from chain_rows(chain, options)
 
 
-def scene_s(scene: dict[str, Any]) -> float:
+def scene_s(scene):
     """Return the processor time of a whole process that runs a scene."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.yaml"
@@ -189,7 +186,7 @@ def scene_s(scene: dict[str, Any]) -> float:
         return process_s([sys.executable, "-m", "opir_core", "run", str(path), "--quiet"], folder)
 
 
-def time_rows(repeat: int, every: int, names: Sequence[str]) -> Iterator[Row]:
+def time_rows(repeat, every, names):
     """Yield the run times of every n-th of the hundred launches by chain, and ratios to those
     without light.
 
@@ -198,33 +195,33 @@ def time_rows(repeat: int, every: int, names: Sequence[str]) -> Iterator[Row]:
     chains = ["constant", *names]
     plans = {name: raid_plan(every, name) for name in chains}
 
-    def scene(name: str, path: Path | None = None) -> dict[str, Any]:
+    def scene(name, path=None):
         settings, sky = CHAINS.get(name, ({}, {}))
-        model: Any = "constant" if name == "constant" else {"model": "snr", **settings}
+        model = "constant" if name == "constant" else {"model": "snr", **settings}
         return raid(every, model, sky, path)
 
     scenes = {name: opir.scene_from_mapping(scene(name)) for name in chains}
-    actions: dict[str, Callable[[str], float]] = {
+    actions = {
         "engine": lambda name: median_s(lambda: drained(plans[name]), 1, warm=False),
         "simulate": lambda name: median_s(lambda: opir.simulate(scenes[name]), 1, warm=False),
         "opir_run": lambda name: scene_s(scene(name, Path("events.jsonl"))),
     }
     for plan in plans.values():
         drained(plan)
-    times: dict[str, dict[str, float]] = {name: {} for name in chains}
+    times = {name: {} for name in chains}
     for way, action in actions.items():
         turns = [[action(name) for name in chains] for _ in range(WAYS[way][1] * repeat)]
         for name, taken in zip(chains, zip(*turns, strict=True), strict=True):
             times[name][way] = statistics.median(taken)
     for name, ways in times.items():
-        row: dict[str, Any] = {"chain": name}
+        row = {"chain": name}
         for way, taken_s in ways.items():
             ratio = taken_s / times["constant"][way]
             row |= {f"{way}_s": taken_s, f"{way}_ratio": ratio}
         yield row
 
 
-def verdict(chains: Table) -> str:
+def verdict(chains):
     """Return the largest ratio of each way to run, and which ways miss the goal."""
     worst = {name: max(chains.column(f"{way}_ratio")) for way, (name, _) in WAYS.items()}
     listed = ", ".join(f"{name} {ratio:.2f}" for name, ratio in worst.items())
@@ -233,7 +230,7 @@ def verdict(chains: Table) -> str:
     return f"The largest ratios: {listed}. {end.capitalize()}"
 
 
-def page(table: Table, chains: Table) -> str:
+def page(table, chains):
     """Return the page."""
     lines = []
     for row in table.where(tolerance=DEFAULT_TOLERANCE):
@@ -249,7 +246,7 @@ def page(table: Table, chains: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw error against time."""
     with svg_plot(path, figsize=(7, 4)) as (_, axes):
         draw_lines(
@@ -262,7 +259,7 @@ def draw(path: Path, table: Table) -> None:
         axes.set_xlabel("time per look, ns (dotted: every look evaluated)")
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(
         __doc__,
@@ -273,7 +270,7 @@ def main() -> None:
         tolerances=(1e-2, 1e-3, 1e-4, 1e-6, 1e-8),
         chains=tuple(CHAINS),
     )
-    facts: dict[str, Any] = {}
+    facts = {}
     publish(
         options,
         page,

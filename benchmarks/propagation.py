@@ -11,15 +11,14 @@ tightest tolerance with a largest step, or, where heyoka is not installed, opir 
 processor time of one core, medians.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pages import Row, Table, markdown_table, options_of, publish, svg_plot, turns_s
+from pages import markdown_table, options_of, publish, svg_plot, turns_s
 from propagation_peers import (
     LANES,
     SCALE_HEIGHT_M,
@@ -75,7 +74,7 @@ class Run(NamedTuple):
     action: Callable[[], np.ndarray]
 
 
-def shots(count: int) -> tuple[np.ndarray, np.ndarray]:
+def shots(count):
     """Return states shortly after burnout whose flights take about half an hour."""
     rng = np.random.default_rng(1)
     up = rng.normal(size=(count, 3))
@@ -88,7 +87,7 @@ def shots(count: int) -> tuple[np.ndarray, np.ndarray]:
     return up * radius, speed * (np.sin(angle) * up + np.cos(angle) * along)
 
 
-def problems(count: int) -> Iterator[Problem]:
+def problems(count):
     """Yield the two problems; durations are to impact, at a tight tolerance."""
     position, velocity = shots(count)
     beta = np.random.default_rng(2).uniform(1000.0, 8000.0, count)
@@ -98,20 +97,18 @@ def problems(count: int) -> Iterator[Problem]:
         yield Problem(name, forces, coefficient, position, velocity, duration)
 
 
-def forces_of(beta: np.ndarray | None) -> Forces:
+def forces_of(beta):
     """Return the forces, with drag if there are ballistic coefficients."""
     return Forces() if beta is None else Forces(drag=Drag(beta, AIR))
 
 
-def arcs_of(problem: Problem, arcs: slice) -> Problem:
+def arcs_of(problem, arcs):
     """Return the problem with only some of its arcs."""
     beta = None if problem.beta is None else problem.beta[arcs]
     return Problem(problem.name, forces_of(beta), beta, *(column[arcs] for column in problem[3:]))
 
 
-def measured(
-    runs: Sequence[Run], problem: Problem, reference: np.ndarray, repeat: int
-) -> Iterator[Row]:
+def measured(runs, problem, reference, repeat):
     """Yield the rows of runs: each is done once for its error, and then in turn for its time."""
     ends = [run.action() for run in runs]
     times = turns_s(
@@ -123,13 +120,13 @@ def measured(
         yield {**row, "error_m": error_m, "us_an_arc": taken_s / len(end) * 1e6}
 
 
-def propagated(parts: Sequence[Problem], tolerance_m: float) -> np.ndarray:
+def propagated(parts, tolerance_m):
     """Return positions at impact by opir, one call a part."""
     ends = [propagate(*part[3:], part.forces, tolerance_m=tolerance_m)[0] for part in parts]
     return np.concatenate(ends)
 
 
-def opir_runs(problem: Problem) -> Iterator[Run]:
+def opir_runs(problem):
     """Yield the runs of opir: all arcs in one call, and one arc a call."""
     singles = [arcs_of(problem, slice(index, index + 1)) for index in range(SINGLES)]
     tools = {f"opir, batch of {len(problem.duration)}": [problem], "opir, one arc": singles}
@@ -138,7 +135,7 @@ def opir_runs(problem: Problem) -> Iterator[Run]:
             yield Run(tool, f"{tolerance_m:g} m", partial(propagated, parts, tolerance_m))
 
 
-def bounds(problem: Problem) -> dict[float, str]:
+def bounds(problem):
     """Return the bounds on steps, s, of other tools, and their part of the tool's name."""
     unbounded = {np.inf: ""}
     return (
@@ -148,7 +145,7 @@ def bounds(problem: Problem) -> dict[float, str]:
     )
 
 
-def scipy_runs(problem: Problem, bound: float, name: str) -> Iterator[Run]:
+def scipy_runs(problem, bound, name):
     """Yield the runs of SciPy's DOP853 and LSODA, one arc a call."""
     part = arcs_of(problem, slice(SINGLES))
     for method in ("DOP853", "LSODA"):
@@ -157,7 +154,7 @@ def scipy_runs(problem: Problem, bound: float, name: str) -> Iterator[Run]:
             yield Run(f"SciPy {method}{name}", f"{relative:g}", action)
 
 
-def heyoka_runs(heyoka: Any, problem: Problem, bound: float, name: str) -> Iterator[Run]:
+def heyoka_runs(heyoka, problem, bound, name):
     """Yield the runs of heyoka, batch and single; compiling is not counted."""
     part = arcs_of(problem, slice(SINGLES))
     tolerances = (RELATIVE[2::3] if np.isfinite(bound) else RELATIVE[::2]).tolist()
@@ -167,7 +164,7 @@ def heyoka_runs(heyoka: Any, problem: Problem, bound: float, name: str) -> Itera
             yield Run(f"heyoka, {tool}{name}", f"{relative:g}", action)
 
 
-def reference_of(heyoka: Any, problem: Problem) -> np.ndarray:
+def reference_of(heyoka, problem):
     """Return positions at impact as exact as can be had."""
     if heyoka is None:
         return propagated([problem], 1e-8)
@@ -175,7 +172,7 @@ def reference_of(heyoka: Any, problem: Problem) -> np.ndarray:
     return heyoka_run(heyoka, problem, 1e-18, bound, LANES)()
 
 
-def rows_of(arcs: int, repeat: int, facts: dict[str, Any]) -> Iterator[Row]:
+def rows_of(arcs, repeat, facts):
     """Yield the rows of all tools and problems."""
     heyoka = import_module("heyoka") if find_spec("heyoka") else None
     bounded = f"heyoka at 1e-18, with drag steps of at most {BOUND_S:g} s"
@@ -192,18 +189,18 @@ def rows_of(arcs: int, repeat: int, facts: dict[str, Any]) -> Iterator[Row]:
             yield from measured(runs, problem, reference, 1 if name else repeat)
 
 
-def fastest(rows: Table) -> Row | None:
+def fastest(rows):
     """Return the fastest run that is accurate enough, if any."""
     exact = [row for row in rows if row["error_m"] <= COMPARED_M]
     return min(exact, key=lambda row: row["us_an_arc"], default=None)
 
 
-def micro(value: float) -> str:
+def micro(value):
     """Return a time with three digits, without an exponent."""
     return f"{value:.3g}" if value < 1e3 else f"{float(f'{value:.3g}'):,.0f}".replace(",", " ")
 
 
-def headline(table: Table) -> str:
+def headline(table):
     """Return for each tool the fastest run of each problem that is accurate enough."""
     lines = []
     problem_names = table.names("problem")
@@ -216,7 +213,7 @@ def headline(table: Table) -> str:
     return markdown_table(["tool", *head], lines)
 
 
-def findings(table: Table) -> str:
+def findings(table):
     """Return the main results as a list."""
     own = [row for row in table if row["tool"].startswith("opir")]
     tolerances = [(row, float(row["asked"].split()[0])) for row in own]
@@ -244,12 +241,12 @@ def findings(table: Table) -> str:
     return "\n".join(lines)
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     return PAGE.format(findings=findings(table), headline=headline(table), **table.facts)
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw error against time, one panel a problem."""
     names = table.names("problem")
     shape = (1, len(names))
@@ -264,10 +261,10 @@ def draw(path: Path, table: Table) -> None:
         axes[0, 0].set_ylabel("largest error at impact, m")
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, arcs=1000, repeat=7)
-    facts: dict[str, Any] = {}
+    facts = {}
     rows = rows_of(options.arcs, options.repeat, facts)
     publish(options, page, draw, facts, propagation=rows)
 

@@ -1,8 +1,7 @@
 """The same arcs, with the same forces, for SciPy and heyoka (see `propagation.py`)."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +32,7 @@ class Problem(NamedTuple):
     duration: np.ndarray
 
 
-def right_side(state: Sequence[Any], beta: Any, sqrt: Any, exp: Any) -> list[Any]:
+def right_side(state, beta, sqrt, exp):
     """Return the rates of a state (6,), in the numbers or symbols of a library; `beta` is None
     without drag.
     """
@@ -63,7 +62,7 @@ def right_side(state: Sequence[Any], beta: Any, sqrt: Any, exp: Any) -> list[Any
     return [vx, vy, vz, *rates]
 
 
-def solved(part: Problem, method: str, bound: float, relative: float) -> np.ndarray:
+def solved(part, method, bound, relative):
     """Return positions (n, 3) at impact by SciPy."""
     from scipy.integrate import solve_ivp
 
@@ -88,35 +87,33 @@ def solved(part: Problem, method: str, bound: float, relative: float) -> np.ndar
     return np.array(ends)
 
 
-def symbolic_system(heyoka: Any, with_drag: bool) -> list[Any]:
+def symbolic_system(heyoka, with_drag):
     """Return the rates for heyoka, the ballistic coefficient its parameter."""
     state = heyoka.make_vars("x", "y", "z", "vx", "vy", "vz")
     beta = heyoka.par[0] if with_drag else None
     return list(zip(state, right_side(state, beta, heyoka.sqrt, heyoka.exp), strict=True))
 
 
-def heyoka_run(
-    heyoka: Any, problem: Problem, tolerance: float, bound: float, lanes: int
-) -> Callable[[], np.ndarray]:
+def heyoka_run(heyoka, problem, tolerance, bound, lanes):
     """Return a run of heyoka's integrator, compiled already: some arcs at a time, or one."""
     is_batch = lanes > 1
     system = symbolic_system(heyoka, problem.beta is not None)
-    settings: dict[str, Any] = {"tol": tolerance}
+    settings = {"tol": tolerance}
     if problem.beta is not None:
         settings["pars"] = np.ones((1, lanes)) if is_batch else [1.0]
     kind = heyoka.taylor_adaptive_batch if is_batch else heyoka.taylor_adaptive
     integrator = kind(system, np.zeros((6, lanes)) if is_batch else [0.0] * 6, **settings)
     states = np.concatenate([problem.position, problem.velocity], axis=1)
     # A run that has gone astray is cut off.
-    limits: dict[str, Any] = {"max_steps": 5000}
+    limits = {"max_steps": 5000}
     if np.isfinite(bound):
         limits["max_delta_t"] = [bound] * lanes if is_batch else bound
 
-    def run() -> np.ndarray:
+    def run():
         ends = np.empty((len(states), 3))
         for begin in range(0, len(states), lanes):
             rows = np.minimum(np.arange(begin, begin + lanes), len(states) - 1)
-            arcs: Any = rows if is_batch else begin
+            arcs = rows if is_batch else begin
             if is_batch:
                 integrator.set_time(0.0)
             else:

@@ -19,13 +19,11 @@ from figures import keep
 from pages import median_s, options_of
 
 import opir_core as opir
-from opir_core.output.delivery import RunOutcome, deliver
+from opir_core.output.delivery import deliver
 from opir_core.output.transaction import FILES_KEY
 
 
-def raid_scene(
-    launches: int, sensors: int, duration_s: float, outputs: list[object], **sensor: object
-) -> opir.Scene:
+def raid_scene(launches, sensors, duration_s, outputs, **sensor):
     """Return the scene; `sensor` are settings of all sensors."""
     rng = np.random.default_rng(5)
     latitude = rng.uniform(-60.0, 60.0, launches)
@@ -61,26 +59,26 @@ def raid_scene(
     )
 
 
-def delivered(plan: opir.Plan, truth: Path | None) -> RunOutcome:
+def delivered(plan, truth):
     """Run a plan into the outputs of its scene, and its truth into a file."""
     outcome = deliver(plan, truth_path=truth)
     outcome.raise_for_failures()
     return outcome
 
 
-def show(name: str, figure: float, unit: str, remark: str = "") -> None:
+def show(name, figure, unit, remark=""):
     """Keep and print a figure."""
     keep(name, figure, unit)
     print(f"{name:8} {figure:9.2f} {unit:8} {remark}")
 
 
-def show_memory() -> None:
+def show_memory():
     """Keep and print the peak of memory."""
     peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     show("memory", peak_mib, "MiB", "peak")
 
 
-def main() -> None:
+def main():
     """Measure and print."""
     options = options_of(
         __doc__,
@@ -97,7 +95,7 @@ def main() -> None:
         truth_name = "truth.parquet" if options.to == "parquet" else "truth.jsonl"
         truth = None if options.no_truth else Path(folder, truth_name)
         settings = {} if options.to == "null" else {"path": f"{folder}/events.{options.to}"}
-        outputs: list[object] = [{options.to: settings}]
+        outputs = [{options.to: settings}]
         scene = raid_scene(options.launches, options.sensors, options.duration, outputs)
         start_s = time.process_time()
         plan = opir.compile_plan(scene)
@@ -108,12 +106,12 @@ def main() -> None:
             show_run(plan, truth, options.repeat, options.profile)
 
 
-def show_run(plan: opir.Plan, truth: Path | None, repeat: int, has_profile: bool) -> None:
+def show_run(plan, truth, repeat, has_profile):
     """Measure and print runs of a plan."""
     profile = cProfile.Profile()
     outcomes = []
 
-    def run() -> None:
+    def run():
         work = profile.runcall if has_profile else lambda action, *words: action(*words)
         outcomes.append(work(delivered, plan, truth))
 

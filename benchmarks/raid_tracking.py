@@ -15,7 +15,6 @@ import os
 import time
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -26,7 +25,7 @@ from attrs import evolve
 from opir_scoring import energy_scores
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.tracker import imm_tracker
-from pages import Row, Table, options_of, publish
+from pages import options_of, publish
 
 import opir_core as opir
 from opir_core.estimation import tangent_axes
@@ -50,9 +49,9 @@ one core. By run: [raid_tracking.csv](raid_tracking.csv).
 """
 
 
-def plan_of(seed: int, duration_s: int) -> opir.Plan:
+def plan_of(seed, duration_s):
     """Return the plan of the raid seen by five sensors."""
-    scene: dict[str, Any] = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
+    scene = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
     scene.pop("outputs")
     slots_deg = (-175.0, -155.0, -135.0, -120.0, -100.0)
     sensors = [
@@ -63,9 +62,7 @@ def plan_of(seed: int, duration_s: int) -> opir.Plan:
     return opir.compile_plan(opir.scene_from_mapping(scene))
 
 
-def with_false_alarms(
-    plan: opir.Plan, detections: opir.Detections, target: np.ndarray, mean: float, seed: int
-) -> tuple[opir.Detections, np.ndarray]:
+def with_false_alarms(plan, detections, target, mean, seed):
     """Return detections and targets (-1 for false alarms), in order of time."""
     rng = np.random.default_rng(seed)
     scans = int(plan.scene.duration_s * 1e9) // PERIOD_NS
@@ -91,7 +88,7 @@ def with_false_alarms(
     return joint.take(order), np.append(target, np.full(len(alarms), -1))[order]
 
 
-def outcome(seed: int, duration_s: int, mean: float) -> Row:
+def outcome(seed, duration_s, mean):
     """Return the figures of one run."""
     plan = plan_of(seed, duration_s)
     run = opir.simulate(plan.scene)
@@ -130,7 +127,7 @@ def outcome(seed: int, duration_s: int, mean: float) -> Row:
     }
 
 
-def errors_m(plan: opir.Plan, tracks: opir.Tracks, owner: dict[int, int]) -> tuple[float, float]:
+def errors_m(plan, tracks, owner):
     """Return the median distance to the truth, and the mean energy score of position, at the last
     tick, of tracks whose target still burns.
     """
@@ -142,7 +139,7 @@ def errors_m(plan: opir.Plan, tracks: opir.Tracks, owner: dict[int, int]) -> tup
     return float(np.nanmedian(np.linalg.norm(error_m, axis=1))), float(np.nanmean(energy_m))
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     return PAGE.format(
         runs=len(table),
@@ -160,7 +157,7 @@ def page(table: Table) -> str:
     )
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, runs=3, duration=120, false_alarms=0.5)
     facts = {"false_alarms": options.false_alarms, "duration_s": options.duration}

@@ -9,8 +9,7 @@ estimated biases over its covariance, per angle. Seeds are even; odd ones were b
 """
 
 import os
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -21,7 +20,7 @@ from imm_consistency import short_target
 from opir_scoring import evidence_of_run, ownership
 from opir_scoring.containments import proportion
 from opir_scoring.errors import state_errors
-from pages import Row, Table, interval_text, markdown_table, options_of, publish, shown
+from pages import interval_text, markdown_table, options_of, publish, shown
 from scipy.stats import chi2
 
 import opir_core as opir
@@ -97,7 +96,7 @@ class Outcome(NamedTuple):
     noise: np.ndarray
 
 
-def scene_of(seed: int, case: Case, tracker: Mapping[str, Any]) -> opir.Scene:
+def scene_of(seed, case, tracker):
     """Return a run's scene; what is stated of the sensors is there with a tracker."""
     rng = np.random.default_rng(seed)
     is_stated = case.is_stated and tracker["model"] != "none"
@@ -123,9 +122,7 @@ def scene_of(seed: int, case: Case, tracker: Mapping[str, Any]) -> opir.Scene:
     )
 
 
-def disturbed(
-    detections: opir.Detections, case: Case, rng: np.random.Generator
-) -> tuple[opir.Detections, np.ndarray]:
+def disturbed(detections, case, rng):
     """Return detections with the disturbances of a case, and the biases (sensors, 2), rad."""
     count = len(detections)
     bias_rad = case.bias_rad * rng.standard_normal((case.sensors, 2))
@@ -152,7 +149,7 @@ def disturbed(
     return shifted, bias_rad
 
 
-def tracked(plan: opir.Plan, detections: opir.Detections) -> tuple[np.ndarray, opir.Tracks, Any]:
+def tracked(plan, detections):
     """Return the track of each detection, all estimates and the health of the sensors at the
     end.
     """
@@ -169,7 +166,7 @@ def tracked(plan: opir.Plan, detections: opir.Detections) -> tuple[np.ndarray, o
     return label, opir.Tracks.concatenate(estimates), tracker.sensor_health()
 
 
-def outcome_of(case: Case, seed: int) -> Outcome:
+def outcome_of(case, seed):
     """Return the results of a run."""
     run = opir.simulate(scene_of(seed, case, {"model": "none"}))
     plan = opir.compile_plan(scene_of(seed, case, {"model": "imm", "regions_every_s": 600.0}))
@@ -196,7 +193,7 @@ def outcome_of(case: Case, seed: int) -> Outcome:
     )
 
 
-def row_of(name: str, runs: int) -> Row:
+def row_of(name, runs):
     """Return a line of the table."""
     outcomes = [outcome_of(CASES[name], FIRST_SEED + 2 * run) for run in range(runs)]
     held, nees, position_m, over_bound = (
@@ -221,7 +218,7 @@ def row_of(name: str, runs: int) -> Row:
     }
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     lines = [
         [
@@ -236,7 +233,7 @@ def page(table: Table) -> str:
     return PAGE.format(table=markdown_table(head, lines), runs=table[0]["runs"])
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, runs=10, only=tuple(CASES))
     publish(options, page, registration=(row_of(name, options.runs) for name in options.only))

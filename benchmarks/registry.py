@@ -6,7 +6,6 @@ folder given by `--write`, or keeps them one by one (`figures.keep`); the suite 
 
 import shlex
 import shutil
-from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -25,7 +24,7 @@ PEERS = {
 }
 
 
-def are_known(_self: object, _field: object, names: tuple[str, ...]) -> None:
+def are_known(_self, _field, names):
     """Raise `KeyError` for a peer without a name."""
     for name in names:
         PEERS[name]
@@ -53,7 +52,7 @@ class Benchmark:
     peers: tuple[str, ...] = field(default=(), validator=are_known)
 
     @classmethod
-    def of(cls, entry: Mapping[str, str | bool]) -> "Benchmark":
+    def of(cls, entry):
         """Return the benchmark of an entry; words are separated as in a shell."""
         words = {
             key: tuple(shlex.split(str(entry.get(key, ""))))
@@ -62,21 +61,21 @@ class Benchmark:
         return cls(**{"script": f"{entry['name']}.py", **entry, **words})
 
     @property
-    def path(self) -> Path:
+    def path(self):
         """The script."""
         return FOLDER / self.script
 
-    def arguments(self, *, quick: bool, folder: Path) -> list[str]:
+    def arguments(self, *, quick, folder):
         """Return the command line behind `python`, whose results go into a folder."""
         words = self.quick if quick else self.full
         return [str(self.path), *words, *(["--write", str(folder)] if self.writes else [])]
 
-    def missing(self) -> Iterator[str]:
+    def missing(self):
         """Yield the required modules and programs that are not installed."""
         yield from (name for name in self.needs if find_spec(name) is None)
         yield from (name for name in self.programs if shutil.which(name) is None)
 
-    def absent_peers(self) -> list[str]:
+    def absent_peers(self):
         """Return the names of the peers that are not installed."""
         return [PEERS[name] for name in self.peers if find_spec(name) is None]
 

@@ -89,7 +89,7 @@ class Share(NamedTuple):
     peak_mib: list[float]
 
 
-def share_of(overrides: tuple[str, ...], first: int, runs: int) -> Share:
+def share_of(overrides, first, runs):
     """Run replicates from a number on."""
     start = time.process_time()
     scene = opir.load_scene(SCENE, overrides=overrides)
@@ -110,7 +110,7 @@ def share_of(overrides: tuple[str, ...], first: int, runs: int) -> Share:
     return Share(latency_s, detections / runs, first_s, later_s, peak_mib)
 
 
-def shares_of(case: Case, runs: int, workers: int) -> list[Share]:
+def shares_of(case, runs, workers):
     """Return the shares of all workers; keep their figures."""
     count = round(case.share * runs) // workers
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
@@ -125,12 +125,12 @@ def shares_of(case: Case, runs: int, workers: int) -> list[Share]:
     return shares
 
 
-def mean_s(shares: list[Share]) -> float:
+def mean_s(shares):
     """Return the mean processor time of a run."""
     return float(np.mean([share.later_s for share in shares]))
 
 
-def block_errors(latency_s: np.ndarray) -> list[tuple[int, str, str]]:
+def block_errors(latency_s):
     """Return numbers of runs, root-mean-square errors of their means, ms, and σ/√n, ms."""
     known = latency_s[np.isfinite(latency_s)]
     rows = []
@@ -143,12 +143,12 @@ def block_errors(latency_s: np.ndarray) -> list[tuple[int, str, str]]:
     return rows
 
 
-def duration(seconds: float) -> str:
+def duration(seconds):
     """Return a duration as the page writes it."""
     return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def page(results: dict[Case, list[Share]]) -> str:
+def page(results):
     """Return the page."""
     workers = len(results[CASES[0]])
     times = {case: duration(mean_s(shares) * MILLION / workers) for case, shares in results.items()}
@@ -181,7 +181,7 @@ def page(results: dict[Case, list[Share]]) -> str:
     )
 
 
-def main() -> None:
+def main():
     """Measure all scenes, print the page, and write it where asked."""
     options = options_of(__doc__, runs=20_000, workers=2)
     text = page({case: shares_of(case, options.runs, options.workers) for case in CASES})

@@ -13,18 +13,16 @@ error of a look cannot be resolved. Nothing was tuned on these seeds.
 """
 
 import os
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from opir_scoring import RunEvidence, evidence_of_run, ownership
+from opir_scoring import evidence_of_run, ownership
 from opir_scoring.containments import proportion
 from opir_scoring.evidence import true_states_ecef
-from pages import COLOURS, Row, Table, markdown_table, options_of, publish, svg_plot
+from pages import COLOURS, markdown_table, options_of, publish, svg_plot
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2
 
@@ -83,7 +81,7 @@ class Salvo(NamedTuple):
     oracle: float
 
 
-def scene_of(half_km: float, seed: int, sensors: int, fan_deg: float) -> opir.Scene:
+def scene_of(half_km, seed, sensors, fan_deg):
     """Return a scene with a salvo."""
     rng = np.random.default_rng([seed, round(1e3 * half_km)])
     lat_deg = rng.uniform(20.0, 50.0)
@@ -92,7 +90,7 @@ def scene_of(half_km: float, seed: int, sensors: int, fan_deg: float) -> opir.Sc
     times_s = rng.uniform(10.0, 20.0, LAUNCHES).tolist()
     aim_deg = launch_deg + rng.uniform(-fan_deg, fan_deg, (LAUNCHES, 2))
 
-    def place(lat: float, lon: float, shift: np.ndarray) -> dict[str, float]:
+    def place(lat, lon, shift):
         east, north = shift.tolist()
         return {"lat_deg": lat + north, "lon_deg": lon + east / np.cos(np.radians(lat))}
 
@@ -123,7 +121,7 @@ def scene_of(half_km: float, seed: int, sensors: int, fan_deg: float) -> opir.Sc
     )
 
 
-def salvo(half_km: float, seed: int, sensors: int, fan_deg: float) -> Salvo:
+def salvo(half_km, seed, sensors, fan_deg):
     """Return the results of a salvo."""
     run = opir.simulate(scene_of(half_km, seed, sensors, fan_deg))
     evidence = evidence_of_run(run, run.plan)
@@ -132,9 +130,7 @@ def salvo(half_km: float, seed: int, sensors: int, fan_deg: float) -> Salvo:
     return Salvo(*states, *labels(evidence), oracle(evidence, run.detections))
 
 
-def states_at_marks(
-    evidence: RunEvidence, sensor: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+def states_at_marks(evidence, sensor):
     """Return errors, m, which launches are held, which are paired right, and the number of tracks
     at the first mark.
     """
@@ -162,7 +158,7 @@ def states_at_marks(
     return error_m, held, paired, int(np.count_nonzero(first))
 
 
-def is_paired(evidence: RunEvidence, sensor: np.ndarray, track: int, tick_s: float) -> bool:
+def is_paired(evidence, sensor, track, tick_s):
     """Whether most of a track's recent detections are of one launch in every sensor."""
     age_s = tick_s - evidence.time_s
     recent = (evidence.track == track) & (age_s >= 0.0) & (age_s < PAIRED_S)
@@ -173,7 +169,7 @@ def is_paired(evidence: RunEvidence, sensor: np.ndarray, track: int, tick_s: flo
     return len({int(np.bincount(numbers).argmax()) for numbers in launches}) == 1
 
 
-def oracle(evidence: RunEvidence, detections: opir.Detections) -> float:
+def oracle(evidence, detections):
     """Return the share of wrong labels in the second half of burns where scans are assigned by the
     true directions.
     """
@@ -199,7 +195,7 @@ def oracle(evidence: RunEvidence, detections: opir.Detections) -> float:
     return wrong / max(total, 1)
 
 
-def labels(evidence: RunEvidence) -> tuple[int, int]:
+def labels(evidence):
     """Return the numbers of detections of the second half of a burn on another launch's track, and
     of all.
     """
@@ -212,7 +208,7 @@ def labels(evidence: RunEvidence) -> tuple[int, int]:
     return int(np.count_nonzero(owner != target[counted])), int(np.count_nonzero(counted))
 
 
-def rows_of(options: Any) -> Iterator[Row]:
+def rows_of(options):
     """Yield a row of figures for each size of the field."""
     fan_deg = 0.0 if options.parallel else 8.0
     for half_km in options.halves:
@@ -223,7 +219,7 @@ def rows_of(options: Any) -> Iterator[Row]:
         error_m, held, paired = (
             np.concatenate(column) for column in [*zip(*runs, strict=True)][:3]
         )
-        row: dict[str, Any] = {
+        row = {
             "half_km": half_km,
             "sensors": options.sensors,
             "launches": len(held),
@@ -241,7 +237,7 @@ def rows_of(options: Any) -> Iterator[Row]:
         }
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     columns = ("held", "paired", "wrong_labels", "oracle")
     lines = [
@@ -262,10 +258,10 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw the shares against the size of the field."""
     with svg_plot(path, figsize=(6.4, 3.6)) as (_, axes):
-        half_km: Sequence[float] = table.column("half_km")
+        half_km = table.column("half_km")
         series = {"held": "state in its 95 % ellipsoid", "wrong_labels": "wrong labels"}
         for colour, (name, label) in zip(COLOURS, series.items(), strict=False):
             axes.plot(half_km, table.column(name), "o-", color=colour, label=label)
@@ -275,7 +271,7 @@ def draw(path: Path, table: Table) -> None:
         axes.set_ylim(0, 100)
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, runs=10, halves=(0.5, 1.5, 5.0), sensors=2, parallel=False)
     publish(options, page, draw, salvos=rows_of(options))

@@ -15,10 +15,8 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from pages import markdown_table, options_of
 
@@ -58,7 +56,7 @@ clients, {windows} windows for all; {late} deadlines are missed.
 
 
 @contextmanager
-def running(*command: str) -> Iterator[int]:
+def running(*command):
     """Start a server that prints its address; yield its port."""
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
@@ -71,7 +69,7 @@ def running(*command: str) -> Iterator[int]:
         process.communicate(timeout=30.0)
 
 
-def requests_per_s(port: int, path: str, seconds: float) -> float:
+def requests_per_s(port, path, seconds):
     """Return the rate by wrk; raise where an answer is not 2xx."""
     command = ["wrk", "-t1", "-c32", f"-d{seconds:g}s", f"http://127.0.0.1:{port}{path}"]
     answer = subprocess.run(command, capture_output=True, text=True, check=True).stdout
@@ -81,7 +79,7 @@ def requests_per_s(port: int, path: str, seconds: float) -> float:
     return float(rate[1])
 
 
-def status(port: int) -> Any:
+def status(port):
     """Return the status of a service."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     connection.request("GET", "/status")
@@ -90,12 +88,12 @@ def status(port: int) -> Any:
     return answer
 
 
-async def viewed(port: int, clients: int, seconds: float) -> tuple[int, int]:
+async def viewed(port, clients, seconds):
     """Return how many detections viewers of the full stream are sent in a time, and bytes."""
     detections = 0
     size = 0
 
-    async def view() -> None:
+    async def view():
         nonlocal detections, size
         reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=1 << 24)
         writer.write(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
@@ -115,13 +113,13 @@ async def viewed(port: int, clients: int, seconds: float) -> tuple[int, int]:
     return detections, size
 
 
-def rates_of(bare: int, port: int, seconds: float) -> dict[str, float]:
+def rates_of(bare, port, seconds):
     """Return requests a second by path, of the bare server first."""
     rates = {BARE: requests_per_s(bare, "/", seconds)}
     return rates | {f"`GET {path}`": requests_per_s(port, path, seconds) for path in PATHS}
 
 
-def table(turns: list[dict[str, float]]) -> str:
+def table(turns):
     """Return the table of rates, and of ratios to the bare server."""
     lines = []
     for name in turns[0]:
@@ -132,7 +130,7 @@ def table(turns: list[dict[str, float]]) -> str:
     return markdown_table(("request", "requests/s", "ratio", "range"), lines)
 
 
-def measured(seconds: float, clients: int) -> str:
+def measured(seconds, clients):
     """Return the page."""
     words = ["serve", str(SCENE), "--loop", "--port", "0", "--set", "outputs=['null']"]
     serve = [sys.executable, "-m", "opir_core", *words]
@@ -146,7 +144,7 @@ def measured(seconds: float, clients: int) -> str:
         after = status(port)
         taken_s = time.monotonic() - start_s
 
-    def grown(part: str, name: str) -> int:
+    def grown(part, name):
         return int(after[part][name] - before[part][name])
 
     return PAGE.format(
@@ -164,7 +162,7 @@ def measured(seconds: float, clients: int) -> str:
     )
 
 
-def main() -> None:
+def main():
     """Measure and print; write the page where asked."""
     options = options_of(__doc__, seconds=2.0, clients=200)
     assert shutil.which("wrk"), "no wrk: apt-get install wrk"

@@ -15,16 +15,13 @@ import sys
 import tempfile
 import tracemalloc
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import yaml
 from attrs import field, frozen
-from pages import Row, Table, markdown_table, options_of, publish
+from pages import markdown_table, options_of, publish
 from startup import process_s
 
 SCENE = Path(__file__).resolve().parents[1] / "examples" / "first_light.yaml"
@@ -84,21 +81,21 @@ class Use:
     bytes: int
 
     @classmethod
-    def of(cls, modules: Sequence[str], run: dict[str, Any]) -> "Use":
+    def of(cls, modules, run):
         """Return the use of modules, and those inside them, in a run."""
 
-        def total(counts: Mapping[str, int]) -> int:
+        def total(counts):
             return sum(count for name, count in counts.items() if is_in(name, modules))
 
         return cls(total(Counter(run["modules"])), total(run["calls"]), total(run["bytes"]))
 
 
-def is_in(name: str, modules: Sequence[str]) -> bool:
+def is_in(name, modules):
     """Whether a module is one of some, or inside one."""
     return any(name == module or name.startswith(f"{module}.") for module in modules)
 
 
-def command(words: Sequence[str]) -> list[str]:
+def command(words):
     """Return the words of `opir run` for overrides and options."""
     settings = ["run", str(SCENE), "--quiet"]
     for word in (*ALL, *words):
@@ -106,22 +103,21 @@ def command(words: Sequence[str]) -> list[str]:
     return settings
 
 
-def used(words: Sequence[str], folder: Path) -> dict[str, Any]:
+def used(words, folder):
     """Return the modules, calls and bytes of a run in a folder, by module."""
     path = folder / "use.json"
     child = [sys.executable, str(Path(__file__).resolve()), "--child", str(path), *words]
     subprocess.run(child, cwd=folder, check=True)
-    counts: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return counts
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
-def child(path: Path, words: Sequence[str]) -> None:
+def child(path, words):
     """Run the scene in this process, counted; write the counts."""
     from opir_core.cli.main import main as opir
 
-    calls: Counter[str] = Counter()
+    calls = Counter()
 
-    def count(frame: FrameType, event: str, _argument: object) -> None:
+    def count(frame, event, _argument):
         # Bodies of modules and classes run at import and are not optimised code; neither counts
         # what they call.
         caller = frame.f_back
@@ -145,7 +141,7 @@ def child(path: Path, words: Sequence[str]) -> None:
     sys.exit(code)
 
 
-def rows_of(parts: Sequence[Part], repeat: int) -> Iterator[Row]:
+def rows_of(parts, repeat):
     """Yield the row of each part."""
     runs = sorted({part.beside for part in parts} | {(*part.beside, *part.words) for part in parts})
     with tempfile.TemporaryDirectory() as place:
@@ -174,7 +170,7 @@ def rows_of(parts: Sequence[Part], repeat: int) -> Iterator[Row]:
         }
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     called = [row["part"] for row in table if row["calls_without"]]
     shared = [row["part"] for row in table if row["modules_without"]]
@@ -194,7 +190,7 @@ def page(table: Table) -> str:
     )
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     if sys.argv[1:2] == ["--child"]:
         child(Path(sys.argv[2]), sys.argv[3:])

@@ -10,7 +10,6 @@ stopped, or no file of the service can grow. After SIGTERM every event that the 
 delivered must have arrived. `--machine` is a sentence on the machine, for the page.
 """
 
-import argparse
 import http.client
 import json
 import os
@@ -22,13 +21,11 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from pages import Table, options_of, printed, svg_plot, write_csv
 from soak_faults import (
-    BrokerFaults,
     Faults,
     PipeReader,
     TopicReader,
@@ -88,14 +85,14 @@ FATES = ("delivered", "spooled", "dropped", "withheld")
 class Viewer:
     """A client of the stream, which counts its frames."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port):
         self.frames = 0
         self.has_end = False
         self._port = port
         self.thread = threading.Thread(target=self._read, daemon=True)
         self.thread.start()
 
-    def _read(self) -> None:
+    def _read(self):
         connection = http.client.HTTPConnection("127.0.0.1", self._port)
         connection.request("GET", "/stream?view=brief")
         response = connection.getresponse()
@@ -104,7 +101,7 @@ class Viewer:
             self.has_end |= line.startswith(b"event: end")
 
 
-def request(port: int, method: str, path: str, body: Any = None) -> tuple[int, Any]:
+def request(port, method, path, body=None):
     """Return the status and the answer of the service."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     try:
@@ -116,7 +113,7 @@ def request(port: int, method: str, path: str, body: Any = None) -> tuple[int, A
         connection.close()
 
 
-def limit_tracks(port: int) -> None:
+def limit_tracks(port):
     """Let the service keep few tracks for its page; a run that is late at its start takes no
     settings yet.
     """
@@ -129,13 +126,13 @@ def limit_tracks(port: int) -> None:
         time.sleep(0.5)
 
 
-def balanced_status(port: int) -> dict[str, Any]:
+def balanced_status(port):
     """Return a status in which the books of both outputs balance; a window is counted once it is in
     the spool.
     """
     end_s = time.monotonic() + 30.0
     while True:
-        status: dict[str, Any] = request(port, "GET", "/status")[1]
+        status = request(port, "GET", "/status")[1]
         sinks = status["sinks"]
         if all(
             sum(sink[name] for name in FATES) == sink["given"] + sink["recovered"] for sink in sinks
@@ -155,7 +152,7 @@ class Service(NamedTuple):
     faults: Faults
 
 
-def sample(service: Service, start_s: float) -> dict[str, Any]:
+def sample(service, start_s):
     """Return the state of the service; of counts of outputs, the sum of both."""
     fault = service.faults.kind or ""
     # While the disk takes nothing, a window waits half counted.
@@ -179,7 +176,7 @@ def sample(service: Service, start_s: float) -> dict[str, Any]:
     }
 
 
-def scene_with(folder: Path, address: str) -> Path:
+def scene_with(folder, address):
     """Write the scene with its pipe and the address of its broker, and return its path."""
     os.mkfifo(folder / "pipe")
     text = Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8")
@@ -189,16 +186,14 @@ def scene_with(folder: Path, address: str) -> Path:
     return scene
 
 
-def soaked(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
+def soaked(options, folder):
     """Run the service before a broker; return the results."""
     kafka = apache_kafka if options.apache else mock_kafka
     with kafka(folder, "soak") as (address, broker_faults):
         return soaked_before(address, broker_faults, options, folder)
 
 
-def soaked_before(
-    address: str, broker_faults: BrokerFaults, options: argparse.Namespace, folder: Path
-) -> dict[str, Any]:
+def soaked_before(address, broker_faults, options, folder):
     """Return samples, answers to triggers by status, and how the run ended."""
     scene = scene_with(folder, address)
     pipe = PipeReader(folder / "pipe")
@@ -241,15 +236,15 @@ def soaked_before(
     }
 
 
-def watched(service: Service, duration_s: float) -> dict[str, Any]:
+def watched(service, duration_s):
     """Sample, trigger and let things fail until the time is over, the last minute without faults.
 
     Returns the samples, the answers to triggers by status, and how late, s, the run was at most
     while it was ready.
     """
     start_s = time.monotonic()
-    samples: list[dict[str, Any]] = []
-    triggers: dict[int, int] = {}
+    samples = []
+    triggers = {}
     late_s = 0.0
     trigger_due_s = 0.0
     sample_due_s = start_s
@@ -280,7 +275,7 @@ class Criterion(NamedTuple):
     is_met: bool
 
 
-def memory_criteria(samples: Sequence[dict[str, Any]]) -> list[Criterion]:
+def memory_criteria(samples):
     """Return the criteria on memory, descriptors and spools."""
     warm = [row for row in samples[int(WARM_UP * len(samples)) :] if row["lap"] >= WARM_UP_LAPS]
     warm = warm or list(samples)
@@ -310,7 +305,7 @@ def memory_criteria(samples: Sequence[dict[str, Any]]) -> list[Criterion]:
     ]
 
 
-def event_criteria(results: dict[str, Any]) -> list[Criterion]:
+def event_criteria(results):
     """Return the criteria on events."""
     lines = [COUNTED.findall(line) for line in results["output"].splitlines()]
     counts = [list(map(int, numbers)) for numbers in lines if len(numbers) == 3]
@@ -342,7 +337,7 @@ def event_criteria(results: dict[str, Any]) -> list[Criterion]:
     ]
 
 
-def criteria(results: dict[str, Any]) -> list[Criterion]:
+def criteria(results):
     """Return all criteria."""
     answers = results["triggers"]
     counts = ", ".join(f"{count} × status {code}" for code, count in answers.items())
@@ -361,7 +356,7 @@ def criteria(results: dict[str, Any]) -> list[Criterion]:
     ]
 
 
-def page(results: dict[str, Any], options: argparse.Namespace, name: str) -> str:
+def page(results, options, name):
     """Return the page."""
     final = results["samples"][-1]
     faults = results["faults"]
@@ -390,7 +385,7 @@ def page(results: dict[str, Any], options: argparse.Namespace, name: str) -> str
     )
 
 
-def draw(path: Path, samples: Table) -> None:
+def draw(path, samples):
     """Draw the samples by minute."""
     panels = {
         "memory, MiB": "rss_mib",
@@ -405,7 +400,7 @@ def draw(path: Path, samples: Table) -> None:
             panel.set(title=title, ylim=(0.0, None), xlabel="minute")
 
 
-def main() -> int:
+def main():
     """Run the test; return 1 if a criterion is not met."""
     options = options_of(__doc__, minutes=30.0, seed=1, machine="", speed="max", apache=False)
     with tempfile.TemporaryDirectory() as folder:

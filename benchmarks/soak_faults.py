@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -46,11 +46,11 @@ print(lines, recent.repeated, flush=True)
 class Recent:
     """Ids seen lately, at most 200 000; `repeated` counts those that came twice."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.repeated = 0
-        self._ids: dict[str, None] = {}
+        self._ids = {}
 
-    def add(self, name: str) -> bool:
+    def add(self, name):
         """Add an id; return whether it is new."""
         is_new = name not in self._ids
         self.repeated += not is_new
@@ -64,7 +64,7 @@ class Recent:
 class PipeReader:
     """A process that reads lines from a pipe; `lines` and `repeated` are its counts."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         self.lines = 0
         self.repeated = 0
         command = [sys.executable, "-c", READER, str(Path(__file__).parent), str(path)]
@@ -72,12 +72,12 @@ class PipeReader:
         self.thread = threading.Thread(target=self._follow, daemon=True)
         self.thread.start()
 
-    def _follow(self) -> None:
+    def _follow(self):
         assert self.process.stdout is not None
         for line in self.process.stdout:
             self.lines, self.repeated = map(int, line.split())
 
-    def close(self) -> None:
+    def close(self):
         """End the process."""
         self.process.kill()
         self.process.wait()
@@ -90,13 +90,13 @@ class TopicReader:
     consumer that is too late for the broker's memory fails: `error` says so.
     """
 
-    def __init__(self, address: str, topic: str) -> None:
+    def __init__(self, address, topic):
         from confluent_kafka import OFFSET_BEGINNING, Consumer, TopicPartition
 
         self.messages = 0
         self.disordered = 0
         self.recent = Recent()
-        self.error: str | None = None
+        self.error = None
         settings = {
             "bootstrap.servers": address,
             "group.id": "soak",
@@ -110,11 +110,11 @@ class TopicReader:
             [TopicPartition(topic, number, OFFSET_BEGINNING) for number in range(PARTITIONS)]
         )
         self._is_over = threading.Event()
-        self._newest: dict[str, str] = {}
+        self._newest = {}
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
 
-    def _read(self) -> None:
+    def _read(self):
         while not self._is_over.is_set():
             for message in self._consumer.consume(2000, 0.2):
                 if message.error() is None:
@@ -122,14 +122,14 @@ class TopicReader:
                 elif "offset" in str(message.error()).lower():
                     self.error = str(message.error())
 
-    def _count(self, event: dict[str, Any]) -> None:
+    def _count(self, event):
         if self.recent.add(event["detection_id"]):
             sensor = event["sensor_id"]
             self.messages += 1
             self.disordered += event["timestamp"] < self._newest.get(sensor, "")
             self._newest[sensor] = event["timestamp"]
 
-    def close(self) -> None:
+    def close(self):
         """Stop reading."""
         self._is_over.set()
         self._thread.join(10.0)
@@ -145,15 +145,13 @@ BrokerFaults = Callable[[random.Random], FaultKinds]
 class Faults:
     """Faults of random kind and duration, one at a time, each followed by a time without."""
 
-    def __init__(
-        self, seed: int, process: int, broker_faults: BrokerFaults, reader: subprocess.Popen[str]
-    ) -> None:
-        def limit(size: int) -> None:
+    def __init__(self, seed, process, broker_faults, reader):
+        def limit(size):
             with contextlib.suppress(ProcessLookupError):
                 limits = (size, resource.RLIM_INFINITY)
                 resource.prlimit(process, resource.RLIMIT_FSIZE, limits)
 
-        def send(number: int) -> Callable[[], None]:
+        def send(number):
             return lambda: reader.send_signal(number)
 
         self._rng = random.Random(seed)
@@ -164,11 +162,11 @@ class Faults:
                 lambda: limit(resource.RLIM_INFINITY),
             ),
         }
-        self.counts: dict[str, int] = dict.fromkeys(self._kinds, 0)
-        self.kind: str | None = None
+        self.counts = dict.fromkeys(self._kinds, 0)
+        self.kind = None
         self._next_s = time.monotonic() + 20.0
 
-    def step(self) -> None:
+    def step(self):
         """Begin or end a fault, if it is time."""
         if time.monotonic() < self._next_s:
             return
@@ -181,7 +179,7 @@ class Faults:
         self.counts[self.kind] += 1
         self._next_s = time.monotonic() + self._rng.uniform(2.0, 12.0)
 
-    def end(self) -> None:
+    def end(self):
         """End the present fault."""
         if self.kind is not None:
             self._kinds[self.kind][1]()
@@ -189,14 +187,14 @@ class Faults:
 
 
 @contextmanager
-def mock_kafka(_folder: Path, topic: str) -> Iterator[tuple[str, BrokerFaults]]:
+def mock_kafka(_folder, topic):
     """Yield the address and the faults of librdkafka's mock broker, in a process of its own, with a
     topic.
     """
     broker = MockBroker()
     broker.tell("topic", topic, PARTITIONS)
 
-    def faults(rng: random.Random) -> FaultKinds:
+    def faults(rng):
         return {
             "broker gone": (lambda: broker.tell("down"), broker.heal),
             "broker stopped (SIGSTOP)": (broker.freeze, broker.thaw),
@@ -212,12 +210,12 @@ def mock_kafka(_folder: Path, topic: str) -> Iterator[tuple[str, BrokerFaults]]:
 
 
 @contextmanager
-def apache_kafka(folder: Path, topic: str) -> Iterator[tuple[str, BrokerFaults]]:
+def apache_kafka(folder, topic):
     """Yield the address and the faults of Apache Kafka, one node, with a topic."""
     with kafka_cluster.cluster(folder / "kafka") as cluster:
         cluster.topic(PARTITIONS, name=topic)
         (node,) = cluster.nodes
-        kinds: FaultKinds = {
+        kinds = {
             "broker killed (SIGKILL)": (lambda: node.stop(signal.SIGKILL), node.start),
             "broker ended (SIGTERM)": (node.stop, node.start),
             "broker stopped (SIGSTOP)": (

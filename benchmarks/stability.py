@@ -6,16 +6,14 @@ errors. `--quick` draws 20 of each.
 
 import sys
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pages import Row, Table, options_of, publish, svg_plot
+from pages import Table, options_of, publish, svg_plot
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from exact_cases import every_bound, every_case, left_out
-from exact_cases.measure import ROUNDOFF, Outcome, measured, row_text, searched
+from exact_cases.measure import ROUNDOFF, measured, row_text, searched
 
 MU_M3_S2 = 3.986004418e14
 
@@ -44,12 +42,12 @@ fewer draws.
 """
 
 
-def generator(seed: int, name: str) -> np.random.Generator:
+def generator(seed, name):
     """Return the random numbers of a case: its own, whatever cases there are beside it."""
     return np.random.default_rng([seed, *name.encode()])
 
 
-def rows_of(outcomes: list[Outcome], options: Any, facts: dict[str, Any]) -> Iterator[Row]:
+def rows_of(outcomes, options, facts):
     """Yield the row of each function, and keep outcomes for the plot."""
     draws = 20 if options.quick else options.draws
     facts |= {"draws": draws, "seed": options.seed, "raised": 0}
@@ -69,7 +67,7 @@ def rows_of(outcomes: list[Outcome], options: Any, facts: dict[str, Any]) -> Ite
         yield {"function": name, "draws": 0, **blank, "input": f"left out: {reason}"}
 
 
-def row_of(result: Any, condition: float, ratio: float) -> Row:
+def row_of(result, condition, ratio):
     """Return the row of a function at the input with the largest error."""
     return {
         "function": result.case.name,
@@ -81,7 +79,7 @@ def row_of(result: Any, condition: float, ratio: float) -> Row:
     }
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     column = "error_over_rounding_or_bound"
     drawn = Table(row for row in table if row["draws"])
@@ -104,7 +102,7 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, outcomes: list[Outcome]) -> None:
+def draw(path, outcomes):
     """Draw errors against condition numbers, and the condition of two-body arcs."""
     with svg_plot(path, 1, 2, figsize=(10.0, 4.2)) as (figure, (left, right)):
         condition = np.concatenate([outcome.condition for outcome in outcomes])
@@ -132,12 +130,12 @@ def draw(path: Path, outcomes: list[Outcome]) -> None:
         right.set_xlabel("duration, turns of the circular orbit")
 
 
-def main() -> None:
+def main():
     """Draw and compare; write page, plot and data where asked."""
     options = options_of(__doc__, draws=1000, seed=1, quick=False, only="")
     warnings.simplefilter("error")
-    outcomes: list[Outcome] = []
-    facts: dict[str, Any] = {}
+    outcomes = []
+    facts = {}
     rows = [] if options.from_csv else list(rows_of(outcomes, options, facts))
     warnings.simplefilter("default")
     # The plot shows all draws, the data the worst of each function.

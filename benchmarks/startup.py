@@ -19,7 +19,7 @@ COMMANDS = {
 }
 
 
-def process_s(command: list[str], folder: str | Path) -> float:
+def process_s(command, folder):
     """Return the processor time of a whole process in a folder."""
     before = os.times()
     subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
@@ -28,14 +28,14 @@ def process_s(command: list[str], folder: str | Path) -> float:
     return used - before.children_user - before.children_system
 
 
-def modules(arguments: list[str], folder: str) -> int:
+def modules(arguments, folder):
     """Return the number of modules that a process imports."""
     command = [sys.executable, "-X", "importtime", *arguments]
     process = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
     return process.stderr.count("import time:") - 1
 
 
-def main() -> None:
+def main():
     """Measure in turn, so that a slow spell of the machine meets all alike, and print medians."""
     repeat = options_of(__doc__, repeat=9).repeat
     with tempfile.TemporaryDirectory() as folder:

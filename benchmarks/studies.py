@@ -18,7 +18,7 @@ PERIODS_MS = [100, 200, 400, 800]
 SCENE = Path(__file__).parents[1] / "examples" / "first_light.yaml"
 
 
-def times_of(executor: str, runs: int, workers: int) -> tuple[float, float]:
+def times_of(executor, runs, workers):
     """Return wall and processor time of a study, s."""
     study = Study(
         scene=str(SCENE),
@@ -36,7 +36,7 @@ def times_of(executor: str, runs: int, workers: int) -> tuple[float, float]:
         return wall_s, used_s
 
 
-def main() -> None:
+def main():
     """Measure each executor in turn and print ratios to serial."""
     options = options_of(__doc__, runs=1000, workers=2, executors=("serial", "processes", "dask"))
     times = {name: times_of(name, options.runs, options.workers) for name in options.executors}

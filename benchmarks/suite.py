@@ -7,14 +7,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from attrs import frozen
 
 from benchmarks.figures import Figures, figures_in, kept_figures
-from benchmarks.registry import Benchmark
 
 #: Numerical libraries with one thread: times are those of one core.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -32,7 +29,7 @@ class Attempt:
     output: str
 
 
-def attempt(benchmark: Benchmark, *, quick: bool, docs: Path | None = None) -> Attempt:
+def attempt(benchmark, *, quick, docs=None):
     """Run a benchmark; copy the files that it writes into `docs`, if given."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place, "written")
@@ -63,16 +60,14 @@ def attempt(benchmark: Benchmark, *, quick: bool, docs: Path | None = None) -> A
         )
 
 
-def rounds_of(
-    benchmarks: Sequence[Benchmark], rounds: int, *, quick: bool, docs: Path | None = None
-) -> Iterator[tuple[Benchmark, Attempt]]:
+def rounds_of(benchmarks, rounds, *, quick, docs=None):
     """Yield every benchmark once a round: so a slow spell of the machine falls on all alike."""
     for _ in range(rounds):
         for benchmark in benchmarks:
             yield benchmark, attempt(benchmark, quick=quick, docs=docs)
 
 
-def summary(benchmark: Benchmark, attempts: Sequence[Attempt]) -> dict[str, Any]:
+def summary(benchmark, attempts):
     """Return medians over attempts, and the peers that are not installed."""
     return {
         "question": benchmark.question,

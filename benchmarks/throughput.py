@@ -20,7 +20,7 @@ from opir_core.reading import scene_mapping
 from opir_core.simulation.run import plan_windows
 
 
-def boost_scene(targets: int, sensors: int = 10, duration_s: float = 400.0) -> opir.Scene:
+def boost_scene(targets, sensors=10, duration_s=400.0):
     """Return the benchmark's scene."""
     rng = np.random.default_rng(3)
     launches = zip(
@@ -54,14 +54,14 @@ def boost_scene(targets: int, sensors: int = 10, duration_s: float = 400.0) -> o
     )
 
 
-def drained(plan: opir.Plan) -> tuple[int, int]:
+def drained(plan):
     """Run a plan, keeping nothing, and return its looks and detections."""
     counts = [(window.looks, len(window.detections)) for window in plan_windows(plan)]
     looks, detections = map(sum, zip(*counts, strict=True))
     return looks, detections
 
 
-def written(scene: opir.Scene) -> None:
+def written(scene):
     """Run a scene into a file of JSON lines, from plan to bytes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "events.jsonl"
@@ -69,7 +69,7 @@ def written(scene: opir.Scene) -> None:
         deliver(opir.compile_plan(opir.scene_from_mapping(mapping)))
 
 
-def main() -> None:
+def main():
     """Measure and print."""
     options = options_of(__doc__, repeat=5, targets=100, profile=False)
     scene = boost_scene(options.targets)

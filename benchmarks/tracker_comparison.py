@@ -4,7 +4,6 @@ import contextlib
 import io
 import json
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import yaml
-from pages import COLOURS, Row, Table, markdown_table, options_of, publish, shown, svg_plot
+from pages import COLOURS, markdown_table, options_of, publish, shown, svg_plot
 
 from opir_core.cli.main import main as opir
 
@@ -87,7 +86,7 @@ PANELS = {
 }
 
 
-def compared(runs: int, duration_s: float) -> Any:
+def compared(runs, duration_s):
     """Return the figures of `opir compare --json` by tracker."""
     words = ["compare", SCENE, "--set", SENSORS, "--set", f"duration_s={duration_s:g}"]
     words += ["--runs", str(runs), "--json"]
@@ -98,27 +97,25 @@ def compared(runs: int, duration_s: float) -> Any:
     return json.loads(output.getvalue())["trackers"]
 
 
-def cell(value: float | None, scale: float, digits: int) -> str:
+def cell(value, scale, digits):
     """Return a figure as the CSV file has it, nothing where it is unknown."""
     return "" if value is None else f"{scale * value:.{digits}f}"
 
 
-def plain(name: str, value: object, samples: int | str = "") -> Row:
+def plain(name, value, samples=""):
     """Return a figure without an interval."""
     blank = {"low": "", "high": "", "interval": ""}
     return {"quantity": name, "samples": samples, "value": value, **blank}
 
 
-def figure(
-    estimate: dict[str, Any], name: str, scale: float, digits: int, samples: int | str = ""
-) -> Row:
+def figure(estimate, name, scale, digits, samples=""):
     """Return a figure with its 95 % interval."""
     low, high = (cell(edge, scale, digits) for edge in estimate["interval_95"])
     interval = {"low": low, "high": high, "interval": "95 % confidence" if low else ""}
     return {**plain(name, cell(estimate["value"], scale, digits), samples), **interval}
 
 
-def launch_rows(card: dict[str, Any]) -> Iterator[Row]:
+def launch_rows(card):
     """Yield the figures of all launches."""
     yield plain("runs", card["runs"])
     for key, settings in FIGURES["all launches"].items():
@@ -135,7 +132,7 @@ def launch_rows(card: dict[str, Any]) -> Iterator[Row]:
     yield from point_rows(card, card["stereo"])
 
 
-def point_rows(card: dict[str, Any], stereo: dict[str, Any]) -> Iterator[Row]:
+def point_rows(card, stereo):
     """Yield the figures of launch and impact points, of hypotheses, and of recognised launches."""
     for key in ("targets", "launches_reported", "impacts_reported"):
         yield plain(key, stereo[key])
@@ -154,7 +151,7 @@ def point_rows(card: dict[str, Any], stereo: dict[str, Any]) -> Iterator[Row]:
             yield figure(share, name, 100.0, 0)
 
 
-def bin_rows(time_bin: dict[str, Any]) -> Iterator[Row]:
+def bin_rows(time_bin):
     """Yield the figures of one bin of time since ignition."""
     for key, settings in FIGURES["time bin"].items():
         yield figure(time_bin[key], *settings, time_bin["samples"])
@@ -166,7 +163,7 @@ def bin_rows(time_bin: dict[str, Any]) -> Iterator[Row]:
         yield plain(f"{name}_ks_p", cell(part["distribution_p"], 1.0, 3), part["samples"])
 
 
-def rows_of(runs: int, duration_s: float) -> Iterator[Row]:
+def rows_of(runs, duration_s):
     """Yield the rows of the CSV file."""
     for tracker, card in compared(runs, duration_s).items():
         for row in launch_rows(card):
@@ -177,11 +174,11 @@ def rows_of(runs: int, duration_s: float) -> Iterator[Row]:
                 yield {"tracker": tracker, "from_s": start, "to_s": end, **row}
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     names = [name for name in TRACKERS if name in table.names("tracker")]
 
-    def value(tracker: str, quantity: str) -> Any:
+    def value(tracker, quantity):
         return table.row(tracker=tracker, quantity=quantity, from_s="")["value"]
 
     lines = []
@@ -208,7 +205,7 @@ def page(table: Table) -> str:
     )
 
 
-def ahead_s(errors: Table) -> Any:
+def ahead_s(errors):
     """Return the start of the bin from which on imm has the least position RMSE of all trackers."""
     starts = errors.names("from_s")
     lowest = [
@@ -219,14 +216,14 @@ def ahead_s(errors: Table) -> Any:
     return [*starts, "–"][max(behind, default=-1) + 1]
 
 
-def cell_of(row: Row) -> str:
+def cell_of(row):
     """Return a cell of the short table, shares in an ellipse with their interval."""
     value = shown(row["value"], "g")
     has_interval = "ellipse" in row["quantity"] and row["low"] != ""
     return f"{value} [{row['low']}, {row['high']}]" if has_interval else value
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw figures by time since ignition, with their 95 % intervals."""
     with svg_plot(path, 2, 2, figsize=(10.0, 7.0), sharex=True) as (_, axes):
         for panel, (quantity, label) in zip(axes.flat, PANELS.items(), strict=True):
@@ -240,7 +237,7 @@ def draw(path: Path, table: Table) -> None:
             panel.set(yscale="log", ylabel=label, xlabel="time since ignition, s")
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, runs=5, duration=300.0)
     rows = rows_of(options.runs, options.duration)

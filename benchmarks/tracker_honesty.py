@@ -11,7 +11,7 @@ and how large are these? What are the energy scores of state and impact, and the
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -32,7 +32,7 @@ from one_flight import (
 from opir_scoring import energy_scores, log_scores, main_regions, region_energy_m
 from opir_scoring.containments import containment, nees, proportion
 from opir_scoring.evidence import true_states_ecef
-from pages import GREY, Row, Table, interval_text, markdown_table, options_of, publish, svg_plot
+from pages import GREY, interval_text, markdown_table, options_of, publish, svg_plot
 
 import opir_core as opir
 from opir_core.flight import propagate_kepler
@@ -123,7 +123,7 @@ class Flight(NamedTuple):
     longitude_deg: float
 
 
-def foreign_flight(line: Line, seed: int, folder: Path) -> Flight:
+def foreign_flight(line, seed, folder):
     """Return a flight of `foreign_flights`, its table written to a folder."""
     rng = np.random.default_rng([7, line.stages, line.gaps, seed])
     flight = drawn_flight(line.stages, line.gaps, rng)
@@ -140,7 +140,7 @@ def foreign_flight(line: Line, seed: int, folder: Path) -> Flight:
     )
 
 
-def class_profile(seed: int) -> Flight:
+def class_profile(seed):
     """Return a flight of the target model `ballistic`, of each class in turn."""
     rng = np.random.default_rng([7, 0, seed])
     kind, reach = (("SRBM", (2.0, 8.0)), ("IRBM", (12.0, 40.0)), ("ICBM", (55.0, 90.0)))[seed % 3]
@@ -170,7 +170,7 @@ def class_profile(seed: int) -> Flight:
     )
 
 
-def state_of(plan: opir.Plan, time_s: float) -> np.ndarray:
+def state_of(plan, time_s):
     """Return the ECEF state (6,) of a plan's only target: after burnout in two-body motion."""
     burnout_s = float(plan.targets.end_s[0]) - 1e-3
     target = np.zeros(1, dtype=np.int32)
@@ -185,7 +185,7 @@ def state_of(plan: opir.Plan, time_s: float) -> np.ndarray:
     return np.concatenate([place[0], velocity[0]])
 
 
-def scene_of(line: Line, flight: Flight, seed: int, duration_s: float) -> opir.Scene:
+def scene_of(line, flight, seed, duration_s):
     """Return the scene of a flight."""
     return flight_scene(
         flight.target,
@@ -197,7 +197,7 @@ def scene_of(line: Line, flight: Flight, seed: int, duration_s: float) -> opir.S
     )
 
 
-def figures_of(line: Line, seed: int, folder: Path) -> list[dict[str, float]]:
+def figures_of(line, seed, folder):
     """Return the figures of a flight's track at the marks, empty ones without a track."""
     flight = foreign_flight(line, seed, folder) if line.stages else class_profile(seed)
     scene = scene_of(line, flight, seed, flight.burnout_s + AFTER_S)
@@ -209,7 +209,7 @@ def figures_of(line: Line, seed: int, folder: Path) -> list[dict[str, float]]:
     return [figures_at(flight, track.take(row)) if len(row) else {} for row in rows]
 
 
-def figures_at(flight: Flight, track: opir.Tracks) -> dict[str, float]:
+def figures_at(flight, track):
     """Return the figures of a track's row."""
     time_s = float(track.tick_s[0])
     error = track.state - flight.state(time_s)
@@ -236,16 +236,16 @@ def figures_at(flight: Flight, track: opir.Tracks) -> dict[str, float]:
     return figures
 
 
-def column(figures: Sequence[dict[str, float]], name: str) -> np.ndarray:
+def column(figures, name):
     """Return the known values of a figure."""
     values = np.array([row.get(name, np.nan) for row in figures])
     return values[np.isfinite(values)]
 
 
-def row_of(line: Line, mark: str, flights: Sequence[dict[str, float]]) -> Row:
+def row_of(line, mark, flights):
     """Return the row of a line at a mark."""
     inside = column(flights, "in_95")
-    row: dict[str, Any] = {
+    row = {
         "flights": line.name,
         "mark": mark,
         "flown": len(flights),
@@ -265,7 +265,7 @@ def row_of(line: Line, mark: str, flights: Sequence[dict[str, float]]) -> Row:
     return row | {name: float(np.mean(column(flights, name))) for name in MEANS}
 
 
-def rows_of(flights: int, names: Sequence[str]) -> Iterator[Row]:
+def rows_of(flights, names):
     """Yield the rows of all lines and marks."""
     with tempfile.TemporaryDirectory() as folder:
         for line in LINES:
@@ -275,7 +275,7 @@ def rows_of(flights: int, names: Sequence[str]) -> Iterator[Row]:
                     yield row_of(line, mark, column_)
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     lines = []
     for name in table.names("flights"):
@@ -298,7 +298,7 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw shares and areas by mark."""
     with svg_plot(path, 1, 2, figsize=(10.0, 4.4)) as (_, (left, right)):
         for number, name in enumerate(table.names("flights")):
@@ -322,7 +322,7 @@ def draw(path: Path, table: Table) -> None:
             axes.set_xlabel("share of the burn, and time after it")
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, flights=12, only=tuple(line.name for line in LINES))
     publish(options, page, draw, tracker_honesty=rows_of(options.flights, options.only))

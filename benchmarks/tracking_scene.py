@@ -7,10 +7,7 @@ alone. Peers that are not installed are left out.
 """
 
 import os
-from collections.abc import Iterator, Sequence
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,8 +21,6 @@ from opir_scoring.evidence import evidence_of_run, ownership
 from opir_studies.comparison import TimedTracker
 from pages import (
     COLOURS,
-    Row,
-    Table,
     installed,
     interval_text,
     left_out,
@@ -37,7 +32,6 @@ from pages import (
 )
 
 import opir_core as opir
-from opir_core.interfaces.protocols import Tracker
 
 #: Errors count from here to the end, s since ignition: from when directions of both sensors
 #: determine the place.
@@ -115,17 +109,17 @@ HEAD = (
 )
 
 
-def tracker_of(plan: opir.Plan, name: str) -> Tracker:
+def tracker_of(plan, name):
     """Return the tracker of a line."""
     return plan.make_tracker() if TRACKERS[name] else FilterPyTracker()
 
 
-def scene_of(name: str, **changes: Any) -> opir.Scene:
+def scene_of(name, **changes):
     """Return the scene with the tracker of a line."""
     return opir.scene_from_mapping({**SCENE, **changes, "tracker": TRACKERS[name] or "imm"})
 
 
-def row_of(name: str, runs: int) -> dict[str, Any]:
+def row_of(name, runs):
     """Return the row of a tracker over runs."""
     scene = scene_of(name)
     errors = []
@@ -158,12 +152,12 @@ def row_of(name: str, runs: int) -> dict[str, Any]:
     }
 
 
-def ratios(state: StateErrors, run: np.ndarray, name: str, unit: str) -> dict[str, float]:
+def ratios(state, run, name, unit):
     """Return RMSE over the bound with the thrust known, and over that with the thrust unknown with
     its interval over runs.
     """
 
-    def rms(column: str) -> float:
+    def rms(column):
         return float(np.sqrt(np.mean(getattr(state, f"{name}_{column}_{unit}") ** 2)))
 
     value, low, high = root_mean_square(getattr(state, f"{name}_{unit}"), run)
@@ -176,7 +170,7 @@ def ratios(state: StateErrors, run: np.ndarray, name: str, unit: str) -> dict[st
     }
 
 
-def rows_of(runs: int, names: Sequence[str]) -> Iterator[Row]:
+def rows_of(runs, names):
     """Yield a row for each tracker; imports at its first use are not counted."""
     for name in installed(names):
         plan = opir.compile_plan(scene_of(name, duration_s=8.0))
@@ -184,7 +178,7 @@ def rows_of(runs: int, names: Sequence[str]) -> Iterator[Row]:
         yield row_of(name, runs)
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     names = table.names("tracker")
     stone = [row for row in table if row["tracker"].startswith("Stone Soup EKF")]
@@ -211,7 +205,7 @@ def page(table: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw time per detection against error over the bound with the thrust unknown."""
     with svg_plot(path, 1, 2, figsize=(11.0, 4.8), sharex=True) as (_, axes):
         for panel, name in zip(axes, ("position", "velocity"), strict=True):
@@ -229,7 +223,7 @@ def draw(path: Path, table: Table) -> None:
             panel.set(xlabel="µs per detection", ylabel=f"{name} RMSE / bound, thrust unknown")
 
 
-def main() -> None:
+def main():
     """Measure and write."""
     options = options_of(__doc__, runs=5, only=tuple(TRACKERS))
     publish(options, page, draw, tracking_scene=rows_of(options.runs, options.only))

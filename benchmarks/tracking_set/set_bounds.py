@@ -18,9 +18,9 @@ import numpy as np
 from flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 from opir_scoring import energy_scores
 from opir_scoring.bound import DetectedLooks, free_bound, position_and_velocity
-from set_cases import WIDE, Launch, SetScene
+from set_cases import WIDE
 from set_flights import burns, flown, prior_sigma
-from set_sights import Sights, Truth, horizon_axes
+from set_sights import horizon_axes
 
 #: Step of the flights whose differences are the slopes, s.
 FLIGHT_STEP_S = 1.0
@@ -42,7 +42,7 @@ class Bounds(NamedTuple):
     free_velocity_m_s: np.ndarray
 
 
-def bounds_of(scene: SetScene, truth: Truth, sights: Sights, number: int) -> Bounds:
+def bounds_of(scene, truth, sights, number):
     """Return the bounds of a launch."""
     launch = scene.launches[number]
     tick_s = truth.tick_s[truth.is_scored[number]]
@@ -70,28 +70,28 @@ def bounds_of(scene: SetScene, truth: Truth, sights: Sights, number: int) -> Bou
     )
 
 
-def _slopes(launch: Launch, prior: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+def _slopes(launch, prior, time_s):
     """Return the slopes (n, 6, p) of ECEF states at times (n,) by the parameters."""
     end_s = float(time_s.max()) + 1.0
 
-    def states(rows: np.ndarray) -> np.ndarray:
+    def states(rows):
         return flown(rows, launch.stages, end_s, FLIGHT_STEP_S).states(time_s)
 
     return central_slopes(states, launch.row, _steps(prior))
 
 
-def _steps(prior: np.ndarray) -> np.ndarray:
+def _steps(prior):
     """Return steps of differences: 10 m of the launch, 1 µrad, 1 ms, and small shares of laws."""
     return np.concatenate([[10.0 / 6.4e6] * 2, [1e-6, 1e-3], 1e-4 * prior[4:]])
 
 
-def _edges(launch: Launch, prior: np.ndarray, look_s: np.ndarray) -> KnownValues:
+def _edges(launch, prior, look_s):
     """Return the times at which a launch lights or goes dark as values that become known one
     detection later.
     """
     gap_s = (look_s[-1] - look_s[0]) / max(len(look_s) - 1, 1)
 
-    def edges(rows: np.ndarray) -> np.ndarray:
+    def edges(rows):
         both = np.array([burns(row, launch.stages).ravel() for row in rows])
         # Between stages without a gap nothing goes dark.
         return both if launch.has_gaps else both[:, [0, -1]]
@@ -101,7 +101,7 @@ def _edges(launch: Launch, prior: np.ndarray, look_s: np.ndarray) -> KnownValues
     return KnownValues(time_s, slope * np.sqrt(12.0) / gap_s)
 
 
-def _looks(scene: SetScene, sights: Sights, rows: np.ndarray) -> DetectedLooks:
+def _looks(scene, sights, rows):
     """Return the looks that detected a launch, with the noise and the biases that they truly
     have.
     """
@@ -118,7 +118,7 @@ def _looks(scene: SetScene, sights: Sights, rows: np.ndarray) -> DetectedLooks:
     return DetectedLooks(sights.time_s[rows], sights.target_m[rows], place, sigma, turns)
 
 
-def efficient_sigma(wide_share: float) -> float:
+def efficient_sigma(wide_share):
     """Return the standard deviation with the Fisher information of the mixture of both noises, 1
     for no wide one.
 

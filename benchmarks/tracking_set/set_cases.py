@@ -40,7 +40,7 @@ class Sensor(NamedTuple):
     detection_probability: float
     clutter_per_look: float
 
-    def position_m(self, time_s: np.ndarray) -> np.ndarray:
+    def position_m(self, time_s):
         """Return the ECEF positions (n, 3) at times (n,) since the epoch."""
         radius = RADIUS_M + self.altitude_m
         angle = np.radians(self.argument_deg) + np.sqrt(MU / radius**3) * time_s
@@ -111,7 +111,7 @@ class SetScene(NamedTuple):
     rng: np.random.Generator
 
 
-def scene_of(name: str, seed: int) -> SetScene:
+def scene_of(name, seed):
     """Return the scene of a case with a seed."""
     case = CASES[name]
     rng = np.random.Generator(np.random.Philox(key=[list(CASES).index(name) + 1, seed]))
@@ -122,13 +122,11 @@ def scene_of(name: str, seed: int) -> SetScene:
     return SetScene(f"{name}-{seed}", case, sensors, _launches(case, middle, rng), middle, rng)
 
 
-def _launches(
-    case: Case, middle: tuple[float, float], rng: np.random.Generator
-) -> tuple[Launch, ...]:
+def _launches(case, middle, rng):
     """Return the launches of a scene: at random places, in a salvo of one vehicle at much the same
     time.
     """
-    launches: list[Launch] = []
+    launches = []
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     for stages, count in case.launches.items():
         vehicle = _vehicle(stages, case.has_gaps, middle, rng)
@@ -148,9 +146,7 @@ def _launches(
     return tuple(launches)
 
 
-def _vehicle(
-    stages: int, has_gaps: bool, place: tuple[float, float], rng: np.random.Generator
-) -> np.ndarray:
+def _vehicle(stages, has_gaps, place, rng):
     """Return the parameters of a drawn vehicle that flies from a place, whichever way."""
     while True:
         row = drawn_vehicle(stages, has_gaps, rng)
@@ -159,9 +155,7 @@ def _vehicle(
             return row
 
 
-def _place(
-    middle: tuple[float, float], spread_km: float, rng: np.random.Generator
-) -> tuple[float, float]:
+def _place(middle, spread_km, rng):
     """Return a random point within a distance from the middle, on a sphere."""
     distance = 1e3 * spread_km * np.sqrt(rng.uniform()) / METRES_PER_RADIAN
     turn = rng.uniform(0.0, 2.0 * np.pi)
@@ -169,9 +163,7 @@ def _place(
     return float(latitude), float(middle[1] + distance * np.sin(turn) / np.cos(middle[0]))
 
 
-def _sensor(
-    case: Case, kind: str, number: int, middle: tuple[float, float], rng: np.random.Generator
-) -> Sensor:
+def _sensor(case, kind, number, middle, rng):
     """Return a sensor that sees the middle: over the equator on alternate sides of it, or passing
     it in low orbit.
     """
@@ -194,9 +186,7 @@ def _sensor(
     )
 
 
-def _passing_orbit(
-    middle: tuple[float, float], number: int, rng: np.random.Generator
-) -> tuple[float, float, float, float]:
+def _passing_orbit(middle, number, rng):
     """Return a low orbit's altitude, inclination, node and argument: near the middle 100 s after
     the epoch.
     """

@@ -9,17 +9,15 @@ import csv
 import hashlib
 import io
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from opir_scoring.benchmark_tables import STATE
-from set_bounds import Bounds, bounds_of
-from set_cases import CASES, SEEDS, Launch, SetScene, scene_of
+from set_bounds import bounds_of
+from set_cases import CASES, SEEDS, scene_of
 from set_flights import burns
-from set_sights import TICK_S, Sights, Truth, clutter_half_angle_rad, middle_m, observed
+from set_sights import TICK_S, clutter_half_angle_rad, middle_m, observed
 
 VERSION = "1.0"
 EPOCH = datetime(2026, 1, 1)
@@ -71,7 +69,7 @@ class SceneTables(NamedTuple):
     description: dict[str, Any]
 
 
-def tables_of(name: str, seed: int) -> SceneTables:
+def tables_of(name, seed):
     """Return the tables and the description of a scene."""
     scene = scene_of(name, seed)
     truth, sights = observed(scene)
@@ -88,7 +86,7 @@ def tables_of(name: str, seed: int) -> SceneTables:
     return SceneTables(rows, _description(scene, name, seed, truth, bounds))
 
 
-def observed_rows(scene: SetScene, truth: Truth, sights: Sights) -> dict[str, list[list[str]]]:
+def observed_rows(scene, truth, sights):
     """Return the rows of lines of sight and of truth."""
     return {
         "lines_of_sight": list(_sight_rows(scene, sights)),
@@ -96,11 +94,11 @@ def observed_rows(scene: SetScene, truth: Truth, sights: Sights) -> dict[str, li
     }
 
 
-def _launch_name(number: int) -> str:
+def _launch_name(number):
     return f"L{number + 1}"
 
 
-def _sight_rows(scene: SetScene, sights: Sights) -> Iterator[list[str]]:
+def _sight_rows(scene, sights):
     for row, time_s in enumerate(sights.time_s.tolist()):
         sensor = int(sights.sensor[row])
         place = sights.sensor_m[row].tolist()
@@ -113,14 +111,14 @@ def _sight_rows(scene: SetScene, sights: Sights) -> Iterator[list[str]]:
         ]
 
 
-def utc(time_s: float) -> str:
+def utc(time_s):
     """Return a time since the epoch as text in UTC, to the microsecond."""
     return (EPOCH + timedelta(microseconds=round(1e6 * time_s))).isoformat(
         timespec="microseconds"
     ) + "Z"
 
 
-def _truth_rows(scene: SetScene, truth: Truth) -> Iterator[list[str]]:
+def _truth_rows(scene, truth):
     for number, path in enumerate(truth.paths):
         burns_s = truth.burns_s[number]
         flying = np.flatnonzero(truth.tick_s >= burns_s[0, 0])
@@ -136,7 +134,7 @@ def _truth_rows(scene: SetScene, truth: Truth) -> Iterator[list[str]]:
             ]
 
 
-def _launch_row(scene: str, number: int, launch: Launch) -> Iterator[str]:
+def _launch_row(scene, number, launch):
     both = burns(launch.row, launch.stages)
     yield from (
         scene,
@@ -148,7 +146,7 @@ def _launch_row(scene: str, number: int, launch: Launch) -> Iterator[str]:
     yield from (f"{np.degrees(angle):.7f}" for angle in launch.row[:3])
 
 
-def _bound_rows(scene: SetScene, number: int, bounds: Bounds) -> Iterator[list[str]]:
+def _bound_rows(scene, number, bounds):
     for time_s, *values in zip(*(column.tolist() for column in bounds), strict=True):
         # To four digits: linear algebra differs by machine in the last ones of sixteen.
         yield [
@@ -159,9 +157,7 @@ def _bound_rows(scene: SetScene, number: int, bounds: Bounds) -> Iterator[list[s
         ]
 
 
-def _description(
-    scene: SetScene, name: str, seed: int, truth: Truth, bounds: Sequence[Bounds]
-) -> dict[str, Any]:
+def _description(scene, name, seed, truth, bounds):
     bound_m = float(np.median(np.concatenate([own.position_m for own in bounds])))
     middle = middle_m(scene)
     return {
@@ -192,9 +188,7 @@ def _description(
     }
 
 
-def write_set(
-    folder: Path, cases: Sequence[str] = tuple(CASES), seeds: Sequence[int] = SEEDS
-) -> dict[str, dict[str, str]]:
+def write_set(folder, cases=tuple(CASES), seeds=SEEDS):
     """Write the set into a folder; return the digests of its tables, and of those of each scene."""
     folder.mkdir(parents=True, exist_ok=True)
     scenes = [tables_of(name, seed) for name in cases for seed in seeds]
@@ -227,17 +221,17 @@ def write_set(
     }
 
 
-def digest(text: bytes) -> str:
+def digest(text):
     """Return the SHA-256 digest of a text."""
     return hashlib.sha256(text).hexdigest()
 
 
-def scene_digest(rows: Mapping[str, list[list[str]]]) -> str:
+def scene_digest(rows):
     """Return the digest of a scene's lines of sight and truth."""
     return digest(b"".join(table_text((), rows[name]) for name in ("lines_of_sight", "truth")))
 
 
-def table_text(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> bytes:
+def table_text(columns, rows):
     """Return a CSV table as UTF-8."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -246,7 +240,7 @@ def table_text(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> bytes:
     return text.getvalue().encode()
 
 
-def _write_parquet(path: Path) -> None:
+def _write_parquet(path):
     """Write the Parquet table of a CSV table; where no library does, there is none."""
     try:
         from pyarrow import csv as arrow_csv, parquet

@@ -7,7 +7,6 @@ rotating Earth, in upper stages off it by a constant angle of steering; an expon
 central gravity, WGS 84. Only NumPy is used, nothing of opir.
 """
 
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -54,7 +53,7 @@ class Paths(NamedTuple):
     time_s: np.ndarray
     state: np.ndarray
 
-    def states(self, time_s: np.ndarray) -> np.ndarray:
+    def states(self, time_s):
         """Return the states (f, n, 6) at times (n,): cubic Hermite interpolation of position and
         its slope.
         """
@@ -63,7 +62,7 @@ class Paths(NamedTuple):
         )
 
 
-def _interpolated(times: np.ndarray, states: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+def _interpolated(times, states, time_s):
     at = np.clip(np.searchsorted(times, time_s, side="right") - 1, 0, len(times) - 2)
     step = np.maximum(times[at + 1] - times[at], 1e-9)[:, None]
     share = (time_s[:, None] - times[at, None]) / step
@@ -94,12 +93,12 @@ class Leg(NamedTuple):
     is_turning: bool
 
 
-def width(stages: int, has_gaps: bool) -> int:
+def width(stages, has_gaps):
     """Return the number of parameters of a flight."""
     return PLACE + 3 * stages + (stages - 1) * (1 + has_gaps)
 
 
-def drawn_vehicle(stages: int, has_gaps: bool, rng: np.random.Generator) -> np.ndarray:
+def drawn_vehicle(stages, has_gaps, rng):
     """Return drawn parameters (p,) of a flight from latitude, longitude, azimuth and ignition 0."""
     later = stages - 1
     parts = [
@@ -117,7 +116,7 @@ def drawn_vehicle(stages: int, has_gaps: bool, rng: np.random.Generator) -> np.n
     return np.concatenate(parts)
 
 
-def prior_sigma(stages: int, has_gaps: bool) -> np.ndarray:
+def prior_sigma(stages, has_gaps):
     """Return the standard deviations (p,) of the laws of parameters; launch and ignition are as
     good as unknown.
     """
@@ -128,7 +127,7 @@ def prior_sigma(stages: int, has_gaps: bool) -> np.ndarray:
     return np.array([high - low for low, high in laws]) / np.sqrt(12.0)
 
 
-def burns(row: np.ndarray, stages: int) -> np.ndarray:
+def burns(row, stages):
     """Return the starts and ends (stages, 2) of a flight's burns, s."""
     burn = row[PLACE : PLACE + stages]
     gap = row[PLACE + 4 * stages - 1 :] if len(row) > width(stages, False) else np.zeros(stages - 1)
@@ -136,7 +135,7 @@ def burns(row: np.ndarray, stages: int) -> np.ndarray:
     return np.stack([end - burn, end], axis=1)
 
 
-def ecef(latitude: np.ndarray, longitude: np.ndarray) -> np.ndarray:
+def ecef(latitude, longitude):
     """Return the ECEF positions (f, 3) of points (f,) on WGS 84."""
     squared = FLATTENING * (2.0 - FLATTENING)
     normal = RADIUS_M / np.sqrt(1.0 - squared * np.sin(latitude) ** 2)
@@ -145,9 +144,7 @@ def ecef(latitude: np.ndarray, longitude: np.ndarray) -> np.ndarray:
     return np.stack([flat * np.cos(longitude), flat * np.sin(longitude), high], axis=1)
 
 
-def directions(
-    latitude: np.ndarray, longitude: np.ndarray, azimuth: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def directions(latitude, longitude, azimuth):
     """Return up (f, 3), and the horizontal directions (f, 3) of azimuths, at points (f,)."""
     level = np.cos(latitude)
     up = np.stack([level * np.cos(longitude), level * np.sin(longitude), np.sin(latitude)], axis=1)
@@ -156,7 +153,7 @@ def directions(
     return up, np.sin(azimuth)[:, None] * east + np.cos(azimuth)[:, None] * north
 
 
-def flown(rows: np.ndarray, stages: int, until_s: float, step_s: float = STEP_S) -> Paths:
+def flown(rows, stages, until_s, step_s=STEP_S):
     """Return flights with parameters (f, p), up to a time after their last burnouts, in steps of at
     most `step_s`.
     """
@@ -174,7 +171,7 @@ def flown(rows: np.ndarray, stages: int, until_s: float, step_s: float = STEP_S)
     return Paths(np.array(times).T, np.array(states).transpose(1, 0, 2))
 
 
-def _legs(rows: np.ndarray, stages: int, until_s: float) -> Iterator[Leg]:
+def _legs(rows, stages, until_s):
     """Yield the legs of flights: rise, pitch-over, the rest of the burns, the dark times and the
     free flight.
     """
@@ -199,14 +196,14 @@ def _legs(rows: np.ndarray, stages: int, until_s: float) -> Iterator[Leg]:
 
 
 def _stepped(
-    now: np.ndarray,
-    step: np.ndarray,
-    state: np.ndarray,
-    leg: Leg,
-    rows: np.ndarray,
-    up: np.ndarray,
-    ahead: np.ndarray,
-) -> np.ndarray:
+    now,
+    step,
+    state,
+    leg,
+    rows,
+    up,
+    ahead,
+):
     """Return states (f, 6) one step later, by the classical method of Runge and Kutta."""
     long = step[:, None]
     k1 = rates(now, state, leg, rows, up, ahead)
@@ -217,13 +214,13 @@ def _stepped(
 
 
 def rates(
-    now: np.ndarray,
-    state: np.ndarray,
-    leg: Leg,
-    rows: np.ndarray,
-    up: np.ndarray,
-    ahead: np.ndarray,
-) -> np.ndarray:
+    now,
+    state,
+    leg,
+    rows,
+    up,
+    ahead,
+):
     """Return the rates (f, 6) of states (f, 6) in the rotating frame."""
     place = state[:, :3]
     speed = state[:, 3:]
@@ -253,15 +250,15 @@ def rates(
 
 
 def _thrust_axis(
-    now: np.ndarray,
-    outward: np.ndarray,
-    speed: np.ndarray,
-    pace: np.ndarray,
-    leg: Leg,
-    rows: np.ndarray,
-    up: np.ndarray,
-    ahead: np.ndarray,
-) -> np.ndarray:
+    now,
+    outward,
+    speed,
+    pace,
+    leg,
+    rows,
+    up,
+    ahead,
+):
     """Return the unit vectors (f, 3) of thrust."""
     if leg.is_rising:
         return up
@@ -277,7 +274,7 @@ def _thrust_axis(
     return np.cos(leg.steer)[:, None] * axis + np.sin(leg.steer)[:, None] * lift
 
 
-def is_fit(row: np.ndarray, stages: int) -> bool:
+def is_fit(row, stages):
     """Return whether a flight stays above the ground while it burns, and what it is at its last
     burnout.
     """

@@ -26,7 +26,7 @@ from opir_core.geometry import (
     eci_to_ecef_state,
     intersection_with_ellipsoid,
 )
-from opir_core.plugin import Detections, Tracker, TrackerContext, Tracks
+from opir_core.plugin import Tracker, Tracks
 
 SIZE = 9
 #: Rates of ends, of burnouts and of ignitions after one, 1/s: once in ten minutes, and in a minute
@@ -52,7 +52,7 @@ class Labels(NamedTuple):
     mean: FloatArray
     covariance: FloatArray
 
-    def take(self, rows: IntArray) -> "Labels":
+    def take(self, rows):
         """Return some labels."""
         return Labels(*(column[rows] for column in self))
 
@@ -74,10 +74,8 @@ class LmbTracker(Tracker):
     look.
     """
 
-    def __init__(
-        self, context: TrackerContext, detection_probability: float, clutter_per_sr: float
-    ) -> None:
-        self.cadence_s: float | None = 1.0
+    def __init__(self, context, detection_probability, clutter_per_sr):
+        self.cadence_s = 1.0
         self._motion = Motion(SIZE, 2.0, Forces(zonal=()))
         self._state_motion = evolve(self._motion, size=BOOST)
         self._chance = detection_probability
@@ -89,11 +87,11 @@ class LmbTracker(Tracker):
         self._time_s = 0.0
         self._births = 0
 
-    def associate(self, detections: Detections) -> IntArray:
+    def associate(self, detections):
         """Return -1 for each detection: the filter keeps no hard associations."""
         return np.full(len(detections), -1, dtype=np.int64)
 
-    def step(self, tick_s: float, detections: Detections) -> Tracks:
+    def step(self, tick_s, detections):
         """Return the labels that probably exist at a tick."""
         times = np.round(detections.time_s, 6)
         for time_s in np.unique(times).tolist():
@@ -103,7 +101,7 @@ class LmbTracker(Tracker):
         self._predict(tick_s)
         return self._report(tick_s)
 
-    def _predict(self, time_s: float) -> None:
+    def _predict(self, time_s):
         """Predict all labels to a time."""
         span_s = time_s - self._time_s
         labels = self._labels
@@ -124,7 +122,7 @@ class LmbTracker(Tracker):
             covariance=matrix @ labels.covariance @ matrix.transpose(0, 2, 1) + noise,
         )
 
-    def _update(self, time_s: float, seen: Detections) -> None:
+    def _update(self, time_s, seen):
         """Update all labels by one look of a sensor, and begin new ones."""
         self._predict(time_s)
         times = np.full(len(seen), time_s)
@@ -139,7 +137,7 @@ class LmbTracker(Tracker):
         self._labels = labels.take(np.flatnonzero(labels.existence > PRUNED))
         self._begin(time_s, seen, look, (1.0 - assigned) * DENSITY / (DENSITY + self._clutter))
 
-    def _begin(self, time_s: float, seen: Detections, look: Look, existence: FloatArray) -> None:
+    def _begin(self, time_s, seen, look, existence):
         """Add a label for each detection that is probably of no label and meets the Earth."""
         place = intersection_with_ellipsoid(
             seen.sensor_ecef_m, seen.line_of_sight_ecef, FIRST_HEIGHT_M
@@ -156,7 +154,7 @@ class LmbTracker(Tracker):
             self._labels = Labels(*(np.concatenate(pair) for pair in pairs))
             self._births += 1
 
-    def _report(self, tick_s: float) -> Tracks:
+    def _report(self, tick_s):
         labels = self._labels.take(np.flatnonzero(self._labels.existence > 0.5))
         labels = labels.take(np.argsort(labels.number))
         count = len(labels.number)
@@ -177,7 +175,7 @@ class LmbTracker(Tracker):
         )
 
 
-def updated(labels: Labels, look: Look) -> tuple[Labels, FloatArray]:
+def updated(labels, look):
     """Return labels (n,) after a look, and the probability (m,) that each detection is a label's."""
     line = labels.mean[:, :3] - look.origin
     range_m = np.sqrt(np.sum(line * line, axis=1))
@@ -220,7 +218,7 @@ def updated(labels: Labels, look: Look) -> tuple[Labels, FloatArray]:
     return after, np.minimum(marginal.sum(axis=0), 1.0)
 
 
-def association(weight: FloatArray, missed: FloatArray) -> FloatArray:
+def association(weight, missed):
     """Return the marginal probabilities (n, m) that detections are labels', by loopy belief
     propagation.
 
@@ -239,9 +237,7 @@ def association(weight: FloatArray, missed: FloatArray) -> FloatArray:
     return np.asarray(belief / (1.0 + belief.sum(axis=1, keepdims=True)))
 
 
-def inertial(
-    mean: FloatArray, covariance: FloatArray, time_s: float
-) -> tuple[FloatArray, FloatArray]:
+def inertial(mean, covariance, time_s):
     """Return an Earth-fixed mean (9, 1) and covariance (9, 9) as inertial ones, (9,) and (9, 9)."""
     row = mean.T
     time = np.full(1, time_s)
@@ -253,7 +249,7 @@ def inertial(
     return np.concatenate([place, velocity, force], axis=1)[0], turn @ covariance @ turn.T
 
 
-def earth_fixed(time_s: float) -> FloatArray:
+def earth_fixed(time_s):
     """Return the matrix (6, 6) from inertial to Earth-fixed states."""
     unit = np.eye(6)
     state = eci_to_ecef_state(unit[:, :3], unit[:, 3:], np.full(6, time_s))

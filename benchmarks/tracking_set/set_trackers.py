@@ -5,15 +5,11 @@ A tracker knows what `set.json` says: sensors, noise, bias, P_d and the density 
 is tuned to it.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from opir_scoring.benchmark_tables import COVARIANCE, STATE
-from pages import Table
 
 import opir_core as opir
-from opir_core.plugin import Detections, Tracker, TrackerContext, Tracks
+from opir_core.plugin import Detections, TrackerContext
 from opir_core.simulation.tracker_clock import ScheduledTracker
 
 LMB = "LMB filter"
@@ -29,7 +25,7 @@ HEADER = ("scene", "track", "time_s", *STATE, *COVARIANCE, "probability")
 _NS = 1_000_000_000
 
 
-def stone_soup(scene: Mapping[str, Any], association: str) -> dict[str, Any]:
+def stone_soup(scene, association):
     """Return the settings of Stone Soup's tracker: P_d and the density of clutter as the set states
     them.
     """
@@ -43,12 +39,12 @@ def stone_soup(scene: Mapping[str, Any], association: str) -> dict[str, Any]:
     }
 
 
-def solid_angle(half_angle_rad: float) -> float:
+def solid_angle(half_angle_rad):
     """Return the solid angle, sr, of a cone."""
     return float(2.0 * np.pi * (1.0 - np.cos(half_angle_rad)))
 
 
-def opir_scene(description: Mapping[str, Any], epoch: str, tracker: Any) -> opir.Scene:
+def opir_scene(description, epoch, tracker):
     """Return a scene of opir with the set's sensors, and one launch, which the tracker never
     sees.
     """
@@ -97,7 +93,7 @@ def opir_scene(description: Mapping[str, Any], epoch: str, tracker: Any) -> opir
     )
 
 
-def detections_of(rows: Table, description: Mapping[str, Any]) -> Detections:
+def detections_of(rows, description):
     """Return the set's detections of a scene as opir's."""
     count = len(rows)
     time_s = np.array(rows.column("time_s"))
@@ -131,9 +127,7 @@ def detections_of(rows: Table, description: Mapping[str, Any]) -> Detections:
     )
 
 
-def tracks_of(
-    description: Mapping[str, Any], epoch: str, detections: Detections, name: str
-) -> Tracks:
+def tracks_of(description, epoch, detections, name):
     """Return the tracks of a tracker on a scene, at every tick of its own."""
     plan = opir.compile_plan(opir_scene(description, epoch, TRACKERS[name](description)))
     context = context_of(plan, description)
@@ -142,7 +136,7 @@ def tracks_of(
 
         sensor = description["sensors"][0]
         density = sensor["clutter_per_look"] / solid_angle(sensor["clutter_half_angle_rad"])
-        tracker: Tracker = LmbTracker(context, sensor["detection_probability"], density)
+        tracker = LmbTracker(context, sensor["detection_probability"], density)
     else:
         choice = plan.scene.tracker
         component = plan.host.component(choice.hook, choice.name, choice.path)
@@ -151,7 +145,7 @@ def tracks_of(
     return ScheduledTracker(tracker, end_ns).absorb(detections, 0, end_ns).tracks
 
 
-def context_of(plan: opir.Plan, description: Mapping[str, Any]) -> TrackerContext:
+def context_of(plan, description):
     """Return the context of a tracker, with the clutter of a look at the whole field of regard."""
     clutter = tuple(
         each["clutter_per_look"]
@@ -169,7 +163,7 @@ def context_of(plan: opir.Plan, description: Mapping[str, Any]) -> TrackerContex
     )
 
 
-def rows_of(scene: str, tracks: Tracks, tick_s: float) -> list[list[str]]:
+def rows_of(scene, tracks, tick_s):
     """Return the rows of tracks at the set's ticks, as `HEADER` names them; P(launch) is 1 where
     unknown.
     """

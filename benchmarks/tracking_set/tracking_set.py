@@ -11,18 +11,15 @@ of `--set`, where tracks stay), the trackers of opir, Stone Soup's and a labelle
 filter run on it, and `opir score` judges all alike.
 """
 
-import argparse
 import json
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -30,7 +27,6 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 from opir_scoring.benchmark_figures import figures_by_case, scored_set
 from pages import (
-    Row,
     Table,
     draw_lines,
     interval_text,
@@ -118,7 +114,7 @@ COLUMNS = {
 }
 
 
-def changed(digests: Mapping[str, Mapping[str, str]]) -> list[str]:
+def changed(digests):
     """Return the scenes and tables whose digests are not the committed ones, of those that have
     any.
     """
@@ -132,10 +128,10 @@ def changed(digests: Mapping[str, Mapping[str, str]]) -> list[str]:
     ]
 
 
-def generated(folder: Path, options: argparse.Namespace) -> bool:
+def generated(folder, options):
     """Write the set into a folder; print and return whether it is the published one."""
     with timed(folder, "set"):
-        digests: Any = write_set(folder, options.cases, options.seeds)
+        digests = write_set(folder, options.cases, options.seeds)
     if options.keep_digests:
         text = json.dumps({"version": VERSION, **digests}, indent=1)
         DIGESTS.write_text(text + "\n", encoding="utf-8")
@@ -147,7 +143,7 @@ def generated(folder: Path, options: argparse.Namespace) -> bool:
     return not names
 
 
-def run(folder: Path, names: Sequence[str]) -> None:
+def run(folder, names):
     """Write the tracks of trackers on a set beside it."""
     description = json.loads((folder / "set.json").read_text(encoding="utf-8"))
     sights = read_csv(folder / "lines_of_sight.csv")
@@ -162,7 +158,7 @@ def run(folder: Path, names: Sequence[str]) -> None:
 
 
 @contextmanager
-def timed(folder: Path, name: str) -> Iterator[None]:
+def timed(folder, name):
     """Keep the processor time of the block in the folder of the set."""
     folder.mkdir(parents=True, exist_ok=True)
     start_s = time.process_time()
@@ -173,18 +169,18 @@ def timed(folder: Path, name: str) -> Iterator[None]:
     print(f"{name}: {spent_s:.0f} s of processor time")
 
 
-def times_of(folder: Path) -> dict[str, float]:
+def times_of(folder):
     """Return the stored processor times, s."""
     path = folder / TIMES
     return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
 
 
-def tracks_file(folder: Path, name: str) -> Path:
+def tracks_file(folder, name):
     """Return the file of a tracker's tracks."""
     return folder / f"tracks of {name.replace(',', '')}.csv"
 
 
-def tracker_rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
+def tracker_rows(folder, name):
     """Yield the figures of a tracker in each case, and in all."""
     _, scores = scored_set(folder, tracks_file(folder, name))
     source = "stonesoup" if name.startswith("Stone Soup") else "opir-core"
@@ -207,7 +203,7 @@ def tracker_rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
         }
 
 
-def set_rows(options: argparse.Namespace) -> Iterator[Row]:
+def set_rows(options):
     """Make the set where there is none, run the trackers and yield the rows of figures, and of
     times beside.
     """
@@ -230,14 +226,14 @@ def set_rows(options: argparse.Namespace) -> Iterator[Row]:
                 yield blank | spent
 
 
-def total_rows(table: Table) -> Table:
+def total_rows(table):
     """Return the row of each tracker over all cases, or over the only one."""
     scored = Table(row for row in table if row["covered"] != "")
     names = scored.names("case")
     return scored.where(case=ALL if ALL in names else names[0])
 
 
-def page(table: Table) -> str:
+def page(table):
     """Return the page."""
     total = total_rows(table)
     lines = [
@@ -264,7 +260,7 @@ def page(table: Table) -> str:
     )
 
 
-def verdict(total: Table) -> str:
+def verdict(total):
     """Return which trackers have the least GOSPA and energy score, and which are consistent."""
     gospa, energy = (
         min(total, key=lambda row: row[name])["tracker"]
@@ -279,7 +275,7 @@ def verdict(total: Table) -> str:
     )
 
 
-def draw(path: Path, table: Table) -> None:
+def draw(path, table):
     """Draw scores by case and tracker."""
     panels = {
         "gospa_over_cutoff": "GOSPA over the cut-off",
@@ -295,7 +291,7 @@ def draw(path: Path, table: Table) -> None:
             panel.set_xticks(range(len(cases)), cases, rotation=30, fontsize=7)
 
 
-def main() -> int:
+def main():
     """Make the set, or measure and write; return 1 if the set is not the published one."""
     options = options_of(
         __doc__,

@@ -31,7 +31,7 @@ def _bundled_earth_orientation():
         yield
 
 
-def ours_and_theirs(number: str) -> tuple[np.ndarray, np.ndarray, Time]:
+def ours_and_theirs(number):
     """Return positions by opir and by astropy, m, and their times."""
     satellite = satellite_of_tle(TLE[number])
     epoch_us, _ = epoch_of(satellite)

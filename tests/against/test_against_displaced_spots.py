@@ -41,7 +41,7 @@ class Setting(NamedTuple):
     frames: FrameDifference
 
 
-def drawn_settings(seed: int = 11) -> list[Setting]:
+def drawn_settings(seed=11):
     """Return 20 settings: apertures from undersampled to Nyquist, blurs, filters, displacements,
     frames.
     """
@@ -66,7 +66,7 @@ class Pattern:
     four values.
     """
 
-    def __init__(self, cutoff: float, blur: float) -> None:
+    def __init__(self, cutoff, blur):
         place = (np.arange(2 * REACH * SUB) + 0.5) / SUB - REACH
         radius = np.hypot(place[:, None], place)
         scaled = 0.5 * cutoff * radius
@@ -78,7 +78,7 @@ class Pattern:
         self.whole = np.zeros((len(place) + 1, len(place) + 1))
         self.whole[1:, 1:] = density.cumsum(axis=0).cumsum(axis=1) / SUB**2
 
-    def shares(self, at: Floats, width: int) -> Floats:
+    def shares(self, at, width):
         """Return shares (n, width, width) of the pixels of a window, of spots at (n, 2) from its
         centre.
         """
@@ -89,7 +89,7 @@ class Pattern:
         return np.diff(np.diff(below, axis=1), axis=2)
 
 
-def drawn_outputs(setting: Setting, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def drawn_outputs(setting, rng):
     """Return outputs (n,) of the filter for spots now and in the earlier frame, for random places
     and directions.
     """
@@ -98,7 +98,7 @@ def drawn_outputs(setting: Setting, rng: np.random.Generator) -> tuple[Floats, F
     pattern = Pattern(setting.spread.cutoff, setting.spread.blur)
     place = rng.uniform(-0.5, 0.5, (DRAWS, 2))
 
-    def turned(length: float) -> Floats:
+    def turned(length):
         turn = rng.uniform(0.0, 2.0 * np.pi, DRAWS)
         return length * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
@@ -110,13 +110,13 @@ def drawn_outputs(setting: Setting, rng: np.random.Generator) -> tuple[Floats, F
     return now, then
 
 
-def weights_of(setting: Setting) -> Floats:
+def weights_of(setting):
     return filter_weights(setting.kind, setting.core, 0.45, 1.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(20))
-def test_own_light_left_by_a_frame_difference_is_that_of_images(number: int) -> None:
+def test_own_light_left_by_a_frame_difference_is_that_of_images(number):
     setting = SETTINGS[number]
     now, then = drawn_outputs(setting, np.random.default_rng([51, number]))
     spot = FilteredSpot.of(weights_of(setting), setting.spread)
@@ -131,7 +131,7 @@ def test_own_light_left_by_a_frame_difference_is_that_of_images(number: int) -> 
     assert left == pytest.approx(1.0 - then.mean() / now.mean(), abs=error * spread + 2e-3)
 
 
-def test_a_source_that_stays_is_removed_and_one_that_is_far_off_is_not() -> None:
+def test_a_source_that_stays_is_removed_and_one_that_is_far_off_is_not():
     spot = FilteredSpot.of(filter_weights("matched", 1, 0.45, 1.0), PointSpread(6.0, 0.2))
     past = spot.own_past(FrameDifference(10.0, 0.0, 0.0))
     assert past.at(np.zeros(1))[0] == pytest.approx(1.0, abs=1e-12)
@@ -140,7 +140,7 @@ def test_a_source_that_stays_is_removed_and_one_that_is_far_off_is_not() -> None
 
 
 @pytest.mark.parametrize("radius", [0.6, 1.0, 1.63, 2.5])
-def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius: float) -> None:
+def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius):
     """1 - J0² - J1² of the radius in π λ / D (Lord Rayleigh, 1881), by the transfer that ensquared
     energies use.
     """
@@ -155,9 +155,7 @@ def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius: float) -> None
 
 @pytest.mark.parametrize("phase", ["mean", "worst"])
 @pytest.mark.parametrize("cutoff", [4.0, 7.0, 12.0])
-def test_ensquared_energy_of_the_true_pattern_is_that_of_its_image(
-    cutoff: float, phase: str
-) -> None:
+def test_ensquared_energy_of_the_true_pattern_is_that_of_its_image(cutoff, phase):
     rng = np.random.default_rng(3)
     spread = PointSpread(cutoff, 0.15)
     at = rng.uniform(-0.5, 0.5, (DRAWS, 2)) if phase == "mean" else np.full((1, 2), 0.5)

@@ -13,9 +13,7 @@ SIGMA_RAD = 6e-6
 INSTANTS = 6
 
 
-def lines_of(
-    sensors: int, targets: int, spread_m: float, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def lines_of(sensors, targets, spread_m, rng):
     """Return origins (sensors, 3) and noisy unit vectors (sensors, targets, instants, 3) to targets
     that fan out.
     """
@@ -31,7 +29,7 @@ def lines_of(
     return origin, unit / np.linalg.norm(unit, axis=-1, keepdims=True)
 
 
-def cost(origin: np.ndarray, unit: np.ndarray) -> float:
+def cost(origin, unit):
     """Return the sum over instants of the least squares of the crossing of lines (sensors,
     instants, 3).
     """
@@ -46,7 +44,7 @@ def cost(origin: np.ndarray, unit: np.ndarray) -> float:
     return total
 
 
-def least_cost(origin: np.ndarray, unit: np.ndarray) -> float:
+def least_cost(origin, unit):
     """Return the least cost over all ways to give each target of the first sensor one of each
     other.
     """
@@ -63,9 +61,7 @@ def least_cost(origin: np.ndarray, unit: np.ndarray) -> float:
 
 @pytest.mark.parametrize(("sensors", "targets"), [(2, 5), (3, 4), (4, 3)])
 @pytest.mark.parametrize("spread_m", [600.0, 3000.0])
-def test_the_cost_is_within_a_hundredth_of_the_best(
-    sensors: int, targets: int, spread_m: float
-) -> None:
+def test_the_cost_is_within_a_hundredth_of_the_best(sensors, targets, spread_m):
     for seed in range(4):
         rng = np.random.default_rng([seed, sensors, targets])
         origin, unit = lines_of(sensors, targets, spread_m, rng)

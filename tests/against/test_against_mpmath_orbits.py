@@ -18,7 +18,7 @@ angles = st.floats(-6.3, 6.3)
 
 
 @st.composite
-def orbits(draw: st.DrawFn) -> Elements:
+def orbits(draw):
     eccentricity = draw(st.one_of(st.floats(0.0, 0.9), st.sampled_from([0.0, 1e-300, 1e-16, 1e-8])))
     return Elements(
         semi_major_axis_m=draw(st.floats(6.6e6, 4.3e7)) / (1.0 - eccentricity),
@@ -45,7 +45,7 @@ def eccentric_anomaly(mean, eccentricity):
     raise AssertionError("Newton's method has not converged")
 
 
-def position_ecef(elements: Elements, time_s: float):
+def position_ecef(elements, time_s):
     axis = mpmath.mpf(elements.semi_major_axis_m)
     eccentricity = mpmath.mpf(elements.eccentricity)
     rate = mpmath.sqrt(mpmath.mpf(EARTH_MU_M3_S2) / axis**3)

@@ -1,7 +1,6 @@
 """The triangulation bound of the reference cases, and meeting points that reach it."""
 
 import json
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ CASES = [
 ]
 
 
-def sensors_m(inputs: dict[str, Any]) -> np.ndarray:
+def sensors_m(inputs):
     angle = np.radians(inputs["sat_lon_deg"])
     return inputs["sat_radius_m"] * np.stack(
         [np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1
@@ -23,7 +22,7 @@ def sensors_m(inputs: dict[str, Any]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
-def test_the_bound(case: dict[str, Any]) -> None:
+def test_the_bound(case):
     target = np.array(case["expected"]["target_ecef_m"])
     apart = target - sensors_m(case["inputs"])
     range_m = np.linalg.norm(apart, axis=1)
@@ -34,7 +33,7 @@ def test_the_bound(case: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
-def test_meeting_points_reach_the_bound(case: dict[str, Any]) -> None:
+def test_meeting_points_reach_the_bound(case):
     """The mean squared error of 4000 fixes is the bound's within 5 standard errors of a sum of
     squares.
     """

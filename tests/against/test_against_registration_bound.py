@@ -7,8 +7,6 @@ second, as free parameters, and the angles with their prior; its Jacobian is by 
 directions. Seeds are even; odd ones were built on.
 """
 
-from typing import Any
-
 import numpy as np
 import pytest
 from attrs import evolve
@@ -28,14 +26,14 @@ GEO_M = 4.2164e7
 EARTH_M = 6.378137e6
 
 
-def frame(longitude_deg: float) -> np.ndarray:
+def frame(longitude_deg):
     """Return the rows east, north and up at the equator."""
     turn = np.radians(longitude_deg)
     up = np.array([np.cos(turn), np.sin(turn), 0.0])
     return np.array([[-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0], up])
 
 
-def turned(direction: np.ndarray, axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def turned(direction, axes, angles):
     """Return directions (n, 3) of a sensor whose line of sight to nadir is moved by angles (2,)
     east and north.
 
@@ -44,7 +42,7 @@ def turned(direction: np.ndarray, axes: np.ndarray, angles: np.ndarray) -> np.nd
     return Rotation.from_rotvec(angles[1] * axes[0] - angles[0] * axes[1]).apply(direction)
 
 
-def paths(rng: np.random.Generator) -> Any:
+def paths(rng):
     """Return a function of the places (n, 3) of a target at times (n,) since the start, for each
     target.
     """
@@ -63,7 +61,7 @@ def paths(rng: np.random.Generator) -> Any:
     return made
 
 
-def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
+def looks(seed):
     """Return detections, biases (s, 2), and the bound's information (2 s, 2 s) with the prior."""
     rng = np.random.default_rng([2, seed])
     bias = BIAS_RAD * rng.standard_normal((len(SLOTS_DEG), 2))
@@ -103,10 +101,10 @@ def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
     return detections, bias, information
 
 
-def reported(place: np.ndarray, axes: np.ndarray, counts: list[int]) -> np.ndarray:
+def reported(place, axes, counts):
     """Return what a second of looks says of the biases, the place of the target being free."""
 
-    def directions(values: np.ndarray) -> np.ndarray:
+    def directions(values):
         every = []
         for sensor, own in enumerate(axes):
             apart = place + values[:3] - GEO_M * own[2]
@@ -123,13 +121,10 @@ def reported(place: np.ndarray, axes: np.ndarray, counts: list[int]) -> np.ndarr
     )
     whole = slope.T @ slope
     ridge = np.eye(3) / 1e12
-    left: np.ndarray = whole[3:, 3:] - whole[3:, :3] @ np.linalg.solve(
-        whole[:3, :3] + ridge, whole[:3, 3:]
-    )
-    return left
+    return whole[3:, 3:] - whole[3:, :3] @ np.linalg.solve(whole[:3, :3] + ridge, whole[:3, 3:])
 
 
-def found(detections: Any, stated_rad: float) -> tuple[Any, int]:
+def found(detections, stated_rad):
     """Return the tracker after all looks, and the number of its tracks."""
     sensors = tuple(
         evolve(
@@ -151,7 +146,7 @@ def found(detections: Any, stated_rad: float) -> tuple[Any, int]:
 
 
 @pytest.mark.slow
-def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_say() -> None:
+def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_say():
     scaled = []
     squares = []
     for seed in range(0, 24, 2):
@@ -172,7 +167,7 @@ def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_sa
 
 
 @pytest.mark.slow
-def test_biases_that_nobody_reported_are_found_with_one_track_a_target() -> None:
+def test_biases_that_nobody_reported_are_found_with_one_track_a_target():
     detections, bias, information = looks(100)
     tracker, tracks = found(detections, 0.0)
     health = tracker.sensor_health()

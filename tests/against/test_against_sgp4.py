@@ -20,7 +20,7 @@ from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
 PUBLISHED = published_km()
 
 
-def motion_of(number: str) -> tuple[Sgp4Motion, float]:
+def motion_of(number):
     satellite = satellite_of_tle(TLE[number])
     epoch_us, seconds = epoch_of(satellite)
     return Sgp4Motion(satellite, epoch_us, number), seconds

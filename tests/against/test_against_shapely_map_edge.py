@@ -14,14 +14,14 @@ from shapely.ops import unary_union
 EDGE = Point(0.0, 0.0).buffer(FARTHEST_M, quad_segs=2000)
 
 
-def blob(rng: np.random.Generator):
+def blob(rng):
     """Return an ellipse or a box, up to the size of the map, that may lie across its edge."""
     shape = Point(0.0, 0.0).buffer(1.0) if rng.random() < 0.5 else box(-1.0, -1.0, 1.0, 1.0)
     wide = scale(shape, *np.exp(rng.uniform(np.log(1e6), np.log(2.5e7), 2)))
     return translate(rotate(wide, rng.uniform(0.0, 180.0)), *rng.uniform(-2.2e7, 2.2e7, 2))
 
 
-def region(rng: np.random.Generator) -> list[Polygon]:
+def region(rng):
     """Return the polygons of a random region, with holes."""
     filled = unary_union([blob(rng) for _ in range(rng.integers(1, 5))])
     left = filled.difference(unary_union([blob(rng) for _ in range(rng.integers(0, 4))]))
@@ -29,7 +29,7 @@ def region(rng: np.random.Generator) -> list[Polygon]:
     return [part for part in parts if part.area > 1e9]
 
 
-def as_rings(polygons: list[Polygon], sign: float) -> tuple[np.ndarray, list[list[int]]]:
+def as_rings(polygons, sign):
     rings = []
     edges = []
     for polygon in polygons:
@@ -43,7 +43,7 @@ def as_rings(polygons: list[Polygon], sign: float) -> tuple[np.ndarray, list[lis
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["counter-clockwise", "clockwise"])
-def test_cut_polygons_are_valid_and_cover_what_lies_within(sign: float) -> None:
+def test_cut_polygons_are_valid_and_cover_what_lies_within(sign):
     rng = np.random.default_rng(17)
     for _ in range(150):
         polygons = region(rng)
@@ -65,14 +65,14 @@ def test_cut_polygons_are_valid_and_cover_what_lies_within(sign: float) -> None:
         )
 
 
-def test_what_lies_within_is_left_as_it_is() -> None:
+def test_what_lies_within_is_left_as_it_is():
     points, edges = as_rings([box(0.0, 0.0, 1e6, 1e6).difference(box(2e5, 2e5, 4e5, 4e5))], 1.0)
     same, cuts = within_map(points, edges)
     assert same is points
     assert cuts is edges
 
 
-def test_all_of_the_map_is_its_edge_and_what_lies_beyond_is_nothing() -> None:
+def test_all_of_the_map_is_its_edge_and_what_lies_beyond_is_nothing():
     points, edges = within_map(
         *as_rings([box(-3e7, -3e7, 3e7, 3e7), box(2.5e7, 0.0, 2.6e7, 1e6)], 1.0)
     )

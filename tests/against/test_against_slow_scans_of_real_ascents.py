@@ -19,7 +19,7 @@ SENSOR = {"model": "DSP", "scan_period_ms": 10_000.0}
 IS_UNSURE = pytest.mark.xfail(reason="P(launch) ends at 0.91 with ten others a day", strict=True)
 
 
-def run_of(flight: str, seed: int) -> opir.Run:
+def run_of(flight, seed):
     """Return a run of an ascent before two scanners, until it is some 60 km high."""
     target = {"id": flight, "model": "table", "type": "SLV", "file": str(ASCENTS / f"{flight}.csv")}
     slots = {"WEST": -130.0, "EAST": -40.0}
@@ -50,7 +50,7 @@ def run_of(flight: str, seed: int) -> opir.Run:
         ("orbcomm2", 51),
     ],
 )
-def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight: str, seed: int) -> None:
+def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight, seed):
     run = run_of(flight, seed)
     late = (run.truth.target == 0) & (run.detections.time_s > START_S + LATE_S)
     number = np.unique(run.detections.track[late])

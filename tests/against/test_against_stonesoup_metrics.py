@@ -12,11 +12,11 @@ CASES = [
 ]
 
 
-def points(seed: int, count: int) -> np.ndarray:
+def points(seed, count):
     return np.random.default_rng(seed).uniform(-3000.0, 3000.0, (count, 3))
 
 
-def as_states(values: np.ndarray) -> list[object]:
+def as_states(values):
     from stonesoup.types.state import State
 
     return [State(value[:, None], timestamp=datetime.datetime(2026, 4, 1)) for value in values]
@@ -24,7 +24,7 @@ def as_states(values: np.ndarray) -> list[object]:
 
 @pytest.mark.parametrize(("seed", "estimates", "truths"), CASES)
 @pytest.mark.parametrize("order", [1.0, 2.0])
-def test_gospa(seed: int, estimates: int, truths: int, order: float) -> None:
+def test_gospa(seed, estimates, truths, order):
     from stonesoup.metricgenerator.ospametric import GOSPAMetric
 
     found = points(seed, estimates)

@@ -1,12 +1,11 @@
 """What `opir describe` says of a component in words agrees with the values beside the words."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-from attrs import NOTHING, Attribute, fields, has
+from attrs import NOTHING, fields, has
 
 from opir_core.host.components import CATALOGUE, Constellation, SensorModel
 from opir_core.host.host import Host
@@ -46,11 +45,11 @@ SETTING_WORDS = (
 )
 
 
-def default(sensor: SensorModel, name: str) -> Any:
+def default(sensor, name):
     return getattr(fields(sensor.config), name).default
 
 
-def each_field(config: Any) -> Iterator["Attribute[Any]"]:
+def each_field(config):
     """Yield the fields of a class of settings, and those of the blocks that it has by default."""
     for one in fields(config):
         yield one
@@ -59,7 +58,7 @@ def each_field(config: Any) -> Iterator["Attribute[Any]"]:
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_a_sensor_is_described_by_its_defaults(name: str) -> None:
+def test_a_sensor_is_described_by_its_defaults(name):
     sensor = SENSORS[name]
     own, _, stated = sensor.summary.rpartition(": ")
     for band, (low_um, high_um) in default(sensor, "bands").items():
@@ -77,7 +76,7 @@ def test_a_sensor_is_described_by_its_defaults(name: str) -> None:
     assert not re.search(r"\d (?:u?m|ms|s)\b", own)
 
 
-def test_a_fleet_is_described_by_its_satellites() -> None:
+def test_a_fleet_is_described_by_its_satellites():
     fleets = [each for each in EVERY.values() if isinstance(each, Constellation)]
     assert len(fleets) >= 6
     for fleet in fleets:
@@ -94,8 +93,8 @@ def test_a_fleet_is_described_by_its_satellites() -> None:
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_words_beside_a_default_are_of_that_default(name: str) -> None:
-    component: Any = EVERY[name]
+def test_words_beside_a_default_are_of_that_default(name):
+    component = EVERY[name]
     config = getattr(component, "config", None)
     if config is None or not has(config):
         return
@@ -152,7 +151,7 @@ PAGES = {
 
 
 @pytest.mark.parametrize("package", PAGES)
-def test_the_page_of_a_sensor_has_its_defaults(package: str) -> None:
+def test_the_page_of_a_sensor_has_its_defaults(package):
     text = (ROOT / "plugins" / package / "README.md").read_text(encoding="utf-8")
     table = [line.strip("| \n").split(" | ") for line in text.splitlines() if line.startswith("| ")]
     checked = 0
@@ -169,7 +168,7 @@ def test_the_page_of_a_sensor_has_its_defaults(package: str) -> None:
     assert checked >= 5
 
 
-def _written(value: Any) -> str:
+def _written(value):
     if isinstance(value, bool) or value is NOTHING:
         return str(value).lower()
     return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -5,11 +5,9 @@ A tracker that knows the flights that the simulator draws is judged on its own a
 """
 
 import ast
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from types import ModuleType
-from typing import Any
 
 import pytest
 from public_names import PUBLIC
@@ -52,11 +50,11 @@ TABLES = ("class_profiles", "stagings", "target_classes")
 DOORS = tuple(sorted(PUBLIC | {"opir_trackers"}))
 
 
-def is_among(module: str, known: tuple[str, ...]) -> bool:
+def is_among(module, known):
     return any(module == each or module.startswith(f"{each}.") for each in known)
 
 
-def imported(tree: ast.Module) -> Iterator[str]:
+def imported(tree):
     """Yield the modules that a source imports or uses by the name of a door, wherever in it, types
     included.
     """
@@ -77,20 +75,20 @@ def imported(tree: ast.Module) -> Iterator[str]:
                 yield home_of(door, node.attr)
 
 
-def home_of(module: str, name: str) -> str:
+def home_of(module, name):
     """Return the module that a name of a module comes from: the name itself where it is a
     module.
     """
     if not module.startswith("opir_core"):
         return module
-    found: Any = getattr(import_module(module), name, None)
+    found = getattr(import_module(module), name, None)
     if found is None or isinstance(found, ModuleType):
         return f"{module}.{name}"
     home = getattr(found, "__module__", None)
     return home if module in DOORS and isinstance(home, str) else module
 
 
-def texts(tree: ast.Module) -> Iterator[str]:
+def texts(tree):
     """Yield the texts of a source that are no docstrings."""
     prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
@@ -99,7 +97,7 @@ def texts(tree: ast.Module) -> Iterator[str]:
 
 
 @cache
-def imports_of(module: str) -> tuple[str, ...]:
+def imports_of(module):
     """Return what a module of the core imports; doors, and what is no module of the core, import
     nothing.
     """
@@ -112,7 +110,7 @@ def imports_of(module: str) -> tuple[str, ...]:
     return tuple(imported(ast.parse(source.read_text(encoding="utf-8"))))
 
 
-def reached(modules: list[str]) -> dict[str, str]:
+def reached(modules):
     """Return the modules that modules import in the end, with the way there; the way does not lead
     through doors.
     """
@@ -127,7 +125,7 @@ def reached(modules: list[str]) -> dict[str, str]:
     return ways
 
 
-def faults(source: str) -> list[str]:
+def faults(source):
     """Return what a source of the trackers' side knows of target models."""
     tree = ast.parse(source)
     own = sorted(set(imported(tree)))
@@ -142,7 +140,7 @@ def faults(source: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_nothing_on_the_side_of_trackers_knows_target_models() -> None:
+def test_nothing_on_the_side_of_trackers_knows_target_models():
     sources = {folder: sorted((ROOT / folder).rglob("*.py")) for folder in FOLDERS}
     assert all(sources.values())
     found = {
@@ -178,7 +176,7 @@ def test_nothing_on_the_side_of_trackers_knows_target_models() -> None:
         "path = folder / 'stagings.json'",
     ],
 )
-def test_each_way_to_a_target_model_is_found(source: str) -> None:
+def test_each_way_to_a_target_model_is_found(source):
     assert faults(source)
 
 
@@ -193,5 +191,5 @@ def test_each_way_to_a_target_model_is_found(source: str) -> None:
         "from attrs import frozen\nimport numpy as np\nnp.zeros(3)",
     ],
 )
-def test_what_trackers_may_use_is_no_fault(source: str) -> None:
+def test_what_trackers_may_use_is_no_fault(source):
     assert not faults(source)

@@ -22,15 +22,15 @@ class Outsider:
     folder: Path
     environment: Path
 
-    def python(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    def python(self, *words, cwd=None):
         """Run that environment's Python."""
         return self.run(str(self.environment / "bin" / "python"), *words, cwd=cwd)
 
-    def opir(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    def opir(self, *words, cwd=None):
         """Run that environment's `opir`."""
         return self.run(str(self.environment / "bin" / "opir"), *words, cwd=cwd)
 
-    def install(self, *what: str, cwd: Path | None = None) -> None:
+    def install(self, *what, cwd=None):
         """Install wheels and folders, without asking an index."""
         python = str(self.environment / "bin" / "python")
         offline = (
@@ -45,14 +45,14 @@ class Outsider:
         )
         assert done.returncode == 0, done.stderr
 
-    def run(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    def run(self, *words, cwd=None):
         """Run a command with that environment first on the path."""
         given = self.variables()
         return subprocess.run(
             words, cwd=cwd or self.folder, env=given, capture_output=True, text=True, check=False
         )
 
-    def variables(self) -> dict[str, str]:
+    def variables(self):
         """Return the environment's variables: that environment first on the path, and nothing of
         ours.
         """
@@ -61,7 +61,7 @@ class Outsider:
         return {**clean, "PATH": f"{self.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"}
 
 
-def third_party(folder: Path) -> Path:
+def third_party(folder):
     """Make a folder of links to all installed packages but those of this project, and return it."""
     folder.mkdir()
     for place in (Path(entry) for entry in sys.path if entry.endswith("site-packages")):
@@ -73,7 +73,7 @@ def third_party(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def outsider(tmp_path_factory: pytest.TempPathFactory) -> Outsider:
+def outsider(tmp_path_factory):
     """An environment of somebody else's, made once."""
     folder = tmp_path_factory.mktemp("outsider")
     made = Outsider(folder, folder / "environment")

@@ -2,28 +2,24 @@
 overflow, and print.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from opir_coverage import CoverageSettings, computed_coverage
 from opir_coverage.page import page_of
 from opir_coverage.summary import table_rows
 from page_browser import chromium
-from playwright.sync_api import Browser
 from repository import ROOT
 
 pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(tmp_path_factory):
     settings = CoverageSettings(target_class=None, grid_deg=30.0, steps=5, heights_km=(10.0, 500.0))
     found = computed_coverage(ROOT / "examples" / "arctic_watch.yaml", settings)
     path = tmp_path_factory.mktemp("coverage") / "coverage.html"
@@ -40,14 +36,12 @@ _MIDDLE = """(() => {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
-def test_every_layer_is_drawn_without_a_network(
-    browser: Browser, written: Path, width: int, scheme: str
-) -> None:
+def test_every_layer_is_drawn_without_a_network(browser, written, width, scheme):
     context = browser.new_context(
         viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
     )
     page = context.new_page()
-    said: list[str] = []
+    said = []
     page.on("console", lambda message: said.append(message.text))
     page.on("pageerror", lambda error: said.append(str(error)))
     page.goto(written.as_uri())
@@ -72,9 +66,7 @@ def test_every_layer_is_drawn_without_a_network(
 
 
 @pytest.mark.slow
-def test_print_has_the_map_and_no_controls_that_cannot_be_used(
-    browser: Browser, written: Path
-) -> None:
+def test_print_has_the_map_and_no_controls_that_cannot_be_used(browser, written):
     page = browser.new_context(color_scheme="dark", offline=True).new_page()
     page.goto(written.as_uri())
     page.wait_for_selector("body[data-ready=in_view]")

@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import kafka_broker
 import pytest
@@ -26,7 +25,7 @@ ON_A_SMALL_DISK = (
 PROBE = ["unshare", "-rm", "sh", "-c", "mount -t tmpfs -o size=100k none /mnt"]
 
 
-def can_mount() -> bool:
+def can_mount():
     return (
         shutil.which("unshare") is not None
         and subprocess.run(PROBE, capture_output=True, check=False).returncode == 0
@@ -35,7 +34,7 @@ def can_mount() -> bool:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not can_mount(), reason="this system lets nobody mount a small disk")
-def test_what_a_full_disk_kept_arrives_from_it(tmp_path: Path) -> None:
+def test_what_a_full_disk_kept_arrives_from_it(tmp_path):
     disk = tmp_path / "disk"
     kept = tmp_path / "kept"
     disk.mkdir()
@@ -61,13 +60,13 @@ def test_what_a_full_disk_kept_arrives_from_it(tmp_path: Path) -> None:
 
 
 def opir(
-    server: str,
-    topic: str,
-    spool: Path,
-    folder: Path,
-    *words: str,
-    small: tuple[Path, Path] | None = None,
-) -> "subprocess.CompletedProcess[str]":
+    server,
+    topic,
+    spool,
+    folder,
+    *words,
+    small=None,
+):
     """Run the scene into Kafka through a spool, which may be on a small disk of its own."""
     kafka = {
         "bootstrap_servers": server,

@@ -7,7 +7,6 @@ kilometre and 20 000 km away; epochs of 1970 and 2099; looks a nanosecond apart.
 
 import math
 import os
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +15,9 @@ from hypothesis import HealthCheck, Phase, given, settings, strategies as st
 from opir_core.errors import SceneError
 from opir_core.geometry import Geodetic, geodesic_direct, geodetic_to_ecef, is_occluded
 from opir_core.host.host import Host
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import Run, simulate
+from opir_core.simulation.run import simulate
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -46,7 +45,7 @@ OFFSETS_DEG = st.sampled_from(
 
 
 @st.composite
-def targets(draw: st.DrawFn, number: int) -> dict[str, Any]:
+def targets(draw, number):
     latitude = draw(LATITUDES)
     longitude = draw(LONGITUDES)
     bearing = draw(st.sampled_from([0.0, 90.0, 180.0, 270.0]) | st.floats(0.0, 360.0))
@@ -75,7 +74,7 @@ def targets(draw: st.DrawFn, number: int) -> dict[str, Any]:
 
 
 @st.composite
-def sensors(draw: st.DrawFn, under: float, period_ms: float) -> list[dict[str, Any]]:
+def sensors(draw, under, period_ms):
     """Return a satellite at some angle from a longitude, and one in a low orbit over it."""
     slot_deg = (under + draw(OFFSETS_DEG) + 180.0) % 360.0 - 180.0
     circular = {
@@ -98,7 +97,7 @@ def sensors(draw: st.DrawFn, under: float, period_ms: float) -> list[dict[str, A
 
 
 @st.composite
-def scenes(draw: st.DrawFn) -> dict[str, Any]:
+def scenes(draw):
     """Return a scene of looks at usual distances, or of ten microseconds with a nanosecond between
     looks.
     """
@@ -130,7 +129,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
     suppress_health_check=list(HealthCheck),
 )
 @given(mapping=scenes())
-def test_every_scene_has_its_numbers_or_says_why_not(mapping: dict[str, Any]) -> None:
+def test_every_scene_has_its_numbers_or_says_why_not(mapping):
     scene = scene_from_mapping(mapping, host=HOST)
     try:
         plan = compile_plan(scene, HOST)
@@ -141,7 +140,7 @@ def test_every_scene_has_its_numbers_or_says_why_not(mapping: dict[str, Any]) ->
     assert_detections(plan, simulate(scene, HOST))
 
 
-def assert_only_out_of_reach(mapping: dict[str, Any], reported: str) -> None:
+def assert_only_out_of_reach(mapping, reported):
     """Check that the targets refused are those whose aim lies outside all that their type flies."""
     refused = [
         number
@@ -153,7 +152,7 @@ def assert_only_out_of_reach(mapping: dict[str, Any], reported: str) -> None:
     assert "no flight of" not in reported, reported
 
 
-def assert_trajectories(plan: Plan, mapping: dict[str, Any]) -> None:
+def assert_trajectories(plan, mapping):
     targets = plan.targets
     every = np.arange(len(targets.ids), dtype=np.int32)
     start = targets.ignition_s
@@ -179,7 +178,7 @@ def assert_trajectories(plan: Plan, mapping: dict[str, Any]) -> None:
         assert np.linalg.norm(first - geodetic_to_ecef(*place)) <= 0.02
 
 
-def assert_detections(plan: Plan, run: Run) -> None:
+def assert_detections(plan, run):
     seen = run.detections
     truth = run.truth
     azimuth, elevation = seen.angles()
@@ -211,7 +210,7 @@ def assert_detections(plan: Plan, run: Run) -> None:
     assert plan.pairs.looks.sum() == run.summary["counts"]["looks"]
 
 
-def assert_in_view(plan: Plan, run: Run) -> None:
+def assert_in_view(plan, run):
     """Check that nothing is seen through the Earth: by the geometry of each detection, not by the
     plan's.
     """

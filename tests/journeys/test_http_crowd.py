@@ -2,12 +2,10 @@
 selected.
 """
 
-from collections.abc import Iterator
-
 import pytest
-from http_service import Stand, serving
+from http_service import serving
 from page_browser import PATIENCE_MS, chromium, settled
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
 pytestmark = pytest.mark.browser
 
@@ -30,13 +28,13 @@ ADDED = """(count) => {
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     with serving(tmp_path_factory.mktemp("crowd"), "--loop") as running:
         yield running
 
 
 @pytest.fixture
-def page(stand: Stand) -> Iterator[Page]:
+def page(stand):
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.set_default_timeout(PATIENCE_MS)
@@ -49,7 +47,7 @@ def page(stand: Stand) -> Iterator[Page]:
 
 
 @pytest.mark.slow
-def test_every_track_of_a_crowd_is_drawn(page: Page) -> None:
+def test_every_track_of_a_crowd_is_drawn(page):
     page.wait_for_function(
         f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}",
         timeout=PATIENCE_MS,
@@ -59,8 +57,8 @@ def test_every_track_of_a_crowd_is_drawn(page: Page) -> None:
 
 @pytest.mark.slow
 def test_every_track_of_a_crowd_has_a_line_in_the_table_of_which_those_in_view_are_made(
-    page: Page,
-) -> None:
+    page,
+):
     page.wait_for_function(
         f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}"
     )
@@ -76,7 +74,7 @@ def test_every_track_of_a_crowd_has_a_line_in_the_table_of_which_those_in_view_a
 
 
 @pytest.mark.slow
-def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page: Page) -> None:
+def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page):
     page.wait_for_function(
         f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}"
     )
@@ -115,7 +113,7 @@ LINES = """async () => {
 
 
 @pytest.mark.slow
-def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page: Page) -> None:
+def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page):
     page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT}", timeout=PATIENCE_MS)
     settled(page)
     # Track 1045 is at 16 degrees south, 30 degrees west.

@@ -5,7 +5,6 @@ service.
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import openapi_python_client
 import pytest
@@ -16,9 +15,7 @@ from waiting import until
 pytestmark = pytest.mark.slow
 
 
-def test_a_generated_client_launches_and_reads(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_generated_client_launches_and_reads(tmp_path, monkeypatch):
     (tmp_path / "openapi.json").write_text(json.dumps(document()), encoding="utf-8")
     words = ["generate", "--path", "openapi.json", "--meta", "none", "--output-path", "opir_client"]
     command = [sys.executable, "-m", openapi_python_client.__name__, *words]
@@ -27,9 +24,9 @@ def test_a_generated_client_launches_and_reads(
     )
     assert "Unable to" not in made.stdout + made.stderr
     monkeypatch.syspath_prepend(str(tmp_path))
-    from opir_client import Client  # type: ignore[import-not-found]
-    from opir_client.api.default import detections, ready, status, tracks, trigger  # type: ignore[import-not-found]
-    from opir_client.models import TracksTrail, Trigger  # type: ignore[import-not-found]
+    from opir_client import Client
+    from opir_client.api.default import detections, ready, status, tracks, trigger
+    from opir_client.models import TracksTrail, Trigger
 
     with (
         serving(tmp_path, "--speed", "20") as stand,

@@ -4,34 +4,33 @@ seen.
 
 import json
 import re
-from collections.abc import Iterator
 from hashlib import sha256
 from typing import Any
 
 import pytest
-from http_service import Stand, serving
+from http_service import serving
 from page_browser import PATIENCE_MS, chromium, opened
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import expect
 from repository import ROOT
 
 pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     words = ("--speed", "5", "--tracker", "imm", "--loop")
     with serving(tmp_path_factory.mktemp("page"), *words) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as running:
         yield running
 
 
 @pytest.mark.slow
-def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: Stand) -> None:
+def test_a_launch_by_the_form_is_detected_and_tracked(browser, stand):
     page, complaints, asked = opened(browser, stand.port, 1280, "light")
     page.get_by_label("Type").select_option("IRBM")
     page.get_by_label("Latitude").first.fill("22.0")
@@ -51,9 +50,7 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
 
 
 @pytest.mark.slow
-def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(
-    browser: Browser, stand: Stand
-) -> None:
+def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "dark")
     drawn = "() => opirMap.drawn.launches && opirMap.drawn.regions"
     page.wait_for_function(drawn, timeout=180_000)
@@ -109,9 +106,7 @@ TRACK: dict[str, Any] = {
 }
 
 
-def region(
-    condition: str, probability: float, half_deg: float, samples: float | None
-) -> dict[str, Any]:
+def region(condition, probability, half_deg, samples):
     """Return a square region about the impact of `TRACK`."""
     west = 40.0 - half_deg
     east = 40.0 + half_deg
@@ -131,9 +126,7 @@ def region(
 
 
 @pytest.mark.slow
-def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(
-    browser: Browser, stand: Stand
-) -> None:
+def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     page.wait_for_function("() => opirPlayer.timeS > 0")
     page.evaluate("() => { document.getElementById('play').click(); opirStore.clear(); }")
@@ -171,7 +164,7 @@ def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(
     page.context.close()
 
 
-def wide(track: dict[str, Any]) -> dict[str, Any]:
+def wide(track):
     """Return a track of which nobody knows yet where it comes down: its ellipse would cross the
     map.
     """
@@ -182,9 +175,7 @@ def wide(track: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(375, "dark"), (1920, "dark"), (1920, "light")])
-def test_the_page_fits_its_screen_and_its_map_is_drawn(
-    browser: Browser, stand: Stand, width: int, scheme: str
-) -> None:
+def test_the_page_fits_its_screen_and_its_map_is_drawn(browser, stand, width, scheme):
     page, complaints, _ = opened(browser, stand.port, width, scheme)
     page.wait_for_function("() => document.getElementById('map').width > 300")
     assert page.evaluate("document.documentElement.scrollWidth") == width
@@ -205,7 +196,7 @@ def test_the_page_fits_its_screen_and_its_map_is_drawn(
     page.context.close()
 
 
-def contrast(page: Page) -> float:
+def contrast(page):
     """Return the least contrast of text against its panel (WCAG 2.2, relative luminance)."""
     colours = page.evaluate(
         "() => { const probe = document.createElement('i'); document.body.append(probe);"
@@ -226,12 +217,12 @@ def contrast(page: Page) -> float:
     return min(ratio(colours[one], colours[other]) for one, other in pairs)
 
 
-def ratio(one: list[float], other: list[float]) -> float:
+def ratio(one, other):
     light, dark = sorted((luminance(one), luminance(other)), reverse=True)
     return (light + 0.05) / (dark + 0.05)
 
 
-def luminance(colour: list[float]) -> float:
+def luminance(colour):
     parts = [part / 255 for part in colour[:3]]
     linear = [
         part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
@@ -239,7 +230,7 @@ def luminance(colour: list[float]) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def test_every_file_of_the_page_is_served_and_no_other(stand: Stand) -> None:
+def test_every_file_of_the_page_is_served_and_no_other(stand):
     folder = ROOT / "plugins" / "opir_http" / "opir_http" / "page"
     for path in [*folder.glob("*.*"), *folder.glob("vendor/*.js")]:
         answer = stand.ask(
@@ -250,7 +241,7 @@ def test_every_file_of_the_page_is_served_and_no_other(stand: Stand) -> None:
     assert stand.ask("GET", "/page/..%2fserving.py").status == 404
 
 
-def test_files_from_elsewhere_are_those_of_the_table_beside_them() -> None:
+def test_files_from_elsewhere_are_those_of_the_table_beside_them():
     folder = ROOT / "plugins" / "opir_http" / "opir_http" / "page" / "vendor"
     table = re.findall(
         r"^\| `([^`]+)` .* `([0-9a-f]{64})` \|$",

@@ -4,16 +4,14 @@ axe's rules.
 
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from http_service import SCENE, Stand, serving
+from http_service import SCENE, serving
 from opir_http.replay import Replay
 from page_browser import PATIENCE_MS, chromium, opened, settled, viewing
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import expect
 from waiting import until
 
 from opir_core.cli.main import main
@@ -23,13 +21,13 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     with serving(
         tmp_path_factory.mktemp("tools"), "--speed", "20", "--tracker", "imm", "--loop"
     ) as running:
@@ -37,7 +35,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 
 
 @pytest.fixture(scope="module")
-def saved_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+def saved_port(tmp_path_factory):
     folder = tmp_path_factory.mktemp("saved")
     (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
     words = [
@@ -54,14 +52,14 @@ def saved_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         yield port
 
 
-def tracked(page: Page) -> int:
+def tracked(page):
     """Return the number of the first track, which has a row by then."""
     expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=PATIENCE_MS)
     return int(page.evaluate("[...opirStore.tracks.keys()][0]"))
 
 
 @pytest.mark.slow
-def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> None:
+def test_marks_and_rows_select_each_other(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     number = tracked(page)
     row = page.locator(f"#track-rows tr[data-track='{number}']")
@@ -88,7 +86,7 @@ def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> Non
 
 
 @pytest.mark.slow
-def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -> None:
+def test_places_chosen_on_the_map_are_launched(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     tracked(page)
     page.get_by_role("button", name="Choose both places").click()
@@ -110,9 +108,7 @@ def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["map", "globe"])
-def test_places_are_where_d3_has_them_and_keys_move_them(
-    browser: Browser, stand: Stand, kind: str
-) -> None:
+def test_places_are_where_d3_has_them_and_keys_move_them(browser, stand, kind):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     page.locator(f"#to-{kind}").click()
     canvas = page.locator("#map")
@@ -141,14 +137,12 @@ def test_places_are_where_d3_has_them_and_keys_move_them(
     page.context.close()
 
 
-def radius(page: Page) -> float:
+def radius(page):
     return float(page.evaluate("opirMap.view.radius"))
 
 
 @pytest.mark.slow
-def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(
-    browser: Browser, stand: Stand
-) -> None:
+def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(browser, stand):
     page, _, _ = opened(browser, stand.port, 1280, "light")
     page.locator("#to-globe").click()
     page.evaluate("(opirMap.view.zoom = 0.13, opirMap.view.lookAt(0, 0))")
@@ -168,7 +162,7 @@ def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(
 
 
 @pytest.mark.slow
-def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None:
+def test_a_page_opened_late_has_the_past(browser, stand):
     first, _, _ = opened(browser, stand.port, 1280, "light")
     number = tracked(first)
     first.wait_for_function(
@@ -186,7 +180,7 @@ def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None
 
 
 @pytest.mark.slow
-def test_a_saved_run_plays_and_is_searched(browser: Browser, saved_port: int) -> None:
+def test_a_saved_run_plays_and_is_searched(browser, saved_port):
     page, complaints, asked = opened(browser, saved_port, 1280, "dark", "saved")
     expect(page.locator("#launch-panel")).to_be_hidden()
     expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=PATIENCE_MS)
@@ -220,9 +214,7 @@ SEEK = (
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [400, 1024, 1600])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing(
-    browser: Browser, stand: Stand, saved_port: int, width: int, scheme: str
-) -> None:
+def test_axe_finds_nothing(browser, stand, saved_port, width, scheme):
     for port, state in ((stand.port, "running"), (saved_port, "saved")):
         page, complaints, _ = opened(browser, port, width, scheme, state)
         tracked(page)
@@ -236,13 +228,13 @@ def test_axe_finds_nothing(
         page.context.close()
 
 
-def violations(page: Page) -> list[Any]:
+def violations(page):
     found = Axe().run(page).response["violations"]
     return [(each["id"], json.dumps([node["target"] for node in each["nodes"]])) for each in found]
 
 
 @pytest.mark.slow
-def test_the_description_sends_requests(browser: Browser, stand: Stand) -> None:
+def test_the_description_sends_requests(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1024, "light")
     page.goto(f"http://127.0.0.1:{stand.port}/page/api.html")
     page.get_by_role("button", name="Send GET /status").click()

@@ -4,8 +4,6 @@ import http.client
 import json
 import math
 import time
-from pathlib import Path
-from typing import Any
 
 import http_service
 import jsonschema
@@ -25,7 +23,7 @@ AIM = (32.0, -124.0)
 
 
 @pytest.mark.slow
-def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_path: Path) -> None:
+def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_path):
     scene = http_service.SCENE.replace("duration_s: 600", "duration_s: 140").replace(
         "type: ICBM", "type: SRBM"
     )
@@ -54,7 +52,7 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
         assert positive(track["state"]["covariance_ecef"])
 
 
-def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> None:
+def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses():
     reported = stub_estimates(
         1,
         tick_s=60.0,
@@ -86,7 +84,7 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
     validate({"tracks": [track]})
 
 
-def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() -> None:
+def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended():
     over = stub_regions(
         9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
     )
@@ -122,9 +120,7 @@ def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() ->
     assert second["end"] == "lost"
 
 
-def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts() -> (
-    None
-):
+def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts():
     reported = stub_estimates(
         1,
         impact=np.radians([9.0, 179.9, 0.0]),
@@ -140,7 +136,7 @@ def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_m
     validate({"tracks": [track]})
 
 
-def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
+def test_tracks_that_were_not_updated_for_longest_are_removed():
     documents = TrackDocuments(0, 3)
     for number in (0, 1, 2, 0, 3):
         documents.take(stub_estimates(1, tick_s=1.0, track=np.array([number])))
@@ -151,7 +147,7 @@ def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
 
 
 @pytest.mark.slow
-def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_are_old() -> None:
+def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_are_old():
     documents = TrackDocuments(0)
     reported = []
     for second in range(1, 301):
@@ -170,21 +166,21 @@ def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_a
     assert TrackDocuments(0).latest(1, trail=True) == []
 
 
-def validate(tracks: Any) -> None:
+def validate(tracks):
     """Require documents to follow the service's OpenAPI document."""
     jsonschema.validate(
         tracks, {"$ref": "#/components/schemas/Tracks", "components": document()["components"]}
     )
 
 
-def positive(terms: list[float]) -> bool:
+def positive(terms):
     """Return whether the lower triangle, row by row, is that of a positive definite matrix."""
     lower = np.zeros((6, 6))
     lower[np.tril_indices(6)] = terms
     return bool(np.linalg.eigvalsh(lower, UPLO="L").min() > 0.0)
 
 
-def streamed_track(port: int) -> Any:
+def streamed_track(port):
     """Return the first track of the stream that is two minutes old."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     give_up_at = time.monotonic() + 180.0
@@ -204,7 +200,7 @@ def streamed_track(port: int) -> Any:
         connection.close()
 
 
-def away_km(point: Any, place: tuple[float, float]) -> float:
+def away_km(point, place):
     """Return the great-circle distance, haversine formula, on a sphere of 6371 km."""
     first = math.radians(point["lat_deg"])
     second = math.radians(place[0])

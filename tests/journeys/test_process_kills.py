@@ -10,15 +10,12 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Any
 
 import kafka_broker
 import pytest
 from forked_processes import is_alive
 from kafka_broker import messages
-from serve_process import Nursery, nursery
+from serve_process import nursery
 from waiting import until
 
 from opir_core.host.host import Host
@@ -50,7 +47,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs POSIX pro
 
 
 @pytest.fixture(scope="module")
-def nurse() -> Iterator[Nursery]:
+def nurse():
     with nursery() as made:
         yield made
 
@@ -58,13 +55,13 @@ def nurse() -> Iterator[Nursery]:
 class Viewer(threading.Thread):
     """Reads the stream of a service until it is cut off."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port):
         super().__init__(daemon=True)
         self.port = port
         self._received = bytearray()
         self.start()
 
-    def run(self) -> None:
+    def run(self):
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
         try:
             connection.request("GET", "/stream")
@@ -76,7 +73,7 @@ class Viewer(threading.Thread):
         finally:
             connection.close()
 
-    def ids(self) -> set[str]:
+    def ids(self):
         """Return the ids of all detections that came whole."""
         return {
             found.decode()
@@ -84,7 +81,7 @@ class Viewer(threading.Thread):
         }
 
 
-def status(port: int) -> Any:
+def status(port):
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     try:
         connection.request("GET", "/status")
@@ -93,15 +90,13 @@ def status(port: int) -> Any:
         connection.close()
 
 
-def killed(number: int) -> None:
+def killed(number):
     os.kill(number, signal.SIGKILL)
     until(lambda: not is_alive(number))
 
 
 @pytest.mark.slow
-def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(
-    nurse: Nursery, tmp_path: Path
-) -> None:
+def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse, tmp_path):
     scene = tmp_path / "scene.yaml"
     log = tmp_path / "log"
     lines = tmp_path / "lines"
@@ -157,7 +152,7 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(
 
 
 @pytest.mark.slow
-def test_a_run_that_is_killed_and_started_again_is_whole(nurse: Nursery, tmp_path: Path) -> None:
+def test_a_run_that_is_killed_and_started_again_is_whole(nurse, tmp_path):
     scene = tmp_path / "scene.yaml"
     log = tmp_path / "log"
     lines = tmp_path / "lines"
@@ -179,7 +174,7 @@ def test_a_run_that_is_killed_and_started_again_is_whole(nurse: Nursery, tmp_pat
     assert arrived == {event["detection_id"] for event in wanted}
 
 
-def batch(scene: Path, seed: int, host: Host) -> list[Any]:
+def batch(scene, seed, host):
     """Return the events of a batch run of a scene."""
     read = load_scene(scene, overrides=[f"seed={seed}", 'outputs=["null"]'], host=host)
     plan = compile_plan(read, host)
@@ -189,7 +184,7 @@ def batch(scene: Path, seed: int, host: Host) -> list[Any]:
     return [json.loads(line) for line in lines.splitlines()]
 
 
-def arrived_in_order(events: Sequence[Any], wanted: Sequence[Any]) -> set[str]:
+def arrived_in_order(events, wanted):
     """Return the ids of a run's events that arrived; of each sensor, they are its first, in their
     order, unchanged.
     """

@@ -2,9 +2,8 @@
 does not.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import kafka_cluster
 import pytest
@@ -36,7 +35,7 @@ class Stand(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     if why := kafka_cluster.why_absent() or WHY_ABSENT:
         pytest.skip(why)
     folder = tmp_path_factory.mktemp("tls")
@@ -54,7 +53,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
         yield Stand(cluster, str(ours.certificate), str(others.certificate), *files)
 
 
-def _settings(store: Path, trusted: Path) -> dict[str, str]:
+def _settings(store, trusted):
     """Return the settings of the listeners; Kafka reads PEM files itself."""
     pem = {
         "keystore.type": "PEM",
@@ -78,7 +77,7 @@ def _settings(store: Path, trusted: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("listener", ["SSL", "MUTUAL"])
-def test_events_arrive_through_tls(stand: Stand, tmp_path: Path, listener: str) -> None:
+def test_events_arrive_through_tls(stand, tmp_path, listener):
     topic = stand.cluster.topic()
     files = stand.client if listener == "MUTUAL" else {}
     security = SecurityConfig(protocol="SSL", ca_file=stand.ca, **files)
@@ -138,9 +137,7 @@ def test_events_arrive_through_tls(stand: Stand, tmp_path: Path, listener: str) 
         "no login",
     ],
 )
-def test_the_reason_and_the_remedy_are_in_the_message(
-    stand: Stand, listener: str, host: str, security: Any, reason: str
-) -> None:
+def test_the_reason_and_the_remedy_are_in_the_message(stand, listener, host, security, reason):
     address = stand.cluster.addresses(listener).replace(ADDRESS, host)
     given = SecurityConfig(**{"protocol": "SSL", **security(stand)})
     sink = kafka_sink(address, "topic", None, brief(stall_s=1.0), security=given)
@@ -152,7 +149,7 @@ def test_the_reason_and_the_remedy_are_in_the_message(
     assert "no broker answers" not in (delivery.complaint or "")
 
 
-def test_a_certificate_that_is_refused_is_mended_under_a_run(stand: Stand, tmp_path: Path) -> None:
+def test_a_certificate_that_is_refused_is_mended_under_a_run(stand, tmp_path):
     topic = stand.cluster.topic()
     trusted = tmp_path / "ca.pem"
     trusted.write_text(Path(stand.other_ca).read_text())

@@ -5,15 +5,13 @@ wait for it.
 import re
 import socket
 import time
-from pathlib import Path
-from typing import Any
 
 import pytest
-from http_service import Stand, serving
+from http_service import serving
 
 
 @pytest.mark.slow
-def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
+def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path):
     with (
         serving(tmp_path, "--speed", "max", "--loop") as running,
         viewer(running) as idle,
@@ -40,7 +38,7 @@ def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
         assert b"event: detections" in received
 
 
-def viewer(running: Stand) -> socket.socket:
+def viewer(running):
     """Return a connection to the stream, with little room for what is not read."""
     made = socket.socket()
     made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)
@@ -50,12 +48,12 @@ def viewer(running: Stand) -> socket.socket:
     return made
 
 
-def dropped(running: Stand) -> int:
-    reported: Any = running.ask("GET", "/status", timeout_s=30.0).json["viewers"]
+def dropped(running):
+    reported = running.ask("GET", "/status", timeout_s=30.0).json["viewers"]
     return int(reported["dropped_frames"])
 
 
-def busy_for(busy: socket.socket, received: bytearray, seconds: float) -> None:
+def busy_for(busy, received, seconds):
     end_at = time.monotonic() + seconds
     while time.monotonic() < end_at:
         received += busy.recv(1 << 20)

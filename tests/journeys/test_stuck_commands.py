@@ -30,9 +30,7 @@ SCENE: dict[str, Any] = {
 TRACKER = ("opir_trackers", "kepler-arc")
 
 
-def ended(
-    folder: Path, part: tuple[str, ...], *words: str, **changes: Any
-) -> subprocess.CompletedProcess[str]:
+def ended(folder, part, *words, **changes):
     """Run a command whose component `rogue` hangs; it may take a minute at most."""
     (folder / "scene.yaml").write_text(yaml.safe_dump({**SCENE, **changes}), encoding="utf-8")
     command = [sys.executable, str(SCRIPT), *part, "hang", *words]
@@ -53,9 +51,7 @@ def ended(
         ),
     ],
 )
-def test_a_run(
-    tmp_path: Path, workers: str, part: tuple[str, ...], changes: dict[str, Any], reported: str
-) -> None:
+def test_a_run(tmp_path, workers, part, changes, reported):
     done = ended(
         tmp_path, part, "run", "scene.yaml", "--dead-after", "2", "--workers", workers, **changes
     )
@@ -65,7 +61,7 @@ def test_a_run(
     assert not (tmp_path / "events.jsonl").exists()
 
 
-def test_the_start_of_a_service(tmp_path: Path) -> None:
+def test_the_start_of_a_service(tmp_path):
     target = {**SCENE["targets"][0], "model": "rogue"}
     part = ("opir_target_models", "ballistic", "build")
     done = ended(
@@ -80,9 +76,7 @@ def test_the_start_of_a_service(tmp_path: Path) -> None:
     ("method", "words", "limit_s"),
     [("write", ("--dead-after", "3"), 3), ("close", ("--dead-after", "36"), 36), ("close", (), 30)],
 )
-def test_a_sink_of_a_run_fails_alone(
-    tmp_path: Path, method: str, words: tuple[str, ...], limit_s: int
-) -> None:
+def test_a_sink_of_a_run_fails_alone(tmp_path, method, words, limit_s):
     outputs = [{"jsonl": {"path": "other.jsonl"}}, "rogue"]
     done = ended(
         tmp_path, ("opir_sinks", "null", method), "run", "scene.yaml", "-q", *words, outputs=outputs
@@ -93,7 +87,7 @@ def test_a_sink_of_a_run_fails_alone(
     assert len((tmp_path / "other.jsonl").read_text(encoding="utf-8").splitlines()) > 100
 
 
-def test_a_study_in_this_process(tmp_path: Path) -> None:
+def test_a_study_in_this_process(tmp_path):
     words = ("sweep", "scene.yaml", "--runs", "2", "--executor", "serial", "--dead-after", "2")
     done = ended(tmp_path, (*TRACKER, "step"), *words, tracker="rogue")
     assert done.returncode == 6, done.stderr

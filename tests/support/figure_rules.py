@@ -1,8 +1,6 @@
 """The rules of figures: what of a drawn figure of matplotlib breaks them, in words."""
 
-from collections.abc import Iterator
 from itertools import combinations
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -25,7 +23,7 @@ _SMALLEST_PT = 7.9
 _LEAST_SHARE = 0.25
 
 
-def drawn_complaints(picture: Any) -> list[str]:
+def drawn_complaints(picture):
     """Return what is wrong with a figure of a report, on the page and at the width of a paper."""
     found = []
     for width_in in (WIDTH_IN, PRINT_WIDTH_IN):
@@ -37,7 +35,7 @@ def drawn_complaints(picture: Any) -> list[str]:
     return found
 
 
-def broken_rules(figure: Figure) -> list[str]:
+def broken_rules(figure):
     """Return what is wrong with a figure, nothing for a good one; it is drawn first."""
     figure.canvas.draw()
     found = [*_text_rules(figure)]
@@ -48,8 +46,8 @@ def broken_rules(figure: Figure) -> list[str]:
     return found
 
 
-def _texts(figure: Figure) -> list[tuple[Text, Any]]:
-    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+def _texts(figure):
+    renderer = figure.canvas.get_renderer()
     hidden = {id(text) for axes in figure.findobj(Axes) for text in _hidden(axes)}
     shown = [
         text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()
@@ -57,7 +55,7 @@ def _texts(figure: Figure) -> list[tuple[Text, Any]]:
     return [(text, text.get_window_extent(renderer)) for text in shown if id(text) not in hidden]
 
 
-def _hidden(axes: Axes) -> Iterator[Text]:
+def _hidden(axes):
     """Yield the labels of ticks that are not drawn: those outside the view, and all of axes that
     are off.
     """
@@ -71,7 +69,7 @@ def _hidden(axes: Axes) -> Iterator[Text]:
             yield axis.label
 
 
-def _text_rules(figure: Figure) -> Iterator[str]:
+def _text_rules(figure):
     width = figure.bbox.width
     height = figure.bbox.height
     texts = _texts(figure)
@@ -95,7 +93,7 @@ def _text_rules(figure: Figure) -> Iterator[str]:
             yield f"{one.get_text()!r} is printed over {other.get_text()!r}"
 
 
-def _axis_rules(axes: Axes) -> Iterator[str]:
+def _axis_rules(axes):
     for name, axis, values in (("x", axes.xaxis, 0), ("y", axes.yaxis, 1)):
         if axis.get_offset_text().get_text():
             yield f"the {name} axis has the offset {axis.get_offset_text().get_text()}"
@@ -120,7 +118,7 @@ def _axis_rules(axes: Axes) -> Iterator[str]:
                 yield f"the data use {share:.0%} of the {name} axis"
 
 
-def _data(axes: Axes, column: int) -> Any:
+def _data(axes, column):
     """Return the values along x or y of lines in data coordinates, without lines across the
     axes.
     """
@@ -158,7 +156,7 @@ def _data(axes: Axes, column: int) -> Any:
     ]
 
 
-def _interval_rules(axes: Axes) -> Iterator[str]:
+def _interval_rules(axes):
     for name, scale, column in (("x", axes.get_xscale(), 0), ("y", axes.get_yscale(), 1)):
         for each in axes.collections:
             if scale == "log" and isinstance(each, LineCollection):
@@ -167,7 +165,7 @@ def _interval_rules(axes: Axes) -> Iterator[str]:
                     yield f"an interval reaches 0 on the logarithmic {name} axis"
 
 
-def _legend_rules(figure: Figure, legend: Legend) -> Iterator[str]:
+def _legend_rules(figure, legend):
     axes = [legend.axes] if legend.axes is not None else figure.findobj(Axes)
     box = legend.get_window_extent()
     if (
@@ -201,7 +199,7 @@ def _legend_rules(figure: Figure, legend: Legend) -> Iterator[str]:
                 yield f"the legend's line {handle.get_label()!r} has other dashes than that of the plot"
 
 
-def _drawn_points(line: Any) -> Any:
+def _drawn_points(line):
     """Return the places of a line, pixels, also between its points where they are joined."""
     points = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=np.float64))
     if len(points) < 2 or line.get_linestyle() in ("None", "", " "):
@@ -210,7 +208,7 @@ def _drawn_points(line: Any) -> Any:
     return (points[:-1, None] * (1.0 - part) + points[1:, None] * part).reshape(-1, 2)
 
 
-def _covered(box: Any, points: Any) -> int:
+def _covered(box, points):
     if box is None:
         return 0
     inside = (
@@ -222,10 +220,10 @@ def _covered(box: Any, points: Any) -> int:
     return int(np.count_nonzero(inside))
 
 
-def _colour(line: Any) -> str:
+def _colour(line):
     return to_hex(line.get_color())
 
 
-def _dashes(line: Any) -> Any:
+def _dashes(line):
     pattern = line._unscaled_dash_pattern
     return None if pattern[1] is None else tuple(np.round(pattern[1], 3))

@@ -14,13 +14,11 @@ import subprocess
 import sys
 import time
 from importlib import import_module
-from pathlib import Path
-from typing import Any
 
 from waiting import until, within
 
 
-def main() -> None:
+def main():
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     module = import_module(sys.argv[1])
     for line in sys.stdin:
@@ -33,9 +31,7 @@ def main() -> None:
         sys.stdout.flush()
 
 
-def killed_at_random(
-    module: str, function: str, folder: Path, moments: int, longest_s: float, *more: Any
-) -> int:
+def killed_at_random(module, function, folder, moments, longest_s, *more):
     """Run `function(folder, first, *more)` until it is killed, that many times; return how many
     events were taken.
 
@@ -62,12 +58,12 @@ def killed_at_random(
     return first
 
 
-def next_number(path: Path) -> int:
+def next_number(path):
     numbers = path.read_bytes().split() if path.exists() else []
     return max((int(number) + 7 for number in numbers), default=0)
 
 
-def is_alive(number: int) -> bool:
+def is_alive(number):
     try:
         os.kill(number, 0)
     except ProcessLookupError:

@@ -5,10 +5,8 @@ import asyncio
 import http.client
 import json
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import jsonschema
 from attrs import define
@@ -19,8 +17,6 @@ from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.serving import server_of, service_of
 from waiting import within
-
-from opir_core.host.host import Host
 
 JSON = {"Content-Type": "application/json"}
 
@@ -56,7 +52,7 @@ class Answer:
     body: bytes
 
     @property
-    def json(self) -> Any:
+    def json(self):
         return json.loads(self.body)
 
 
@@ -70,13 +66,13 @@ class Stand:
 
     def ask(
         self,
-        method: str,
-        path: str,
-        body: Any = None,
-        headers: Mapping[str, str] | None = None,
+        method,
+        path,
+        body=None,
+        headers=None,
         *,
-        timeout_s: float = 60,
-    ) -> Answer:
+        timeout_s=60,
+    ):
         """Make one request; a body that is not bytes is sent as JSON. An answer that does not end
         in time fails.
         """
@@ -84,7 +80,7 @@ class Stand:
         given = {**(JSON if raw is not None else {}), **(headers or {})}
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)
 
-        def answer() -> Answer:
+        def answer():
             connection.request(method, path, raw, given)
             response = connection.getresponse()
             fields = {key.lower(): value for key, value in response.getheaders()}
@@ -98,12 +94,12 @@ class Stand:
 
 @contextmanager
 def serving(
-    folder: Path,
-    *words: str,
-    scene: str = SCENE,
-    token: str | None = None,
-    host: Host | None = None,
-) -> Iterator[Stand]:
+    folder,
+    *words,
+    scene=SCENE,
+    token=None,
+    host=None,
+):
     """Serve a scene with further arguments of `opir serve`."""
     path = folder / "scene.yaml"
     path.write_text(scene, encoding="utf-8")
@@ -113,7 +109,7 @@ def serving(
     begun = threading.Event()
     servers = []
 
-    async def run() -> None:
+    async def run():
         servers.append(server_of(service, application(service), token))
         begun.set()
         await servers[0].serve(sockets=[listening])
@@ -134,7 +130,7 @@ def serving(
             assert not thread.is_alive(), "the server does not stop"
 
 
-def conforms(value: Any, name: str) -> None:
+def conforms(value, name):
     """Fail if a value does not conform to a schema of the service's OpenAPI document."""
     whole = document()
     jsonschema.validate(

@@ -7,7 +7,6 @@ handed to the reference as the float64 numbers it is: so the reference says what
 have found had it not rounded.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import mpmath
@@ -54,12 +53,12 @@ class Sample(NamedTuple):
     asymmetry: float
 
 
-def geostationary(*longitudes_deg: float) -> np.ndarray:
+def geostationary(*longitudes_deg):
     angle = np.radians(longitudes_deg)
     return GEO_M * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
 
 
-def launch(latitude_deg: float, longitude_deg: float, height_m: float = 150e3) -> np.ndarray:
+def launch(latitude_deg, longitude_deg, height_m=150e3):
     """Return a state that climbs northward, or towards the pole's other side."""
     latitude = np.radians(latitude_deg)
     longitude = np.radians(longitude_deg)
@@ -88,7 +87,7 @@ USUAL = np.repeat([1e3, 1e2, 10.0, 1.0], 3)
 ABOVE = launch(35.0, 55.0)[:3] * (GEO_M / (RADIUS_M + 150e3))
 
 
-def cases(each: int = 10) -> Iterator[Case]:
+def cases(each=10):
     """Yield ten families of `each` cases."""
     for k in range(each):
         mid = launch(30.0 + k, 40.0)
@@ -134,13 +133,13 @@ def cases(each: int = 10) -> Iterator[Case]:
         yield Case("steps of 0.05 s", size, CLOSE, mid, 1e-9, 0.01, DIFFUSE, 20.0, 0.05, 40, k)
 
 
-def an_hour(seed: int = 0) -> Case:
+def an_hour(seed=0):
     """Return 20 looks a second of two sensors for an hour, on a path that stays up that long."""
     start = np.array([8.0e6, 0.0, 0.0, 0.0, 5.5e3, 5.5e3])
     return Case("20 Hz for an hour", COAST, CLOSE, start, 1e-9, 0.0, DIFFUSE, 20.0, 1.0, 3600, seed)
 
 
-def samples(case: Case, every: int = 1) -> list[Sample]:
+def samples(case, every=1):
     """Return how the filter compares with 50 digits after every n-th slice."""
     rng = np.random.default_rng(case.seed)
     motion = Motion(case.size, case.noise, KEPLER)
@@ -175,9 +174,7 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
     return found
 
 
-def looks(
-    case: Case, motion: Motion, truth: np.ndarray, rng: np.random.Generator
-) -> AngleMeasurements:
+def looks(case, motion, truth, rng):
     """Return the looks of a slice that ends at time 0, each sensor's at its own instants."""
     count = max(1, round(case.rate_hz * case.slice_s))
     sensors = len(case.sensors_m)
@@ -196,12 +193,12 @@ def looks(
 
 
 def one_more(
-    motion: Motion,
-    before: np.ndarray,
-    root: np.ndarray,
-    point: np.ndarray,
-    sights: AngleMeasurements,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    motion,
+    before,
+    root,
+    point,
+    sights,
+):
     """Return the update linearised at a point, and its rows [H | residual + H point]."""
     path = np.repeat(motion.taylor(point), len(sights), axis=0)
     weight = taylor_weights(sights.time_s)
@@ -225,14 +222,14 @@ class Reference:
     mean is.
     """
 
-    def __init__(self, root: np.ndarray) -> None:
+    def __init__(self, root):
         mpmath.mp.dps = DIGITS
         self.size = len(root)
         exact = mpmath.matrix(root.tolist())
         self.information = exact.T * exact
         self.off = mpmath.zeros(self.size, 1)
 
-    def move(self, back: np.ndarray, noise: np.ndarray | None) -> None:
+    def move(self, back, noise):
         exact = mpmath.matrix(back.tolist())
         self.information = exact.T * self.information * exact
         self.off = mpmath.lu_solve(exact, self.off)
@@ -240,7 +237,7 @@ class Reference:
             side = mpmath.matrix(noise.tolist())
             self.information = (self.information**-1 + side * side.T) ** -1
 
-    def take_in(self, rows: np.ndarray, before: np.ndarray, mean: np.ndarray) -> None:
+    def take_in(self, rows, before, mean):
         """Take in rows [H | residual at the point | step to the filter's mean]."""
         slope = mpmath.matrix(rows[:, : self.size].tolist())
         residual = mpmath.matrix(rows[:, [self.size]].tolist())
@@ -250,7 +247,7 @@ class Reference:
         self.information = self.information + slope.T * slope
         self.off = mpmath.lu_solve(self.information, pull)
 
-    def compared(self, root: np.ndarray) -> Sample:
+    def compared(self, root):
         """Return how a root of information compares: errors are of P against the reference, in its
         own directions.
         """

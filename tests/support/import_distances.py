@@ -1,18 +1,17 @@
 """How many imports lie between a module and the files that use it."""
 
 import ast
-from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 
-def source_files(root: Path) -> list[str]:
+def source_files(root):
     """Return the modules of opir_core and the plugins, sorted, relative to the root."""
     found = [*(root / "opir_core").rglob("*.py"), *(root / "plugins").glob("*/opir_*/**/*.py")]
     return sorted(str(path.relative_to(root)) for path in found)
 
 
-def imports_of(root: Path, files: Iterable[str]) -> dict[str, set[str]]:
+def imports_of(root, files):
     """Return, for every file, those of the files that it imports or names in a string, as entry
     points do.
     """
@@ -20,7 +19,7 @@ def imports_of(root: Path, files: Iterable[str]) -> dict[str, set[str]]:
     return {file: _named(root, file, module, modules) - {file} for module, file in modules.items()}
 
 
-def distances(file: str, imports: dict[str, set[str]]) -> dict[str, int]:
+def distances(file, imports):
     """Return, for every file that uses a file, the number of imports between them (1: directly)."""
     found = dict[str, int]()
     front = {file}
@@ -30,7 +29,7 @@ def distances(file: str, imports: dict[str, set[str]]) -> dict[str, int]:
     return found
 
 
-def module_of(file: str) -> str:
+def module_of(file):
     """Return the name under which others import a file: a plugin's and a test's lie below folders
     on the path.
     """
@@ -39,7 +38,7 @@ def module_of(file: str) -> str:
     return ".".join(inner[:-1] if inner[-1] == "__init__" else inner)
 
 
-def _named(root: Path, file: str, module: str, modules: dict[str, str]) -> set[str]:
+def _named(root, file, module, modules):
     names = set[str]()
     path = root / file
     package = module if path.stem == "__init__" else module.rpartition(".")[0]
@@ -62,7 +61,7 @@ def _named(root: Path, file: str, module: str, modules: dict[str, str]) -> set[s
 
 
 @cache
-def _homes(stub: Path) -> dict[str, str]:
+def _homes(stub):
     """Return the modules of the names that the stub of a package hands on; none where there is no
     stub.
     """

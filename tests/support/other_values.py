@@ -3,13 +3,12 @@ block.
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Mapping
 
-from opir_core.scene.field_rows import FieldRow, field_rows
+from opir_core.scene.field_rows import field_rows
 
 
-def other_values(config_class: type) -> Iterator[tuple[str, Any]]:
+def other_values(config_class):
     """Yield the dotted key of each setting with a plain value, and another legal value."""
     for row in field_rows(config_class):
         value = _other(row)
@@ -17,13 +16,13 @@ def other_values(config_class: type) -> Iterator[tuple[str, Any]]:
             yield row.key, value
 
 
-def nested(key: str, value: Any) -> dict[str, Any]:
+def nested(key, value):
     """Return the block that sets a dotted key."""
     first, _, rest = key.partition(".")
     return {first: nested(rest, value) if rest else value}
 
 
-def _other(row: FieldRow) -> Any:
+def _other(row):
     if isinstance(row.default, bool):
         return not row.default
     if row.choices:
@@ -42,7 +41,7 @@ def _other(row: FieldRow) -> Any:
     return None
 
 
-def _number(row: FieldRow, default: float) -> float | None:
+def _number(row, default):
     """Return a number near the default, in the allowed interval."""
     whole = row.kind.startswith("whole")
     for value in (
@@ -59,7 +58,7 @@ def _number(row: FieldRow, default: float) -> float | None:
     return None
 
 
-def _plausible_middle(row: FieldRow) -> float:
+def _plausible_middle(row):
     """Return the geometric mean of the plausible range of a setting without a default, 10 without
     one.
     """
@@ -69,7 +68,7 @@ def _plausible_middle(row: FieldRow) -> float:
     return math.sqrt(low * high)
 
 
-def _inside(interval: str, value: float) -> bool:
+def _inside(interval, value):
     if not interval:
         return True
     low, high = (float(part) for part in interval[1:-1].split(", "))

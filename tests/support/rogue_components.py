@@ -3,7 +3,7 @@ return nonsense.
 """
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from attrs import evolve
@@ -22,20 +22,20 @@ class Rogue:
     misbehaves.
     """
 
-    def __init__(self, hook: str, sound: str, method: str, deed: Deed) -> None:
+    def __init__(self, hook, sound, method, deed):
         component = Host.discover().component(hook, sound)
 
-        def build(config: Any, context: Any) -> Any:
+        def build(config, context):
             return (
                 deed(component.build(config, context))
                 if method == "build"
                 else spoilt(build_sound(config, context))
             )
 
-        def build_sound(config: Any, context: Any) -> Any:
+        def build_sound(config, context):
             return component.build(config, context)
 
-        def spoilt(part: Any) -> Any:
+        def spoilt(part):
             return with_deed(part, method, deed)
 
         made = evolve(component, name="rogue", build=build)
@@ -43,14 +43,14 @@ class Rogue:
         assert hook in CATALOGUE
 
     @staticmethod
-    def _yielding(component: Any) -> Callable[[], Iterator[Any]]:
-        def yielding() -> Iterator[Any]:
+    def _yielding(component):
+        def yielding():
             yield component
 
         return yielding
 
 
-def with_deed(part: Any, method: str, deed: Deed) -> Any:
+def with_deed(part, method, deed):
     """Return a part like another, except for one method or attribute; defaults of its contract call
     the new one.
     """
@@ -59,7 +59,7 @@ def with_deed(part: Any, method: str, deed: Deed) -> Any:
         (each for each in contracts if each.__module__.startswith("opir_core.interfaces.")), object
     )
 
-    def delegate(name: str) -> Any:
+    def delegate(name):
         if callable(getattr(part, name)):
             return lambda _self, *given, **named: getattr(part, name)(*given, **named)
         return property(lambda _self: getattr(part, name))
@@ -78,7 +78,7 @@ def with_deed(part: Any, method: str, deed: Deed) -> Any:
     return type("RoguePart", (), members)()
 
 
-def rogue_host(hook: str, sound: str, method: str, deed: Deed) -> Host:
+def rogue_host(hook, sound, method, deed):
     """Return a host of the installed plugins and the component `rogue` of a hook, with a method
     that misbehaves.
     """
@@ -90,23 +90,23 @@ def rogue_host(hook: str, sound: str, method: str, deed: Deed) -> Host:
 class Hang:
     """A deed that does not return until `end` is called."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self._over = threading.Event()
         self.begun = threading.Event()
 
-    def __call__(self, answer: Any) -> Any:
+    def __call__(self, answer):
         self.begun.set()
         self._over.wait(200.0)
         return answer
 
-    def end(self) -> None:
+    def end(self):
         self._over.set()
 
 
-def raising(error: BaseException) -> Deed:
+def raising(error):
     """Return a deed that raises."""
 
-    def deed(_answer: Any) -> Any:
+    def deed(_answer):
         raise error
 
     return deed

@@ -1,7 +1,6 @@
 """A study folder as `opir sweep` writes it, with figures that follow a formula."""
 
 import json
-from pathlib import Path
 
 import pyarrow as pa
 from pyarrow import parquet
@@ -12,7 +11,7 @@ PERIOD = "sensors[*].scan_period_ms"
 TRACKER = "tracker"
 
 
-def written_study(folder: Path) -> Path:
+def written_study(folder):
     """Write a study of two settings: the latency is twice the scan period, the area has no value
     without a tracker.
     """

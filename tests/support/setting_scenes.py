@@ -1,7 +1,7 @@
 """Small scenes in which settings are or are not read, and what a run of one writes."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = {
 HOST = Host.discover()
 
 
-def scene_of(name: str) -> dict[str, Any]:
+def scene_of(name):
     """Return a scene by name, as plain values."""
     plain = {
         "scene": "settings",
@@ -96,7 +96,7 @@ def scene_of(name: str) -> dict[str, Any]:
     return {**plain, **SCENES[name]}
 
 
-def changed_scenes(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def changed_scenes(name):
     """Yield the path of each setting of the components of a scene that is read under a condition,
     and the scene with another value there. Settings of blocks that the scene does not have are left
     out: they bring the block."""
@@ -118,7 +118,7 @@ def changed_scenes(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
 _ABSENT = "no such block"
 
 
-def _value(config: Any, key: str) -> Any:
+def _value(config, key):
     """Return the value of a dotted setting, `_ABSENT` if it stands in a block that is not there."""
     for part in key.split("."):
         if config is None:
@@ -127,9 +127,7 @@ def _value(config: Any, key: str) -> Any:
     return config
 
 
-def _with(
-    scene: Mapping[str, Any], path: str, model: str, block: Mapping[str, Any]
-) -> dict[str, Any]:
+def _with(scene, path, model, block):
     """Return a scene with a block merged into the one at a path."""
     head, _, rest = path.partition("[0]")
     if head in ("sensors", "targets", "sources"):
@@ -140,7 +138,7 @@ def _with(
     return {**scene, head: _merged({"model": model, **scene.get(head, {})}, block)}
 
 
-def _merged(block: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+def _merged(block, over):
     merged = dict(block)
     for key, value in over.items():
         old = merged.get(key)
@@ -152,7 +150,7 @@ def _merged(block: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
-def unread_paths(scene: Mapping[str, Any]) -> set[str] | None:
+def unread_paths(scene):
     """Return the paths of what nothing reads; None if the scene is refused."""
     try:
         return {
@@ -162,12 +160,12 @@ def unread_paths(scene: Mapping[str, Any]) -> set[str] | None:
         return None
 
 
-def is_named(path: str, unread: set[str]) -> bool:
+def is_named(path, unread):
     """Return whether a setting, or a block that it stands in, is among unread ones."""
     return any(path == one or path.startswith(f"{one}.") for one in unread)
 
 
-def digest(scene: Mapping[str, Any]) -> str:
+def digest(scene):
     """Return the hash of all that a run of a scene writes; the text of the error if it cannot
     run.
     """
@@ -182,7 +180,7 @@ def digest(scene: Mapping[str, Any]) -> str:
     return total.hexdigest()
 
 
-def _parts(value: Any) -> Iterator[bytes]:
+def _parts(value):
     """Yield the bytes of the arrays, numbers and texts in a record."""
     if isinstance(value, np.ndarray) and value.dtype.hasobject:
         yield from _parts(value.ravel().tolist())

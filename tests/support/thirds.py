@@ -5,7 +5,6 @@ So three runs of CI run each of them.
 """
 
 import zlib
-from collections.abc import Callable
 
 import pytest
 
@@ -14,7 +13,7 @@ SLOW = "OPIR_THIRD"
 QUICK = "OPIR_QUICK_THIRD"
 
 
-def chooser(third: str, name: str = SLOW) -> Callable[[str], bool]:
+def chooser(third, name=SLOW):
     """Return whether a test, by its id, is in a part as "1/3"; all are in the part "" or "all".
 
     `name` is the variable that the part comes from.

@@ -1,12 +1,8 @@
 """Tracks of two runs that differ in nothing but numbers, times or longitudes."""
 
-from collections.abc import Collection
-from typing import Any
-
 import numpy as np
 from attrs import evolve, fields
 
-from opir_core.arrays import FloatArray, IntArray
 from opir_core.plugin import Tracks
 
 #: Columns of places: longitude_rad is the second number, the scene time the third.
@@ -37,9 +33,7 @@ DRAWN_SHARE = 0.15
 FEW_ROWS = 10
 
 
-def assert_alike(
-    tracks: Tracks, other: Tracks, rtol: float = 1e-9, apart: Collection[str] = ()
-) -> None:
+def assert_alike(tracks, other, rtol=1e-9, apart=()):
     """Fail unless both have the same rows, whatever the numbers of their tracks.
 
     A number may differ by a share of the largest one of its column; the columns `apart` are not
@@ -55,7 +49,7 @@ def assert_alike(
             assert_same_regions(regions, others, rtol)
 
 
-def assert_drawn_alike(tracks: Tracks, other: Tracks) -> None:
+def assert_drawn_alike(tracks, other):
     """Fail unless forecasts (`DRAWN`) agree to within what other draws make of the same states."""
     other = other.take(renumbered_rows(tracks, other))
     one_known, other_known = (np.isfinite(each.impact).all(axis=1) for each in (tracks, other))
@@ -70,7 +64,7 @@ def assert_drawn_alike(tracks: Tracks, other: Tracks) -> None:
         assert off.mean() < DRAWN_SHARE, name
 
 
-def assert_states_alike(tracks: Tracks, other: Tracks, sigmas: float) -> None:
+def assert_states_alike(tracks, other, sigmas):
     """Fail unless states differ by less than some standard deviations, and covariances by as large
     a share.
     """
@@ -80,7 +74,7 @@ def assert_states_alike(tracks: Tracks, other: Tracks, sigmas: float) -> None:
     assert np.abs(spread[1] - spread[0]).max() < sigmas
 
 
-def east_north_time(points: FloatArray, others: FloatArray) -> FloatArray:
+def east_north_time(points, others):
     """Return how far east and north, m, and later, s, other latitudes, longitudes and times (n, 3)
     are.
     """
@@ -91,7 +85,7 @@ def east_north_time(points: FloatArray, others: FloatArray) -> FloatArray:
     )
 
 
-def mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:
+def mahalanobis(error, covariance):
     """Return the lengths (n,) of errors (n, d) in standard deviations of covariances (n, d, d)."""
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     scaled = error / sigma
@@ -101,7 +95,7 @@ def mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:
     )
 
 
-def renumbered_rows(tracks: Tracks, other: Tracks) -> IntArray:
+def renumbered_rows(tracks, other):
     """Return the rows of the other tracks in the order of these: tracks are the same if they begin
     alike.
     """
@@ -115,7 +109,7 @@ def renumbered_rows(tracks: Tracks, other: Tracks) -> IntArray:
     return np.lexsort(([number[track] for track in other.track.tolist()], other.tick_s))
 
 
-def assert_same_regions(regions: Any, others: Any, rtol: float) -> None:
+def assert_same_regions(regions, others, rtol):
     """Fail unless two tuples of regions have the same figures and corners."""
     assert len(regions) == len(others)
     for region, other in zip(regions, others, strict=True):
@@ -127,14 +121,14 @@ def assert_same_regions(regions: Any, others: Any, rtol: float) -> None:
                 close(on_sphere(other_ring), on_sphere(ring), rtol, "polygons")
 
 
-def on_sphere(ring: FloatArray) -> FloatArray:
+def on_sphere(ring):
     """Return unit vectors (n, 3) of latitudes and longitudes (n, 2), rad."""
     latitude, longitude = ring.T
     flat = np.cos(latitude)
     return np.stack([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)], axis=1)
 
 
-def close(value: Any, expected: Any, rtol: float, name: str) -> None:
+def close(value, expected, rtol, name):
     """Fail unless numbers are the same to a share of the largest one, and unknown where the others
     are.
     """
@@ -144,7 +138,7 @@ def close(value: Any, expected: Any, rtol: float, name: str) -> None:
     np.testing.assert_allclose(value, expected, rtol=0.0, atol=rtol * scale, err_msg=name)
 
 
-def moved(tracks: Tracks, *, turn_rad: float = 0.0, later_s: float = 0.0) -> Tracks:
+def moved(tracks, *, turn_rad=0.0, later_s=0.0):
     """Return tracks turned eastwards about the Earth's axis, and later in scene time."""
     cosine = np.cos(turn_rad)
     sine = np.sin(turn_rad)
@@ -153,9 +147,7 @@ def moved(tracks: Tracks, *, turn_rad: float = 0.0, later_s: float = 0.0) -> Tra
     burnout = np.zeros((7, 7))
     burnout[:6, :6] = state
     burnout[6, 6] = 1.0
-    columns: dict[str, Any] = {
-        name: moved_points(getattr(tracks, name), turn_rad, later_s) for name in POINTS
-    }
+    columns = {name: moved_points(getattr(tracks, name), turn_rad, later_s) for name in POINTS}
     return evolve(
         tracks,
         tick_s=tracks.tick_s + later_s,
@@ -169,14 +161,14 @@ def moved(tracks: Tracks, *, turn_rad: float = 0.0, later_s: float = 0.0) -> Tra
     )
 
 
-def moved_points(points: FloatArray, turn_rad: float, later_s: float) -> FloatArray:
+def moved_points(points, turn_rad, later_s):
     """Return latitudes, longitudes and times (n, 3), turned and later."""
     shifted = points + np.array([0.0, turn_rad, later_s])
     shifted[:, 1] = np.remainder(shifted[:, 1] + np.pi, 2.0 * np.pi) - np.pi
     return shifted
 
 
-def turned_regions(column: Any, turn_rad: float) -> Any:
+def turned_regions(column, turn_rad):
     """Return tuples of regions (n,) with their corners turned."""
     turned = np.empty(len(column), dtype=np.object_)
     shift = np.array([0.0, turn_rad])

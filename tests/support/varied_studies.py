@@ -4,7 +4,6 @@ constant.
 
 import json
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -45,7 +44,7 @@ FIGURES = {
 RUNS = 6
 
 
-def written(folder: Path, name: str) -> Path:
+def written(folder, name):
     """Write a study whose figures span decades, with intervals that reach below 0, and a
     constant.
     """

@@ -15,17 +15,14 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Mapping
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import kafka_broker
 from faulty_process import tell
 from forked_processes import is_alive
 from kafka_broker import messages
-from serve_process import Nursery
 from waiting import until
 
 SCENE = """
@@ -66,7 +63,7 @@ COUNTS = ("delivered", "spooled", "dropped", "withheld")
 class WatchedService:
     """The service, from life to life; `close` heals everything and examines what has arrived."""
 
-    def __init__(self, nurse: Nursery, broker: Any) -> None:
+    def __init__(self, nurse, broker):
         self.folder = Path(tempfile.mkdtemp(prefix="opir-watched-"))
         self._nurse = nurse
         self.broker = broker
@@ -78,21 +75,21 @@ class WatchedService:
         os.mkfifo(self.control)
         (self.folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
         self.life = -1
-        self.number: int | None = None
+        self.number = None
         self.is_frozen = False
         self.is_faulty = False
         #: By life: the events given at least, those that viewers have seen, and those that may be
         #: missing.
-        self.given: dict[int, int] = {}
-        self.seen: dict[int, set[str]] = defaultdict(set)
+        self.given = {}
+        self.seen = defaultdict(set)
         self.lost = {"lines": 0, "topic": 0}
         self.start()
 
     @property
-    def is_running(self) -> bool:
+    def is_running(self):
         return self.number is not None
 
-    def start(self) -> None:
+    def start(self):
         """Begin a life."""
         self.life += 1
         self.log.unlink(missing_ok=True)
@@ -124,10 +121,10 @@ class WatchedService:
         self.port = int(found[1])
         threading.Thread(target=self._view, args=(self.life, self.port), daemon=True).start()
 
-    def reported(self) -> str:
+    def reported(self):
         return self.log.read_text(encoding="utf-8") if self.log.exists() else ""
 
-    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
+    def ask(self, method, path, body=None, **headers):
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
         try:
             more = {"Content-Type": "application/json"} if body is not None else {}
@@ -140,11 +137,11 @@ class WatchedService:
         finally:
             connection.close()
 
-    def launch(self) -> None:
+    def launch(self):
         status, reported = self.ask("POST", "/trigger", LAUNCH)
         assert status == 202 or status in BUSY, reported
 
-    def configure(self, period_ms: float, client: str) -> None:
+    def configure(self, period_ms, client):
         """Change the scan period of the first sensor, and the output to the broker, which is opened
         anew.
         """
@@ -155,24 +152,24 @@ class WatchedService:
         status, reported = self.ask("PUT", "/config", settings, **{"If-Match": tag})
         assert status == 200 or status in BUSY, reported
 
-    def freeze(self) -> None:
+    def freeze(self):
         self.broker.freeze()
         self.is_frozen = True
 
-    def thaw(self) -> None:
+    def thaw(self):
         if self.is_frozen:
             self.broker.thaw()
         self.is_frozen = False
 
-    def fail_disk(self, number: int, error: int, lasts: bool, kinds: tuple[str, ...]) -> None:
+    def fail_disk(self, number, error, lasts, kinds):
         tell(self.control, "fail", number, error, lasts, ",".join(kinds))
         self.is_faulty = True
 
-    def heal_disk(self) -> None:
+    def heal_disk(self):
         tell(self.control, "heal")
         self.is_faulty = False
 
-    def stop(self) -> None:
+    def stop(self):
         """End the life with SIGTERM; the report must be in time, and balance."""
         assert self.number is not None
         self._observe_given()
@@ -188,7 +185,7 @@ class WatchedService:
             name: self.lost[name] + count for name, count in zip(self.lost, dropped, strict=True)
         }
 
-    def kill(self) -> None:
+    def kill(self):
         assert self.number is not None
         self._observe_given()
         os.kill(self.number, signal.SIGKILL)
@@ -196,7 +193,7 @@ class WatchedService:
         self.number = None
         self.is_faulty = False
 
-    def damage(self, name: str, seed: int, flips: int) -> bool:
+    def damage(self, name, seed, flips):
         """Flip bits of the spool of a service that was stopped, behind its first page; return
         whether there is more.
         """
@@ -212,7 +209,7 @@ class WatchedService:
         path.write_bytes(content)
         return True
 
-    def observe(self) -> None:
+    def observe(self):
         """Check what holds at any moment: books, and a readiness that follows the cycles."""
         ready, reasons = self.ask("GET", "/health/ready")
         began_s = time.monotonic()
@@ -225,7 +222,7 @@ class WatchedService:
             assert sink["state"] in ("open", "parked"), sink
             assert sink["unbalanced"] == 0, sink
 
-    def _observe_given(self) -> None:
+    def _observe_given(self):
         """Note how many events were given; a window is counted after it is in the spool, so wait
         until it is.
         """
@@ -244,7 +241,7 @@ class WatchedService:
         )
         self.sinks = sinks
 
-    def recover(self) -> None:
+    def recover(self):
         """Heal everything; the service must become ready, and deliver all that was given."""
         self.thaw()
         self.broker.heal()
@@ -263,20 +260,20 @@ class WatchedService:
             assert time.monotonic() < give_up_s, (due, self._sinks(), self.reported())
             time.sleep(0.1)
 
-    def _sinks(self) -> Any:
+    def _sinks(self):
         return self.ask("GET", "/status")[1]["sinks"]
 
-    def _done(self, sink: Mapping[str, Any]) -> int:
+    def _done(self, sink):
         return int(sink["delivered"] + sink["dropped"] + sink["withheld"])
 
-    def _retry(self) -> None:
+    def _retry(self):
         """Let parked outputs try again, at a moderate rate."""
         for sink in self._sinks():
             if sink["state"] == "parked":
                 self.ask("POST", f"/outputs/{sink['name']}/retry")
         time.sleep(0.2)
 
-    def close(self) -> None:
+    def close(self):
         """Heal, stop and examine."""
         try:
             for _ in range(3):  # a stop has 4 s, which are too few for a slow machine now and then
@@ -290,7 +287,7 @@ class WatchedService:
         finally:
             self.end()
 
-    def end(self) -> None:
+    def end(self):
         """Leave nothing behind."""
         self.thaw()
         self.broker.heal()
@@ -299,7 +296,7 @@ class WatchedService:
                 os.kill(self.number, signal.SIGKILL)
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def examine(self) -> None:
+    def examine(self):
         """Hold what arrived in the file against what arrived in the topic, by life and sensor."""
         lines = [json.loads(line) for line in (self.disk / "lines").read_bytes().splitlines()]
         came = messages(self.broker.address, self.topic)
@@ -307,7 +304,7 @@ class WatchedService:
         assert not any(first.values()), "the broker has forgotten the first messages"
         carried = [json.loads(message.value()) for message in came]
         arrived = {"lines": by_life(lines), "topic": by_life(carried)}
-        everything: dict[str, dict[str, Any]] = {name: {} for name in arrived}
+        everything = {name: {} for name in arrived}
         for name, lives in arrived.items():
             for sensors in lives.values():
                 for events in sensors.values():
@@ -334,7 +331,7 @@ class WatchedService:
             unseen = set().union(*self.seen.values()) - everything[name].keys()
             assert len(unseen) <= self.lost[name], (name, len(unseen), self.lost)
 
-    def _view(self, life: int, port: int) -> None:
+    def _view(self, life, port):
         """Note the ids of all detections that a viewer receives."""
         rest = b""
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
@@ -352,17 +349,17 @@ class WatchedService:
             connection.close()
 
 
-def by_life(events: list[dict[str, Any]]) -> dict[int, dict[str, list[dict[str, Any]]]]:
+def by_life(events):
     """Return the first arrivals by life and sensor; a second one must be the same."""
-    first: dict[str, dict[str, Any]] = {}
+    first = {}
     for event in events:
         assert first.setdefault(event["detection_id"], event) == event
-    lives: dict[int, dict[str, list[dict[str, Any]]]] = defaultdict(lambda: defaultdict(list))
+    lives = defaultdict(lambda: defaultdict(list))
     for event in first.values():
         lives[life_of(event)][event["sensor_id"]].append(event)
     return lives
 
 
-def life_of(event: Mapping[str, Any]) -> int:
+def life_of(event):
     """Return the life of an event: the days since the first."""
     return int(event["timestamp"][8:10]) - 1

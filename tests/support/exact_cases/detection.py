@@ -3,7 +3,6 @@ least squares.
 """
 
 from itertools import permutations
-from types import ModuleType
 
 import mpmath as mp
 import numpy as np
@@ -261,7 +260,7 @@ def between(one, other):
     )
 
 
-def _of(module: ModuleType, name: str):
+def _of(module, name):
     return f"{module.__name__.removeprefix('opir_core.')}.{name}"
 
 

@@ -79,12 +79,12 @@ class Searched(NamedTuple):
     ratio: np.ndarray
 
     @property
-    def worst(self) -> int:
+    def worst(self):
         """The row of the largest error over its bound."""
         return int(np.argmax(self.ratio))
 
 
-def searched(case: Bound, rng: np.random.Generator, draws: int) -> Searched:
+def searched(case, rng, draws):
     """Return the errors of a function at inputs drawn over their bounds, with floating-point
     warnings as errors.
     """
@@ -95,22 +95,20 @@ def searched(case: Bound, rng: np.random.Generator, draws: int) -> Searched:
 
 
 def bound_of(
-    name: str,
-    stated: str,
-    draw: Callable[..., Any],
-    call: Callable[..., Any],
-    exact: Callable[..., Any],
-    bound: Callable[..., Any],
-    **rest: Any,
-) -> Bound:
+    name,
+    stated,
+    draw,
+    call,
+    exact,
+    bound,
+    **rest,
+):
     """Return the search of a function of one output against its reference, relative to the output's
     length.
     """
     case = Case(name, draw, call, exact, **rest)
 
-    def search(
-        rng: np.random.Generator, draws: int
-    ) -> tuple[Sequence[Any], np.ndarray, np.ndarray]:
+    def search(rng, draws):
         inputs = [np.asarray(column) for column in draw(rng, draws)]
         output = _outputs(call(*inputs))[0]
         error = np.zeros(draws)
@@ -123,7 +121,7 @@ def bound_of(
     return Bound(name, stated, search, case.share, case.digits)
 
 
-def row_text(inputs: Sequence[np.ndarray], number: int) -> str:
+def row_text(inputs, number):
     """Return the inputs of a draw as text that gives the same floats."""
     return ", ".join(_text(column[number]) for column in inputs)
 
@@ -141,12 +139,12 @@ class Outcome(NamedTuple):
     raised: list[tuple[int, str]]
 
     @property
-    def worst(self) -> int:
+    def worst(self):
         """The row of the largest scaled error."""
         return int(np.argmax(self.scaled))
 
 
-def measured(case: Case, rng: np.random.Generator, draws: int) -> Outcome:
+def measured(case, rng, draws):
     """Return the errors of a case at inputs drawn, with every floating-point warning an error."""
     inputs = tuple(
         np.asarray(column) for column in case.draw(rng, max(4, round(draws * case.share)))
@@ -171,16 +169,14 @@ def measured(case: Case, rng: np.random.Generator, draws: int) -> Outcome:
     return Outcome(case, inputs, error, condition, scaled, raised)
 
 
-def exactly(value: Any) -> Exact:
+def exactly(value):
     """Return a float, or an array of them, in mpmath; integers, texts and times as they are."""
     if isinstance(value, np.ndarray):
         return [exactly(item) for item in value]
     return mp.mpf(float(value)) if isinstance(value, float | np.floating) else value
 
 
-def _called(
-    case: Case, inputs: Sequence[np.ndarray]
-) -> tuple[list[np.ndarray], list[tuple[int, str]]]:
+def _called(case, inputs):
     """Return the outputs of all rows; where the whole raises, row by row, with nan for rows that
     raise.
     """
@@ -189,8 +185,8 @@ def _called(
             return _outputs(case.call(*inputs)), []
     except (ArithmeticError, Warning):
         pass
-    rows: list[Any] = []
-    raised: list[tuple[int, str]] = []
+    rows = []
+    raised = []
     for row in range(len(inputs[0])):
         try:
             with np.errstate(all="raise", under="ignore"):
@@ -213,14 +209,14 @@ def _called(
     return [np.array(column) for column in zip(*filled, strict=True)], raised
 
 
-def _outputs(result: Any) -> list[np.ndarray]:
+def _outputs(result):
     return [
         np.asarray(output, dtype=np.float64)
         for output in (result if isinstance(result, tuple) else (result,))
     ]
 
 
-def _compared(case: Case, inputs: list[Any], found: list[Any]) -> tuple[float, float, float]:
+def _compared(case, inputs, found):
     """Return error, condition number and scaled error of the worst output of one draw."""
     row = [exactly(value) for value in inputs]
     exact = _groups(case.exact(*row))
@@ -244,9 +240,7 @@ def _compared(case: Case, inputs: list[Any], found: list[Any]) -> tuple[float, f
     return worst
 
 
-def _error(
-    case: Case, number: int, group: list[Exact] | None, values: list[float], length: Exact
-) -> float:
+def _error(case, number, group, values, length):
     if group is None:
         return 0.0 if all(np.isnan(values)) else np.inf
     if all(
@@ -258,14 +252,12 @@ def _error(
     return float(_distance(case, number, [mp.mpf(value) for value in values], group) / length)
 
 
-def _is_beyond(group: list[Exact]) -> bool:
+def _is_beyond(group):
     """Return whether a number is beyond the range of float64."""
     return any(abs(value) > 1.7976931348623157e308 for value in group)
 
 
-def _conditions(
-    case: Case, row: list[Exact], exact: list[list[Exact] | None], lengths: list[Exact]
-) -> list[float]:
+def _conditions(case, row, exact, lengths):
     """Return the condition number of each output."""
     if case.condition is not None:
         return [float(value) for value in case.condition(*row)]
@@ -286,9 +278,7 @@ def _conditions(
     return [float(value) for value in total]
 
 
-def _sampled_conditions(
-    case: Case, row: list[Exact], exact: list[list[Exact] | None], lengths: list[Exact]
-) -> list[float]:
+def _sampled_conditions(case, row, exact, lengths):
     """Return estimates of condition numbers: the largest of changes for all inputs moved at once,
     with random signs.
 
@@ -315,7 +305,7 @@ def _sampled_conditions(
     return worst
 
 
-def _moved(value: Exact) -> list[Exact]:
+def _moved(value):
     """Return an input with each of its numbers a little larger, one at a time."""
     if isinstance(value, list):
         return [
@@ -330,7 +320,7 @@ def _moved(value: Exact) -> list[Exact]:
     )
 
 
-def _groups(result: Any) -> list[list[Exact] | None]:
+def _groups(result):
     """Return the outputs of a reference as lists of numbers."""
     outputs = result if isinstance(result, tuple) else (result,)
     return [
@@ -338,12 +328,12 @@ def _groups(result: Any) -> list[list[Exact] | None]:
     ]
 
 
-def _length(case: Case, number: int, group: list[Exact] | None) -> Exact:
+def _length(case, number, group):
     floor = case.scale[number] if number < len(case.scale) else TINY
     return mp.mpf(1) if group is None else max(norm(group), mp.mpf(max(floor, TINY)))
 
 
-def _distance(case: Case, number: int, one: list[Exact], other: list[Exact]) -> Exact:
+def _distance(case, number, one, other):
     apart = [a - b for a, b in zip(one, other, strict=True)]
     if number in case.angles:
         turn = 2 * mp.pi
@@ -351,40 +341,40 @@ def _distance(case: Case, number: int, one: list[Exact], other: list[Exact]) -> 
     return norm(apart)
 
 
-def norm(vector: Sequence[Exact]) -> Exact:
+def norm(vector):
     """Return the length of a vector."""
     return (
         abs(vector[0]) if len(vector) == 1 else mp.sqrt(mp.fsum(value * value for value in vector))
     )
 
 
-def dot(one: Sequence[Exact], other: Sequence[Exact]) -> Exact:
+def dot(one, other):
     """Return a scalar product."""
     return mp.fsum(a * b for a, b in zip(one, other, strict=True))
 
 
-def cross(one: Sequence[Exact], other: Sequence[Exact]) -> list[Exact]:
+def cross(one, other):
     """Return a vector product."""
     (a, b, c), (d, e, f) = one, other
     return [b * f - c * e, c * d - a * f, a * e - b * d]
 
 
-def less(one: Sequence[Exact], other: Sequence[Exact]) -> list[Exact]:
+def less(one, other):
     """Return a difference of vectors."""
     return [a - b for a, b in zip(one, other, strict=True)]
 
 
-def plus(one: Sequence[Exact], other: Sequence[Exact], times: Exact = 1) -> list[Exact]:
+def plus(one, other, times=1):
     """Return a vector plus a multiple of another."""
     return [a + times * b for a, b in zip(one, other, strict=True)]
 
 
-def times(factor: Exact, vector: Sequence[Exact]) -> list[Exact]:
+def times(factor, vector):
     """Return a multiple of a vector."""
     return [factor * value for value in vector]
 
 
-def _text(value: Any) -> str:
+def _text(value):
     if isinstance(value, np.ndarray) and value.ndim:
         return f"[{', '.join(map(_text, value))}]"
     return repr(float(value)) if isinstance(value, float | np.floating | np.ndarray) else str(value)
