@@ -76,9 +76,9 @@ def results(benchmarks, rounds, *, quick, docs):
 def differences(results, stored):
     """Yield lines on differences from stored results, by benchmark."""
     for name in ("processor", "quick"):
-        here, there = ({**run["machine"], **run}[name] for run in (results, stored))
-        if here != there:
-            yield f"not the same {name}: {here} now, {there} kept"
+        position, place = ({**run["machine"], **run}[name] for run in (results, stored))
+        if position != place:
+            yield f"not the same {name}: {position} now, {place} kept"
     for name, result in results["benchmarks"].items():
         reference = stored["benchmarks"].get(name)
         if reference is None:
@@ -116,13 +116,13 @@ def main(words=None):
     stored = json.loads(options.against.read_text("utf-8")) if options.against else None
     rounds = options.rounds or (1 if options.quick else 3)
     benchmarks = list(able_to_run(selected(options.only)))
-    found = results(benchmarks, rounds, quick=options.quick, docs=options.write)
+    outcome = results(benchmarks, rounds, quick=options.quick, docs=options.write)
     if options.json:
-        text = json.dumps(found, indent=1, ensure_ascii=False)
+        text = json.dumps(outcome, indent=1, ensure_ascii=False)
         options.json.write_text(text + "\n", encoding="utf-8")
     if stored:
-        print("\nRatios to the kept results:", *differences(found, stored), sep="\n")
-    return int(any(result["problem"] for result in found["benchmarks"].values()))
+        print("\nRatios to the kept results:", *differences(outcome, stored), sep="\n")
+    return int(any(result["problem"] for result in outcome["benchmarks"].values()))
 
 
 if __name__ == "__main__":

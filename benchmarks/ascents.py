@@ -39,9 +39,9 @@ class Ascent:
         """
         times = self.rows[:, 0]
         row = np.searchsorted(times, time_s, side="right") - 1
-        part = self.rows[int(np.clip(row, 0, len(times) - 2)) :][:2]
+        rows = self.rows[int(np.clip(row, 0, len(times) - 2)) :][:2]
         spline = CubicHermiteSpline(
-            [part[0, 0], max(part[1, 0], part[0, 0] + 1e-6)], part[:, 1:4], part[:, 4:7]
+            [rows[0, 0], max(rows[1, 0], rows[0, 0] + 1e-6)], rows[:, 1:4], rows[:, 4:7]
         )
         return np.concatenate([spline(time_s), spline(time_s, 1)])
 
@@ -248,15 +248,15 @@ def course(launcher, late_rad):
         speed += step_s * (launcher.acceleration(time_s) - pull * np.sin(angle))
         time_s += step_s
         if time_s <= launcher.first_s:
-            part = max((time_s - RISE_S) / (launcher.first_s - RISE_S), 0.0)
-            angle = 0.5 * np.pi + (late_rad - 0.5 * np.pi) * part**launcher.bend
+            share = max((time_s - RISE_S) / (launcher.first_s - RISE_S), 0.0)
+            angle = 0.5 * np.pi + (late_rad - 0.5 * np.pi) * share**launcher.bend
         elif time_s <= launcher.second_s:
             staged = (speed, angle)
             angle += step_s * (speed / (RADIUS_M + height) - pull / speed) * np.cos(angle)
         else:
-            part = np.clip((speed - staged[0]) / (goal - staged[0]), 0.0, 1.0)
+            share = np.clip((speed - staged[0]) / (goal - staged[0]), 0.0, 1.0)
             end_rad = launcher.cut_off_rad
-            angle = end_rad + (staged[1] - end_rad) * (1.0 - part) ** 1.2
+            angle = end_rad + (staged[1] - end_rad) * (1.0 - share) ** 1.2
         height += 0.5 * step_s * (climb + speed * np.sin(angle))
         rows.append([time_s, height, speed, angle])
     return np.array(rows)

@@ -46,7 +46,11 @@ from opir_core.scene import core_hypotheses
 from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 
 NAMES = [hypothesis.name for hypothesis in core_hypotheses()]
-CLASSES = [one.name for one in core_hypotheses() if one.target_class is not None]
+CLASSES = [
+    core_hypothese.name
+    for core_hypothese in core_hypotheses()
+    if core_hypothese.target_class is not None
+]
 NONE = "none of these"
 GROUND = "ground source"
 #: Omitted from the classifier, one after the other.
@@ -177,8 +181,8 @@ def report_rows(count, sources, seeds=(2, 4)):
         for number, name in enumerate(sensors):
             rows = run.detections.sensor == number
             columns[name].append(np.array([column[rows] for column in events]))
-    for name, parts in columns.items():
-        confidence, right, reported, emitter = np.concatenate(parts, axis=1)
+    for name, events_by_seed in columns.items():
+        confidence, right, reported, emitter = np.concatenate(events_by_seed, axis=1)
         number = bin_numbers(confidence.real, TENTHS)
         for kind in ("missile", "UNKNOWN"):
             for place, lower in enumerate(TENTHS[:-1].tolist()):
@@ -537,9 +541,9 @@ def draw_reliability(axes, table, stated):
 def measure(options):
     """Run the parts, and write their tables into the folder."""
     for name in options.only:
-        part = PARTS[name]
-        tables = part.rows(lambda count: max(4, round(options.scale * count)))
-        for title, rows in zip(part.tables, tables, strict=True):
+        selected = PARTS[name]
+        tables = selected.rows(lambda count: max(4, round(options.scale * count)))
+        for title, rows in zip(selected.tables, tables, strict=True):
             table = [printed(row) for row in rows]
             if options.write:
                 write_csv(options.write / f"{title}.csv", table)

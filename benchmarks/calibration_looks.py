@@ -124,12 +124,12 @@ def influences(plume, other):
     """Return the area of scores above -inf, and the first-order contribution of each object, seen
     or not.
     """
-    seen = [np.isfinite(plume), np.isfinite(other)]
-    parts = placements(plume[seen[0]], other[seen[1]])
-    middle = float(parts[0].mean())
+    visible = [np.isfinite(plume), np.isfinite(other)]
+    scores = placements(plume[visible[0]], other[visible[1]])
+    middle = float(scores[0].mean())
     added = [np.zeros(len(plume)), np.zeros(len(other))]
-    for column, is_seen, part in zip(added, seen, parts, strict=True):
-        column[is_seen] = (part - middle) / is_seen.mean()
+    for column, is_seen, score in zip(added, visible, scores, strict=True):
+        column[is_seen] = (score - middle) / is_seen.mean()
     return middle, added
 
 
@@ -141,7 +141,10 @@ def area_gain(worse, better, *, of_looks):
     """
     least = -1e300 if of_looks else -np.inf
     areas, added = zip(
-        *(influences(*(np.maximum(part, least) for part in scores)) for scores in (worse, better)),
+        *(
+            influences(*(np.maximum(score, least) for score in scores))
+            for scores in (worse, better)
+        ),
         strict=True,
     )
     gain = areas[1] - areas[0]
@@ -190,10 +193,10 @@ def area_rows(people, looks):
             shown = np.isfinite(score) | (name == "looks")
             for kind in (*LOOK_SOURCES, "all"):
                 other = ~plume if kind == "all" else people.kind == kind
-                parts = [score[plume & shown], score[other & shown]]
-                counts = [len(part) for part in parts]
+                scores = [score[plume & shown], score[other & shown]]
+                counts = [len(part) for part in scores]
                 if name == "looks" or min(counts) >= ENOUGH:
-                    middle, low, high = area(*parts)
+                    middle, low, high = area(*scores)
                     row = {"sensor": sensor, "against": kind, "of": name, "auc": middle}
                     counted = {"plumes": counts[0], "others": counts[1]}
                     yield {**row, "low": low, "high": high, **counted}

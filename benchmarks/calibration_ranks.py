@@ -159,9 +159,9 @@ def ranks_at(mark, flight, track):
     if np.isfinite(square[0]):
         yield Rank(mark, STATE, float(chi2.cdf(square[0], 6)))
     regions = track.impact_regions[0]
-    given = regions_given(regions, is_over) if regions else []
-    if given and flight.impact:
-        ordered = sorted(given, key=lambda region: region.containment)
+    inputs = regions_given(regions, is_over) if regions else []
+    if inputs and flight.impact:
+        ordered = sorted(inputs, key=lambda region: region.containment)
         holds = [*(region.contains(*flight.impact) for region in ordered), True]
         yield Rank(mark, IMPACT, float(holds.index(True)))
     # Gliders and unknown classes are not drawn, and failures are among the latter for the tracker.

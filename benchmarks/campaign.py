@@ -192,9 +192,9 @@ def spooled(rng, sink, first):
     """Write windows of random sizes until one fails; return the ids of all events."""
     ids = []
     for _ in range(rng.randint(1, 6)):
-        part = window(rng.randint(1, 200), first + len(ids))
-        ids += ids_of(part)
-        if message_of(lambda: sink.write(part)) is not None:  # noqa: B023
+        batch = window(rng.randint(1, 200), first + len(ids))
+        ids += ids_of(batch)
+        if message_of(lambda: sink.write(batch)) is not None:  # noqa: B023
             break
     return ids
 
@@ -376,13 +376,13 @@ def table(rows):
 
 def write(path, rows, minutes, seed):
     """Put the figures into a page, between its marks."""
-    before, part = path.read_text(encoding="utf-8").split(BEGIN)
+    before, remainder = path.read_text(encoding="utf-8").split(BEGIN)
     day = datetime.now(UTC).date().isoformat()
     words = (
         f"{minutes:g} minutes, seed {seed}, {day}: `python benchmarks/campaign.py --minutes"
         f" {minutes:g} --seed {seed}`."
     )
-    text = f"{before}{BEGIN}\n{words}\n\n{table(rows)}\n{END}{part.split(END)[1]}"
+    text = f"{before}{BEGIN}\n{words}\n\n{table(rows)}\n{END}{remainder.split(END)[1]}"
     path.write_text(text, encoding="utf-8")
 
 

@@ -138,7 +138,7 @@ def exponent_of(points, cost):
 
 def page(table):
     """Return the page."""
-    parts = []
+    sentences = []
     for quantity in table.names("quantity"):
         points = table.where(quantity=quantity)
         look_us = 1e6 * points[-1]["processor_s"] / points[-1]["looks"]
@@ -146,11 +146,11 @@ def page(table):
         time = exponent_of(points, "processor_s")
         memory = exponent_of(points, "peak_mib")
         name = UNITS[quantity].partition(",")[0]
-        parts.append(
+        sentences.append(
             f"{name}, {span}: {time:.2f} and {memory:.2f} ({look_us:.1f} µs a look at the end)"
         )
     return PAGE.format(
-        answer=f"The exponents of processor time and peak memory are, of {'; '.join(parts)}.",
+        answer=f"The exponents of processor time and peak memory are, of {'; '.join(sentences)}.",
         flat=FLAT,
         base=f"{BASE['targets']} targets, {BASE['sensors']} sensors, {BASE['duration_s']:g} s, a"
         " look per second",

@@ -44,12 +44,12 @@ class FilterPyTracker:
     def _begin(self, rays):
         from filterpy.kalman import ExtendedKalmanFilter
 
-        first = rays.take(np.unique(rays.sensor, return_index=True)[1])
-        group = np.zeros(len(first), dtype=np.int64)
+        looks = rays.take(np.unique(rays.sensor, return_index=True)[1])
+        group = np.zeros(len(looks), dtype=np.int64)
         place = triangulated(
-            group, 1, first.origin_ecef_m, first.direction_ecef, first.sigma_rad
+            group, 1, looks.origin_ecef_m, looks.direction_ecef, looks.sigma_rad
         ).position_m
-        self._time_s = float(first.time_s.min())
+        self._time_s = float(looks.time_s.min())
         inertial = earth_rotated(place, np.full(1, self._time_s))[0]
         self._filter = ExtendedKalmanFilter(9, 2)
         self._filter.x = np.concatenate(
@@ -69,8 +69,10 @@ class FilterPyTracker:
         self._filter.predict()
 
     def _take_in(self, rays, row):
-        apart = earth_rotated(rays.origin_ecef_m[[row]], rays.time_s[[row]])[0] - self._filter.x[:3]
-        left_s = emission_s(rays.time_s[[row]], np.array([np.sqrt(apart @ apart)]), True)
+        separation = (
+            earth_rotated(rays.origin_ecef_m[[row]], rays.time_s[[row]])[0] - self._filter.x[:3]
+        )
+        left_s = emission_s(rays.time_s[[row]], np.array([np.sqrt(separation @ separation)]), True)
         origin = earth_rotated(rays.origin_ecef_m[[row]], left_s)[0]
         frame = tangent_axes(earth_rotated(rays.direction_ecef[[row]], left_s))[0]
         self._predict(float(left_s[0]))

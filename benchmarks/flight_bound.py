@@ -30,9 +30,9 @@ def central_slopes(values, parameters, step):
     `values` takes rows (m, p) of parameters and returns (m, ...) values.
     """
     shift = np.diag(step)
-    there = values(np.concatenate([parameters + shift, parameters - shift]))
+    place = values(np.concatenate([parameters + shift, parameters - shift]))
     count = len(step)
-    return np.moveaxis(there[:count] - there[count:], 0, -1) / (2.0 * step)
+    return np.moveaxis(place[:count] - place[count:], 0, -1) / (2.0 * step)
 
 
 def parameter_bound(

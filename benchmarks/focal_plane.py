@@ -316,11 +316,13 @@ def page(table):
         (FIGURES[name], len(values), int((values < 1.96).sum()), f"{values.max():.1f}")
         for name, values in scaled.items()
     ]
-    parts = []
+    sentences = []
     for name, flag in (("without a frame difference", "no"), ("with one", "yes")):
         rows = threshold.where(difference=flag)
         model = np.abs(np.array(rows.column("p_d_model")) - rows.column("p_d"))
-        parts.append(f"{np.median(model):.3f} in the median and {model.max():.3f} at most {name}")
+        sentences.append(
+            f"{np.median(model):.3f} in the median and {model.max():.3f} at most {name}"
+        )
     fixed = threshold.where(threshold_of="fixed", difference="yes")
     tails = [row["p_fa"] / float(ndtr(-row["threshold_sigma"])) for row in fixed]
     error_px = np.array(centroid.column("centroid_px"))
@@ -334,7 +336,7 @@ def page(table):
         table=markdown_table(("figure", "settings", "within 95 %", "largest"), lines),
         count=count,
         expected=-float(ndtri(0.5 / count)),
-        simplified=", ".join(parts),
+        simplified=", ".join(sentences),
         tail=max(tails),
         tail_sigma=fixed[int(np.argmax(tails))]["threshold_sigma"],
         joined=percent("_model"),

@@ -57,8 +57,8 @@ class Outputs(NamedTuple):
 
 def filtered(images, frames, rng):
     """Return the outputs of a filter over frames, or differences of two."""
-    parts = [_batch(images, min(25, frames - start), rng) for start in range(0, frames, 25)]
-    return Outputs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    batches = [_batch(images, min(25, frames - start), rng) for start in range(0, frames, 25)]
+    return Outputs(*(np.concatenate(columns) for columns in zip(*batches, strict=True)))
 
 
 def _batch(images, frames, rng):

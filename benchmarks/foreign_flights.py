@@ -184,7 +184,7 @@ class Boost:
         """Yield the legs: burns, split where the thrust turns, and gaps."""
         start_s = 0.0
         stages = (self.burn_s, self.acceleration_m_s2, self.growth, self.gap_s)
-        for burn_s, first, growth, gap_s in zip(*(part.tolist() for part in stages), strict=True):
+        for burn_s, first, growth, gap_s in zip(*(stage.tolist() for stage in stages), strict=True):
             end_s = start_s + burn_s
             edges = (self.rise_s, self.rise_s + PITCH_OVER_S)
             for size, lower_s, upper_s in ((first, start_s, end_s), (0.0, end_s, end_s + gap_s)):

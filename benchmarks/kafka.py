@@ -123,7 +123,7 @@ def broker_of(scratch):
 def turns(broker, options, compression, scratch):
     """Return each way's times, turn by turn; the first turn is left out."""
     windows = [window(WINDOW_EVENTS, first) for first in range(0, options.events, WINDOW_EVENTS)]
-    lines = [line for part in windows for line in ENCODER.encode(part).splitlines()]
+    lines = [line for batch in windows for line in ENCODER.encode(batch).splitlines()]
     messages = [(KEYS[number % len(KEYS)], line) for number, line in enumerate(lines)]
     file = scratch / "events.jsonl"
     file.write_bytes(b"\n".join(lines[:50_000]))
@@ -241,10 +241,10 @@ def through_the_sink(config, windows, folder):
     while carrier.trouble is not None:
         time.sleep(0.001)
     sink = TransportSink("kafka", carrier, backlog, EncodedBatcher(ENCODER, SENSORS), Policy())
-    events = sum(len(part.detections) for part in windows)
+    events = sum(len(batch.detections) for batch in windows)
     start_s = time.perf_counter()
-    for part in windows:
-        sink.write(part)
+    for batch in windows:
+        sink.write(batch)
     while sink.delivery_so_far().delivered < events:
         time.sleep(0.001)
     taken_s = time.perf_counter() - start_s

@@ -99,17 +99,17 @@ def until_late(host, seconds):
 
 def page(rows):
     """Return the page."""
-    first = rows[0]
+    base = rows[0]
     late = next((row for row in rows[1:] if row["missed deadlines"]), None)
-    is_met = not first["missed deadlines"] and float(first["p99"]) <= 100.0
+    is_met = not base["missed deadlines"] and float(base["p99"]) <= 100.0
     return PAGE.format(
-        targets=first["targets"],
-        p99_ms=float(first["p99"]),
-        missed=first["missed deadlines"],
+        targets=base["targets"],
+        p99_ms=float(base["p99"]),
+        missed=base["missed deadlines"],
         limit=f"first misses a deadline at {late['targets']} targets"
         if late
         else "misses no deadline at higher loads",
-        table=markdown_table(list(first), [list(row.values()) for row in rows]),
+        table=markdown_table(list(base), [list(row.values()) for row in rows]),
         met="met" if is_met else "NOT met",
     )
 

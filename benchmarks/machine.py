@@ -32,7 +32,9 @@ def machine():
 
 def versions():
     """Return the versions of opir, its plugins and what it is compared with."""
-    installed = {each.name.lower(): each.version for each in distributions()}
+    installed = {
+        distribution.name.lower(): distribution.version for distribution in distributions()
+    }
     return {
         name: installed[name]
         for name in sorted(installed)

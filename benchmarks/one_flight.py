@@ -69,9 +69,13 @@ def impact_containment(track, row, impact, is_over):
     """Return whether an impact, rad, lies in the 95 % region of the likeliest condition, and in
     that of the true one ("the burn is over" or not); nan without a region.
     """
-    regions = [one for one in track.impact_regions[row] if one.containment == CONTAINMENT]
+    regions = [
+        impact_region
+        for impact_region in track.impact_regions[row]
+        if impact_region.containment == CONTAINMENT
+    ]
     if impact is None or not regions:
         return np.nan, np.nan
-    given = regions_given(regions, is_over)
+    inputs = regions_given(regions, is_over)
     inside = float(main_regions(regions)[0].contains(*impact))
-    return inside, float(given[0].contains(*impact)) if given else np.nan
+    return inside, float(inputs[0].contains(*impact)) if inputs else np.nan

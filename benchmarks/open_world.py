@@ -121,7 +121,7 @@ def figures_at(ascent, plan, track):
     time_s = float(track.tick_s[0]) - START_S
     error = track.state - ascent.state(time_s)
     is_over = time_s >= ascent.burns_s[-1][1]
-    inside, given = impact_containment(track, 0, ascent.impact, is_over)
+    inside, inputs = impact_containment(track, 0, ascent.impact, is_over)
     regions = [region for region in track.impact_regions[0] if region.containment == CONTAINMENT]
     glides = [hypothesis.group == "glide" for hypothesis in plan.hypotheses]
     return {
@@ -132,7 +132,7 @@ def figures_at(ascent, plan, track):
         "missile": float(track.probability_missile[0]),
         "glide": float(track.hypothesis_probability[0][glides].sum()),
         "inside": inside,
-        "given": given,
+        "given": inputs,
         "area_km2": regions[0].area_km2 if regions else np.nan,
     }
 

@@ -122,7 +122,7 @@ def measured(runs, problem, reference, repeat):
 
 def propagated(parts, tolerance_m):
     """Return positions at impact by opir, one call a part."""
-    ends = [propagate(*part[3:], part.forces, tolerance_m=tolerance_m)[0] for part in parts]
+    ends = [propagate(*arcs[3:], arcs.forces, tolerance_m=tolerance_m)[0] for arcs in parts]
     return np.concatenate(ends)
 
 
@@ -147,18 +147,18 @@ def bounds(problem):
 
 def scipy_runs(problem, bound, name):
     """Yield the runs of SciPy's DOP853 and LSODA, one arc a call."""
-    part = arcs_of(problem, slice(SINGLES))
+    arcs = arcs_of(problem, slice(SINGLES))
     for method in ("DOP853", "LSODA"):
         for relative in (RELATIVE[2::3] if np.isfinite(bound) else RELATIVE).tolist():
-            action = partial(solved, part, method, bound, relative)
+            action = partial(solved, arcs, method, bound, relative)
             yield Run(f"SciPy {method}{name}", f"{relative:g}", action)
 
 
 def heyoka_runs(heyoka, problem, bound, name):
     """Yield the runs of heyoka, batch and single; compiling is not counted."""
-    part = arcs_of(problem, slice(SINGLES))
+    singles = arcs_of(problem, slice(SINGLES))
     tolerances = (RELATIVE[2::3] if np.isfinite(bound) else RELATIVE[::2]).tolist()
-    for tool, arcs, lanes in (("batch of 8", problem, LANES), ("one arc", part, 1)):
+    for tool, arcs, lanes in (("batch of 8", problem, LANES), ("one arc", singles, 1)):
         for relative in (*tolerances, 1e-15):
             action = heyoka_run(heyoka, arcs, relative, bound, lanes)
             yield Run(f"heyoka, {tool}{name}", f"{relative:g}", action)

@@ -194,9 +194,9 @@ def main():
     """Measure and write."""
     if sys.argv[1:2] == ["--child"]:
         child(Path(sys.argv[2]), sys.argv[3:])
-    options = options_of(__doc__, repeat=5, only=tuple(part.name for part in PARTS))
-    parts = [part for part in PARTS if part.name in options.only]
-    publish(options, page, skipping=rows_of(parts, options.repeat))
+    options = options_of(__doc__, repeat=5, only=tuple(entry.name for entry in PARTS))
+    selected = [entry for entry in PARTS if entry.name in options.only]
+    publish(options, page, skipping=rows_of(selected, options.repeat))
 
 
 if __name__ == "__main__":

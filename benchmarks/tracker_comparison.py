@@ -123,9 +123,9 @@ def launch_rows(card):
     gospa = card["gospa"]
     yield figure(gospa["a_target_m"], "gospa_per_target_m", 1.0, 0)
     names = ("localisation", "missed", "false")
-    parts = {name: gospa[f"{name}_a_target"]["value"] for name in names}
-    for name, part in parts.items():
-        yield plain(f"gospa_{name}_percent", cell(part / sum(parts.values()), 100.0, 0))
+    shares = {name: gospa[f"{name}_a_target"]["value"] for name in names}
+    for name, share in shares.items():
+        yield plain(f"gospa_{name}_percent", cell(share / sum(shares.values()), 100.0, 0))
     for kind, row in card["type_confusion"].items():
         for reported, count in row.items():
             yield plain(f"{kind}_reported_as_{reported}_count", count)
@@ -156,11 +156,11 @@ def bin_rows(time_bin):
     for key, settings in FIGURES["time bin"].items():
         yield figure(time_bin[key], *settings, time_bin["samples"])
     for key, name in (("nees", "nees_over_6"), ("nis", "nis_over_2")):
-        part = time_bin[key]
-        low, high = (cell(edge, 1.0, 2) for edge in part["band_99"])
-        mean = plain(name, cell(part["mean"], 1.0, 2), part["samples"])
+        figures = time_bin[key]
+        low, high = (cell(edge, 1.0, 2) for edge in figures["band_99"])
+        mean = plain(name, cell(figures["mean"], 1.0, 2), figures["samples"])
         yield {**mean, "low": low, "high": high, "interval": "99 % band"}
-        yield plain(f"{name}_ks_p", cell(part["distribution_p"], 1.0, 3), part["samples"])
+        yield plain(f"{name}_ks_p", cell(figures["distribution_p"], 1.0, 3), figures["samples"])
 
 
 def rows_of(runs, duration_s):

@@ -214,13 +214,13 @@ def figures_at(flight, track):
     time_s = float(track.tick_s[0])
     error = track.state - flight.state(time_s)
     regions = track.impact_regions[0]
-    _, given = impact_containment(track, 0, flight.impact, time_s >= flight.burnout_s)
+    _, inputs = impact_containment(track, 0, flight.impact, time_s >= flight.burnout_s)
     stated = track.probability_missile[:, None]
     figures = {
         "nees": float(nees(error, track.state_covariance)[0]),
         "velocity_m_s": float(np.linalg.norm(error[0, 3:])),
         "impact_m": distance_m(tuple(track.impact[0, :2].tolist()), flight.impact),
-        "in_95_if_burn_known": given,
+        "in_95_if_burn_known": inputs,
         "missile_log_score": float(log_scores(stated, np.zeros(1, dtype=np.int64))[0]),
     }
     for name, part in (("position_energy_m", slice(0, 3)), ("velocity_energy_m_s", slice(3, 6))):

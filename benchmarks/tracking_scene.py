@@ -137,7 +137,7 @@ def row_of(name, runs):
         updates += len(run.tracks)
     state = StateErrors.concatenate(errors)
     counted = state.since_s >= FROM_S
-    run_number = np.repeat(np.arange(runs), [len(part) for part in errors])[counted]
+    run_number = np.repeat(np.arange(runs), [len(error) for error in errors])[counted]
     return {
         "tracker": name,
         "runs": runs,
@@ -195,13 +195,13 @@ def page(table):
         for row in table
         if row["tracker"] not in UNSHOWN
     ]
-    first = table[0]
+    head_row = table[0]
     return PAGE.format(
         faster=shown(speed.get("imm, 1 s", float("nan")), ".1f"),
         table=markdown_table(HEAD, lines),
         left_out=left_out(names),
-        final_seed=first["first_seed"] + first["runs"] - 1,
-        **first,
+        final_seed=head_row["first_seed"] + head_row["runs"] - 1,
+        **head_row,
     )
 
 

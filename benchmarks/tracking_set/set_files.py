@@ -79,7 +79,9 @@ def tables_of(name, seed):
         [scene.name, str(row), _launch_name(owner) if owner >= 0 else ""]
         for row, owner in enumerate(sights.launch.tolist())
     ]
-    rows["launches"] = [list(_launch_row(scene.name, *each)) for each in enumerate(scene.launches)]
+    rows["launches"] = [
+        list(_launch_row(scene.name, *launch)) for launch in enumerate(scene.launches)
+    ]
     rows["bounds"] = [
         row for number, own in enumerate(bounds) for row in _bound_rows(scene, number, own)
     ]

@@ -157,7 +157,7 @@ def flown(rows, stages, until_s, step_s=STEP_S):
     """Return flights with parameters (f, p), up to a time after their last burnouts, in steps of at
     most `step_s`.
     """
-    up, ahead = directions(rows[:, 0], rows[:, 1], rows[:, 2])
+    up, forward = directions(rows[:, 0], rows[:, 1], rows[:, 2])
     state = np.concatenate([ecef(rows[:, 0], rows[:, 1]), np.zeros((len(rows), 3))], axis=1)
     times = [rows[:, 3]]
     states = [state]
@@ -166,7 +166,7 @@ def flown(rows, stages, until_s, step_s=STEP_S):
         step = (leg.end_s - leg.start_s) / count
         for number in range(count):
             now = leg.start_s + step * number
-            states.append(_stepped(now, step, states[-1], leg, rows, up, ahead))
+            states.append(_stepped(now, step, states[-1], leg, rows, up, forward))
             times.append(now + step)
     return Paths(np.array(times).T, np.array(states).transpose(1, 0, 2))
 
@@ -202,14 +202,14 @@ def _stepped(
     leg,
     rows,
     up,
-    ahead,
+    forward,
 ):
     """Return states (f, 6) one step later, by the classical method of Runge and Kutta."""
     long = step[:, None]
-    k1 = rates(now, state, leg, rows, up, ahead)
-    k2 = rates(now + 0.5 * step, state + 0.5 * long * k1, leg, rows, up, ahead)
-    k3 = rates(now + 0.5 * step, state + 0.5 * long * k2, leg, rows, up, ahead)
-    k4 = rates(now + step, state + long * k3, leg, rows, up, ahead)
+    k1 = rates(now, state, leg, rows, up, forward)
+    k2 = rates(now + 0.5 * step, state + 0.5 * long * k1, leg, rows, up, forward)
+    k3 = rates(now + 0.5 * step, state + 0.5 * long * k2, leg, rows, up, forward)
+    k4 = rates(now + step, state + long * k3, leg, rows, up, forward)
     return state + long / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
 
 
@@ -219,7 +219,7 @@ def rates(
     leg,
     rows,
     up,
-    ahead,
+    forward,
 ):
     """Return the rates (f, 6) of states (f, 6) in the rotating frame."""
     place = state[:, :3]
@@ -244,7 +244,7 @@ def rates(
     )
     pull = turning - MU * place / radius[:, None] ** 3 - drag[:, None] * speed
     pull += size[:, None] * _thrust_axis(
-        now, place / radius[:, None], speed, pace, leg, rows, up, ahead
+        now, place / radius[:, None], speed, pace, leg, rows, up, forward
     )
     return np.concatenate([speed, pull], axis=1)
 
@@ -257,7 +257,7 @@ def _thrust_axis(
     leg,
     rows,
     up,
-    ahead,
+    forward,
 ):
     """Return the unit vectors (f, 3) of thrust."""
     if leg.is_rising:
@@ -266,7 +266,7 @@ def _thrust_axis(
     if leg.is_turning:
         over = np.clip((now - rows[:, 3] - rows[:, 4]) / PITCH_OVER_S, 0.0, 1.0)
         lead = (rows[:, 5] * np.sin(np.pi * over) ** 2)[:, None]
-        turned = np.cos(lead) * axis + np.sin(lead) * ahead
+        turned = np.cos(lead) * axis + np.sin(lead) * forward
         return turned / np.sqrt(np.sum(turned * turned, axis=1, keepdims=True))
     # Across the velocity, in its vertical plane, upward.
     lift = outward - np.sum(outward * axis, axis=1, keepdims=True) * axis

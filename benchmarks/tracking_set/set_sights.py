@@ -152,8 +152,8 @@ def clutter_half_angle_rad(scene, sensor):
     """Return the half angle of the cone that a sensor has clutter in, from its position at the
     epoch.
     """
-    away = middle_m(scene) - sensor.position_m(np.zeros(1))[0]
-    return float(np.arctan(1e3 * CLUTTER_KM / np.sqrt(np.sum(away * away))))
+    offset = middle_m(scene) - sensor.position_m(np.zeros(1))[0]
+    return float(np.arctan(1e3 * CLUTTER_KM / np.sqrt(np.sum(offset * offset))))
 
 
 def middle_m(scene):
