@@ -35,7 +35,7 @@ def cost(origin, unit):
     """
     total = 0.0
     for instant in range(INSTANTS):
-        across = [np.eye(3) - np.outer(one[instant], one[instant]) for one in unit]
+        across = [np.eye(3) - np.outer(line[instant], line[instant]) for line in unit]
         matrix = np.concatenate(across) / (SIGMA_RAD * RANGE_M)
         side = np.concatenate([part @ place for part, place in zip(across, origin, strict=True)])
         side /= SIGMA_RAD * RANGE_M
@@ -49,12 +49,12 @@ def least_cost(origin, unit):
     other.
     """
     sensors, targets = unit.shape[:2]
-    known = {
+    costs = {
         rows: cost(origin, np.stack([unit[sensor, row] for sensor, row in enumerate(rows)]))
         for rows in product(range(targets), repeat=sensors)
     }
     return min(
-        sum(known[(row, *(order[row] for order in orders))] for row in range(targets))
+        sum(costs[(row, *(order[row] for order in orders))] for row in range(targets))
         for orders in product(permutations(range(targets)), repeat=sensors - 1)
     )
 
@@ -79,11 +79,16 @@ def test_the_cost_is_within_a_hundredth_of_the_best(sensors, targets, spread_m):
         group = cheapest_pairing(table, sensor, SetModel(centre))
         assert np.bincount(group).tolist() == [sensors] * targets
         rows = [
-            [np.flatnonzero((group == one) & (sensor == each))[0] for each in range(sensors)]
-            for one in set(group)
+            [
+                np.flatnonzero((group == number) & (sensor == sensor_number))[0]
+                for sensor_number in range(sensors)
+            ]
+            for number in set(group)
         ]
-        found = sum(
-            cost(origin, np.stack([unit[sensor[one], target[one]] for one in each]))
-            for each in rows
+        result = sum(
+            cost(
+                origin, np.stack([unit[sensor[number], target[number]] for number in sensor_number])
+            )
+            for sensor_number in rows
         )
-        assert found <= 1.01 * least_cost(origin, unit)
+        assert result <= 1.01 * least_cost(origin, unit)

@@ -23,15 +23,15 @@ DRAWS = 12
 
 @pytest.mark.parametrize("case", every_case(), ids=lambda case: case.name)
 def test_no_digit_is_lost_that_the_input_does_not_lose(case):
-    found = measured(case, np.random.default_rng(5), DRAWS)
-    assert not found.raised, row_text(found.inputs, found.raised[0][0])
-    assert found.scaled.max() <= BAR, row_text(found.inputs, found.worst)
+    result = measured(case, np.random.default_rng(5), DRAWS)
+    assert not result.raised, row_text(result.inputs, result.raised[0][0])
+    assert result.scaled.max() <= BAR, row_text(result.inputs, result.worst)
 
 
 @pytest.mark.parametrize("case", every_bound(), ids=lambda case: case.name)
 def test_stated_bounds_hold(case):
-    found = searched(case, np.random.default_rng(6), DRAWS)
-    assert found.ratio.max() <= 1.0, row_text(found.inputs, found.worst)
+    result = searched(case, np.random.default_rng(6), DRAWS)
+    assert result.ratio.max() <= 1.0, row_text(result.inputs, result.worst)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -82,13 +82,13 @@ def test_inputs_that_once_lost_digits(name):
             *(row if isinstance(row, tuple) else (row,) for row in KEPT[name]), strict=True
         )
     ]
-    found = measured(
+    result = measured(
         case._replace(draw=lambda rng, n: columns, share=1.0),
         np.random.default_rng(1),
         len(columns[0]),
     )
-    assert not found.raised
-    assert found.scaled.max() <= BAR, row_text(found.inputs, found.worst)
+    assert not result.raised
+    assert result.scaled.max() <= BAR, row_text(result.inputs, result.worst)
 
 
 def test_correlation_at_infinity_and_of_no_number():

@@ -44,10 +44,10 @@ def above(x, power):
     term = mp.mpf(1)
     while term > total * mp.mpf(10) ** (-mp.mp.dps):
         number += 1
-        parts = (
+        terms = (
             mp.ff(power, k) * x ** (power - k) / mp.mpf(number) ** (k + 1) for k in range(power + 1)
         )
-        term = mp.exp(-number * x) * mp.fsum(parts)
+        term = mp.exp(-number * x) * mp.fsum(terms)
         total += term
     return total
 
@@ -93,27 +93,27 @@ def photon_radiance(temperature, metres):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("ours", "theirs"),
+    ("function", "reference"),
     [(band_radiance, watts), (band_photon_radiance, photons), (band_radiance_slope, rise)],
     ids=["watts", "photons", "slope"],
 )
-def test_bands_agree_to_1e_12(ours, theirs):
-    found = ours(*np.array(CASES).T)
-    for value, case in zip(found.tolist(), CASES, strict=True):
+def test_bands_agree_to_1e_12(function, reference):
+    result = function(*np.array(CASES).T)
+    for value, case in zip(result.tolist(), CASES, strict=True):
         with mp.workdps(60):
-            exact = theirs(*case)
+            exact = reference(*case)
             assert abs(float((mp.mpf(value) - exact) / exact)) < 1e-12, case
 
 
 @pytest.mark.parametrize(
-    ("ours", "theirs"),
+    ("function", "reference"),
     [(planck_radiance, radiance), (planck_photon_radiance, photon_radiance)],
     ids=["W", "photons"],
 )
-def test_spectra_agree_to_rounding(ours, theirs):
+def test_spectra_agree_to_rounding(function, reference):
     # At 50 K and 0.4 µm the exponent is 719: e⁻ˣ alone is no normal float, and eˣ none at all.
     for temperature, lower, _ in [*CASES, (50.0, 0.4, 0.0)]:
         with mp.workdps(40):
-            exact = theirs(mp.mpf(temperature), mp.mpf(lower) * mp.mpf("1e-6")) * mp.mpf("1e-6")
+            exact = reference(mp.mpf(temperature), mp.mpf(lower) * mp.mpf("1e-6")) * mp.mpf("1e-6")
         # The exponent carries the rounding of its argument.
-        assert abs(float((mp.mpf(float(ours(temperature, lower))) - exact) / exact)) < 2e-13
+        assert abs(float((mp.mpf(float(function(temperature, lower))) - exact) / exact)) < 2e-13

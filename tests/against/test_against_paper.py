@@ -73,13 +73,13 @@ def first_scans(model):
     """Return the scan, counted from ignition, that first detects each of 20 000 launches."""
     period_s, _ = PAPER[model]
     plan = opir.compile_plan(scene(model, TARGETS, (SCANS + 0.5) * period_s))
-    found = []
+    result = []
     for seed in range(SEEDS):
         window = Engine(evolve(plan, scene=evolve(plan.scene, seed=seed))).advance(plan.end_ns)
         target, first = np.unique(window.truth.target, return_index=True)
         assert len(target) == TARGETS
-        found.append(np.rint(window.detections.time_s[first] / period_s).astype(int))
-    return np.concatenate(found)
+        result.append(np.rint(window.detections.time_s[first] / period_s).astype(int))
+    return np.concatenate(result)
 
 
 @pytest.mark.slow
@@ -172,10 +172,10 @@ def test_random_scan_phase_has_its_own_mean_latency():
 
 def random_phase_latencies(seed):
     """Return when each of 500 sensors, with starts of their own, first detects one launch."""
-    one = scene("DSP", 1, 12.0, "random")
-    many = tuple(evolve(one.sensors[0], id=f"S{number}") for number in range(500))
-    plan = opir.compile_plan(evolve(one, seed=seed, sensors=many))
-    found = Engine(plan).advance(plan.end_ns).detections
-    sensor, first = np.unique(found.sensor, return_index=True)
-    assert len(sensor) == len(many)
-    return found.time_s[first]
+    single = scene("DSP", 1, 12.0, "random")
+    sensors = tuple(evolve(single.sensors[0], id=f"S{number}") for number in range(500))
+    plan = opir.compile_plan(evolve(single, seed=seed, sensors=sensors))
+    result = Engine(plan).advance(plan.end_ns).detections
+    sensor, first = np.unique(result.sensor, return_index=True)
+    assert len(sensor) == len(sensors)
+    return result.time_s[first]

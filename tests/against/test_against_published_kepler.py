@@ -16,37 +16,37 @@ CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))[
 
 
 def cases(*topics):
-    chosen = [
+    selected = [
         case for case in CASES if case["topic"] in topics and case["inputs"].get("revs", 0) == 0
     ]
-    assert chosen
-    return pytest.mark.parametrize("case", [pytest.param(case, id=case["id"]) for case in chosen])
+    assert selected
+    return pytest.mark.parametrize("case", [pytest.param(case, id=case["id"]) for case in selected])
 
 
 def case_named(name):
     return next(case for case in CASES if case["id"] == name)
 
 
-def relative_error(found, expected):
-    return np.linalg.norm(found - np.asarray(expected)) / np.linalg.norm(expected)
+def relative_error(result, expected):
+    return np.linalg.norm(result - np.asarray(expected)) / np.linalg.norm(expected)
 
 
 @cases("kepler_propagation")
 def test_propagation(case):
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
-    start = np.array(given["r0_km"]) * 1e3, np.array(given["v0_km_s"]) * 1e3
-    position, velocity = propagate_kepler(*start, given["dt_s"], given["mu_km3_s2"] * 1e9)
+    start = np.array(inputs["r0_km"]) * 1e3, np.array(inputs["v0_km_s"]) * 1e3
+    position, velocity = propagate_kepler(*start, inputs["dt_s"], inputs["mu_km3_s2"] * 1e9)
     assert relative_error(position / 1e3, expected["r_km"]) <= 1e-12
     assert relative_error(velocity / 1e3, expected["v_km_s"]) <= case["tol"] / 50.0
 
 
 @cases("lambert")
 def test_lambert(case):
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
-    ends = np.array(given["r1_km"]) * 1e3, np.array(given["r2_km"]) * 1e3
-    v1, v2 = lambert(*ends, given["tof_s"], given["mu_km3_s2"] * 1e9, way=given["transfer"])
+    ends = np.array(inputs["r1_km"]) * 1e3, np.array(inputs["r2_km"]) * 1e3
+    v1, v2 = lambert(*ends, inputs["tof_s"], inputs["mu_km3_s2"] * 1e9, way=inputs["transfer"])
     assert relative_error(v1 / 1e3, expected["v1_km_s"]) <= 1e-13
     assert relative_error(v2 / 1e3, expected["v2_km_s"]) <= 1e-13
 
@@ -86,9 +86,9 @@ def test_lambert_finds_the_burnout_of_a_free_flight():
     position, velocity = free_flight(q, np.radians(phi_deg), radius)
     psi = np.radians(psi_deg)
     aim = radius * np.stack([np.cos(psi), np.sin(psi), np.zeros_like(psi)], axis=-1)
-    for way, chosen in (("short", psi_deg < 179.999), ("long", psi_deg > 180.001)):
-        found, _ = lambert(position[chosen], aim[chosen], time_s[chosen], way=way)
-        np.testing.assert_allclose(found, velocity[chosen], atol=1e-7)
+    for way, selected in (("short", psi_deg < 179.999), ("long", psi_deg > 180.001)):
+        result, _ = lambert(position[selected], aim[selected], time_s[selected], way=way)
+        np.testing.assert_allclose(result, velocity[selected], atol=1e-7)
 
 
 def test_free_flight_of_bate_mueller_white_page_290():
@@ -131,8 +131,8 @@ def test_free_flight_of_bate_mueller_white_page_291(which):
     time = semi_major**1.5 * np.mod(-2.0 * mean, 2.0 * np.pi)
     end, _ = propagate_kepler(position, velocity, time, 1.0)
     np.testing.assert_allclose(end, aim, atol=1e-9)
-    found, _ = lambert(position, aim, time, 1.0, way="short")
-    np.testing.assert_allclose(found, velocity, atol=1e-9)
+    result, _ = lambert(position, aim, time, 1.0, way="short")
+    np.testing.assert_allclose(result, velocity, atol=1e-9)
 
 
 def test_minimum_energy_flight_of_7400_km():

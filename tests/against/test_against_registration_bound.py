@@ -46,19 +46,19 @@ def paths(rng):
     """Return a function of the places (n, 3) of a target at times (n,) since the start, for each
     target.
     """
-    made = []
+    rows = []
     for _ in range(TARGETS):
         latitude = rng.uniform(-35.0, 35.0)
         longitude = rng.uniform(-150.0, -95.0)
         up = Rotation.from_euler("zy", [longitude, -latitude], degrees=True).apply([1.0, 0.0, 0.0])
         aside = np.cross(up, rng.standard_normal(3))
         aside /= np.linalg.norm(aside)
-        made.append(
+        rows.append(
             lambda t, up=up, aside=aside: (
                 EARTH_M * up + np.outer(6.0 * t**2, up) + np.outer(0.05 * t**3, aside)
             )
         )
-    return made
+    return rows
 
 
 def looks(seed):
@@ -69,21 +69,21 @@ def looks(seed):
     rows = []
     information = np.eye(bias.size) / BIAS_RAD**2
     for path in paths(rng):
-        seen = []
+        parts_of_looks = []
         for sensor in range(len(SLOTS_DEG)):
             scan = np.arange(11, 10 * SECONDS)
             scan = scan[rng.random(len(scan)) < 0.7]
-            apart = path(0.1 * scan - 1.0) - GEO_M * axes[sensor, 2]
+            separation = path(0.1 * scan - 1.0) - GEO_M * axes[sensor, 2]
             direction = turned(
-                apart / np.linalg.norm(apart, axis=1)[:, None], axes[sensor], bias[sensor]
+                separation / np.linalg.norm(separation, axis=1)[:, None], axes[sensor], bias[sensor]
             )
             noise = SIGMA_RAD * rng.standard_normal(direction.shape)
             noise -= np.sum(noise * direction, axis=1)[:, None] * direction
             direction = (direction + noise) / np.linalg.norm(direction + noise, axis=1)[:, None]
             rows.append((scan, np.full(len(scan), sensor), direction))
-            seen.append(scan)
+            parts_of_looks.append(scan)
         for second in range(1, SECONDS):
-            counts = [np.count_nonzero(scan // 10 == second) for scan in seen]
+            counts = [np.count_nonzero(scan // 10 == second) for scan in parts_of_looks]
             information += reported(path(np.array([second - 0.5]))[0], axes, counts)
     scan, sensor, direction = (np.concatenate(column) for column in zip(*rows, strict=True))
     order = np.lexsort((sensor, scan))
@@ -105,23 +105,25 @@ def reported(place, axes, counts):
     """Return what a second of looks says of the biases, the place of the target being free."""
 
     def directions(values):
-        every = []
-        for sensor, own in enumerate(axes):
-            apart = place + values[:3] - GEO_M * own[2]
+        stacked = []
+        for sensor, frame in enumerate(axes):
+            separation = place + values[:3] - GEO_M * frame[2]
             turn = turned(
-                apart / np.linalg.norm(apart), own, values[3 + 2 * sensor : 5 + 2 * sensor]
+                separation / np.linalg.norm(separation),
+                frame,
+                values[3 + 2 * sensor : 5 + 2 * sensor],
             )
-            every.append(np.sqrt(counts[sensor]) * turn / SIGMA_RAD)
-        return np.concatenate(every)
+            stacked.append(np.sqrt(counts[sensor]) * turn / SIGMA_RAD)
+        return np.concatenate(stacked)
 
     steps = np.append(np.full(3, 100.0), np.full(2 * len(axes), 1e-5))
     slope = np.stack(
         [(directions(step) - directions(-step)) / (2.0 * step.max()) for step in np.diag(steps)],
         axis=1,
     )
-    whole = slope.T @ slope
+    total = slope.T @ slope
     ridge = np.eye(3) / 1e12
-    return whole[3:, 3:] - whole[3:, :3] @ np.linalg.solve(whole[:3, :3] + ridge, whole[:3, 3:])
+    return total[3:, 3:] - total[3:, :3] @ np.linalg.solve(total[:3, :3] + ridge, total[:3, 3:])
 
 
 def found(detections, stated_rad):

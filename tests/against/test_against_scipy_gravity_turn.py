@@ -85,17 +85,17 @@ def test_gravity_turns_follow_the_equations_from_ignition_to_impact(has_forces):
 
 def compare(targets, row, truth, parts, config):
     start = truth["ignition_s"]
-    for number, part in enumerate(parts):
-        inside = np.linspace(part.t[0], part.t[-1], 23)
+    for number, stage in enumerate(parts):
+        inside = np.linspace(stage.t[0], stage.t[-1], 23)
         if number == len(parts) - 1:
             inside = inside[:-1]
-        expected = part.sol(inside)
+        expected = stage.sol(inside)
         turned = np.array(
             [to_inertial(column, -t) for column, t in zip(expected[:3].T, inside, strict=True)]
         )
         rows = np.full(len(inside), row, dtype=np.int32)
-        found = targets.position_ecef_m(rows, np.clip(start + inside, start, targets.end_s[row]))
-        assert np.abs(found - turned).max() < 1.0, (config.staging, number)
+        result = targets.position_ecef_m(rows, np.clip(start + inside, start, targets.end_s[row]))
+        assert np.abs(result - turned).max() < 1.0, (config.staging, number)
         if number < len(parts) - 1:
             carried = expected[3:] - WHIRL * np.array(
                 [-expected[1], expected[0], np.zeros(len(inside))]

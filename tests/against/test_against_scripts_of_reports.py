@@ -51,8 +51,8 @@ def test_phases_of_slow_scans_are_averaged():
     first_s = rng.uniform(0.0, 10.0, 200_000) + 10.0 * (rng.geometric(0.6, 200_000) - 1)
     first_s = np.where(first_s < 60.0, first_s, np.inf) + 3.0
     for time_s in (5.0, 11.0, 20.0, 40.0):
-        found = 1.0 - reports.chance[np.searchsorted(reports.time_s, time_s), 0, 0]
-        assert found == pytest.approx(np.mean(first_s <= time_s), abs=0.01)
+        result = 1.0 - reports.chance[np.searchsorted(reports.time_s, time_s), 0, 0]
+        assert result == pytest.approx(np.mean(first_s <= time_s), abs=0.01)
     assert reports.times_s(1, 0.9)[0] == pytest.approx(np.quantile(first_s, 0.9), abs=0.3)
 
 
@@ -119,23 +119,23 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
     steps = np.array([1e-5, 1e-5, 1e-2, 1e-4, 1.0, 1e-4])
 
     def position(off, time_s):
-        own = (
+        slope_rows = (
             latitude + off[0],
             longitude + off[1],
             azimuth + off[3],
             speed + off[4],
             angle + off[5],
         )
-        return path_m(profile, *own, min(time_s - off[2], profile.burn_time_s))
+        return path_m(profile, *slope_rows, min(time_s - off[2], profile.burn_time_s))
 
     information = np.zeros((6 + 4, 6 + 4))
     for number, sensor in enumerate(sensors):
         for time_s in times_s - 0.5:
             way = position(base, time_s) - sensor
             range_m = np.linalg.norm(way)
-            one = np.cross(way, [0.0, 0.0, 1.0])
-            one /= np.linalg.norm(one)
-            other = np.cross(way / range_m, one)
+            side = np.cross(way, [0.0, 0.0, 1.0])
+            side /= np.linalg.norm(side)
+            other = np.cross(way / range_m, side)
             slopes = np.array(
                 [
                     (position(s * e, time_s) - position(-s * e, time_s)) / (2 * s)
@@ -143,7 +143,7 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
                 ]
             )
             rows = np.zeros((2, 10))
-            rows[:, :6] = np.stack([slopes @ one, slopes @ other]) / range_m
+            rows[:, :6] = np.stack([slopes @ side, slopes @ other]) / range_m
             rows[0, 6 + 2 * number] = 1.0
             rows[1, 7 + 2 * number] = 1.0
             information += rows.T @ rows / sigma**2
@@ -160,8 +160,8 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
     kind = core_target_class("ICBM")
     places = LaunchPlaces(np.array([latitude]), np.array([longitude]), kind, profile, azimuth)
     slopes = LaunchSlopes.of(places)
-    own = [slopes.at(time_s) for time_s in times_s - 0.5]
-    known = LaunchInformation(own)
+    slope_rows = [slopes.at(time_s) for time_s in times_s - 0.5]
+    known = LaunchInformation(slope_rows)
     for sensor in sensors:
         pointing = BiasInformation(1)
         for step, time_s in enumerate(times_s - 0.5):
@@ -169,13 +169,13 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
             range_m = np.linalg.norm(way)
             measured = (way / range_m)[None], np.array([range_m]), np.array([1.0 / sigma**2])
             known.add(step, np.arange(1), *measured)
-            pointing.add(np.arange(1), own[step], *measured)
+            pointing.add(np.arange(1), slope_rows[step], *measured)
         known.lose(pointing, bias)
     bounds = burnout_bounds(slopes.at_burnout(), known.covariance(), comes_down=True)
     assert bounds.launch_m[0] == pytest.approx(launch_m, rel=0.01)
 
     def velocity(off):
-        own = (
+        slope_rows = (
             latitude + off[0],
             longitude + off[1],
             azimuth + off[3],
@@ -183,7 +183,7 @@ def test_bounds_are_those_of_a_script_with_numeric_derivatives():
             angle + off[5],
         )
         end = profile.burn_time_s
-        return (path_m(profile, *own, end) - path_m(profile, *own, end - 0.01)) / 0.01
+        return (path_m(profile, *slope_rows, end) - path_m(profile, *slope_rows, end - 0.01)) / 0.01
 
     turned = np.array(
         [
@@ -214,15 +214,15 @@ def test_the_profile_of_a_class_is_flown_from_every_cell():
     kind = core_target_class("SRBM")
     places = LaunchPlaces.of(PlaceGrid.of(30.0), kind, 0.0)
     path = places.path(0.0)
-    found = path.state(np.zeros(1, dtype=np.int32), np.array([kind.profiles[0].burn_time_s]))[0][0]
-    own = kind.profiles[0]
+    result = path.state(np.zeros(1, dtype=np.int32), np.array([kind.profiles[0].burn_time_s]))[0][0]
+    profile = kind.profiles[0]
     expected = path_m(
-        own,
+        profile,
         places.latitude_rad[0],
         places.longitude_rad[0],
         0.0,
-        own.burnout_speed_m_s,
-        own.burnout_flight_path_angle_rad,
-        own.burn_time_s,
+        profile.burnout_speed_m_s,
+        profile.burnout_flight_path_angle_rad,
+        profile.burn_time_s,
     )
-    assert np.linalg.norm(found - expected) < 2.0
+    assert np.linalg.norm(result - expected) < 2.0

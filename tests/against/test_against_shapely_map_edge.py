@@ -24,9 +24,9 @@ def blob(rng):
 def region(rng):
     """Return the polygons of a random region, with holes."""
     filled = unary_union([blob(rng) for _ in range(rng.integers(1, 5))])
-    left = filled.difference(unary_union([blob(rng) for _ in range(rng.integers(0, 4))]))
-    parts = left.geoms if isinstance(left, MultiPolygon) else [left]
-    return [part for part in parts if part.area > 1e9]
+    shape = filled.difference(unary_union([blob(rng) for _ in range(rng.integers(0, 4))]))
+    polygons = shape.geoms if isinstance(shape, MultiPolygon) else [shape]
+    return [polygon for polygon in polygons if polygon.area > 1e9]
 
 
 def as_rings(polygons, sign):
@@ -34,10 +34,10 @@ def as_rings(polygons, sign):
     edges = []
     for polygon in polygons:
         short = segmentize(orient(polygon, sign), LONGEST_EDGE_M)
-        first = sum(map(len, rings))
-        mine = [np.asarray(ring.coords) for ring in (short.exterior, *short.interiors)]
-        edges.append([first, *(first + np.cumsum([len(ring) for ring in mine])).tolist()])
-        rings += mine
+        count = sum(map(len, rings))
+        coordinates = [np.asarray(ring.coords) for ring in (short.exterior, *short.interiors)]
+        edges.append([count, *(count + np.cumsum([len(ring) for ring in coordinates])).tolist()])
+        rings += coordinates
     return np.concatenate([*rings, np.empty((0, 2))]), edges
 
 
@@ -52,11 +52,11 @@ def test_cut_polygons_are_valid_and_cover_what_lies_within(sign):
         for starts in edges:
             outer, *holes = [points[one:two] for one, two in pairwise(starts)]
             cut.append(Polygon(outer, holes))
-        assert all(each.is_valid for each in cut)
+        assert all(edge.is_valid for edge in cut)
         assert all(
             np.array_equal(points[one], points[two - 1])
-            for each in edges
-            for one, two in pairwise(each)
+            for edge in edges
+            for one, two in pairwise(edge)
         )
         expected = unary_union(polygons).intersection(EDGE)
         # A chord of 100 km lies 62 m within the edge.
@@ -67,8 +67,8 @@ def test_cut_polygons_are_valid_and_cover_what_lies_within(sign):
 
 def test_what_lies_within_is_left_as_it_is():
     points, edges = as_rings([box(0.0, 0.0, 1e6, 1e6).difference(box(2e5, 2e5, 4e5, 4e5))], 1.0)
-    same, cuts = within_map(points, edges)
-    assert same is points
+    rings, cuts = within_map(points, edges)
+    assert rings is points
     assert cuts is edges
 
 

@@ -52,10 +52,10 @@ def run_of(flight, seed):
 )
 def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight, seed):
     run = run_of(flight, seed)
-    late = (run.truth.target == 0) & (run.detections.time_s > START_S + LATE_S)
-    number = np.unique(run.detections.track[late])
+    settled = (run.truth.target == 0) & (run.detections.time_s > START_S + LATE_S)
+    number = np.unique(run.detections.track[settled])
     assert len(number) == 1
     assert number[0] >= 0, "the launch has left the gate of a ground source"
-    mine = run.tracks.take(np.flatnonzero(run.tracks.track == number[0]))
-    assert mine.probability_launch[np.searchsorted(mine.tick_s, START_S + 60.0)] < 0.5
-    assert mine.probability_launch[-1] > 0.95
+    rows = run.tracks.take(np.flatnonzero(run.tracks.track == number[0]))
+    assert rows.probability_launch[np.searchsorted(rows.tick_s, START_S + 60.0)] < 0.5
+    assert rows.probability_launch[-1] > 0.95

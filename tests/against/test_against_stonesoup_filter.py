@@ -28,20 +28,20 @@ def looks(count):
     start = np.array([3.1e6, 4.2e6, 3.7e6])
     origins = []
     axes = []
-    seen = []
+    angles = []
     for number in range(1, count + 1):
         time_s = number * STEP_S
         target = (
             start + np.array([40.0, -20.0, 60.0]) * time_s + np.array([9.0, 6.0, 12.0]) * time_s**2
         )
         origin = SENSORS_M[number % 2]
-        apart = target + rng.normal(size=3) * 700.0 - origin
+        separation = target + rng.normal(size=3) * 700.0 - origin
         origins.append(origin)
-        axes.append(tangent_axes((apart / np.linalg.norm(apart))[None])[0])
-        seen.append(np.zeros(2))
+        axes.append(tangent_axes((separation / np.linalg.norm(separation))[None])[0])
+        angles.append(np.zeros(2))
     prior = np.concatenate([start + rng.normal(size=3) * 2e3, rng.normal(size=9) * 10.0])
     sigma = np.repeat([3e3, 300.0, 20.0, 0.5], 3)
-    return origins, axes, np.array(seen), np.stack([prior, sigma])
+    return origins, axes, np.array(angles), np.stack([prior, sigma])
 
 
 def look_across():
@@ -99,14 +99,14 @@ def stone_soup_estimates(origins, axes, seen, prior):
     model = CombinedLinearGaussianTransitionModel(
         [ConstantNthDerivative(constant_derivative=3, noise_diff_coeff=NOISE**2) for _ in range(3)]
     )
-    now = datetime.datetime(2026, 4, 1)
-    state = GaussianState(prior[0][order], np.diag(prior[1][order] ** 2), timestamp=now)
+    timestamp = datetime.datetime(2026, 4, 1)
+    state = GaussianState(prior[0][order], np.diag(prior[1][order] ** 2), timestamp=timestamp)
     predictor = ExtendedKalmanPredictor(model)
     updater = ExtendedKalmanUpdater(None)
     across = look_across()
     noise = {"ndim_state": 12, "mapping": (0, 4, 8), "noise_covar": np.eye(2) * SIGMA_RAD**2}
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
-        time = now + datetime.timedelta(seconds=number * STEP_S)
+        time = timestamp + datetime.timedelta(seconds=number * STEP_S)
         measure = across(**noise, origin=origin, frame=frame)
         reported = Detection(
             StateVector(seen[number - 1]), timestamp=time, measurement_model=measure

@@ -68,8 +68,8 @@ def page_of(script):
     """Return the page of a script, if there is one."""
     name = script.relative_to(SCRIPTS).with_suffix("").as_posix()
     stem = PAGE_OF.get(name, script.stem.removesuffix("_page"))
-    found = [PAGES / folder / f"{stem}.md" for folder in ("benchmarks", "explanation")]
-    return next((page for page in found if page.exists()), None)
+    result = [PAGES / folder / f"{stem}.md" for folder in ("benchmarks", "explanation")]
+    return next((page for page in result if page.exists()), None)
 
 
 def lacking(source, page):

@@ -20,14 +20,14 @@ from benchmarks.suite import attempt, summary
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("benchmark_", BENCHMARKS, ids=[each.name for each in BENCHMARKS])
+@pytest.mark.parametrize("benchmark_", BENCHMARKS, ids=[benchmark.name for benchmark in BENCHMARKS])
 def test_every_benchmark_runs_at_small_size(benchmark_):
     if missing := list(benchmark_.missing()):
         pytest.skip(f"needs {', '.join(missing)}")
-    found = attempt(benchmark_, quick=True)
-    assert found.problem == "", found.output
-    assert found.figures
-    assert found.processor_s > 0.0
+    result = attempt(benchmark_, quick=True)
+    assert result.problem == "", result.output
+    assert result.figures
+    assert result.processor_s > 0.0
 
 
 def test_every_script_is_in_the_suite():
@@ -36,8 +36,8 @@ def test_every_script_is_in_the_suite():
         for path in (ROOT / "benchmarks").rglob("*.py")
         if path.name != "__main__.py" and has_main(path)
     }
-    assert scripts == {each.script for each in BENCHMARKS}
-    assert len({each.name for each in BENCHMARKS}) == len(BENCHMARKS)
+    assert scripts == {benchmark.script for benchmark in BENCHMARKS}
+    assert len({benchmark.name for benchmark in BENCHMARKS}) == len(BENCHMARKS)
 
 
 def has_main(path):
@@ -90,9 +90,9 @@ def test_figures_are_named_by_the_text_and_the_first_number_of_their_row(tmp_pat
     tmp_path.joinpath("arcs.csv").write_text(
         "# a: fact\nway,step,error\nA,1,0.5\nA,2,0.25\n", encoding="utf-8"
     )
-    found = figures_in(tmp_path)
-    assert found["arcs: A 1: error"] == 0.5
-    assert found["arcs: A 2: error"] == 0.25
+    result = figures_in(tmp_path)
+    assert result["arcs: A 1: error"] == 0.5
+    assert result["arcs: A 2: error"] == 0.25
 
 
 def test_pages_are_read_where_there_is_no_csv_file(tmp_path):

@@ -35,7 +35,7 @@ def declared(project):
     """Return the modules that the dependencies of a project bring."""
     with (project / "pyproject.toml").open("rb") as file:
         named = tomllib.load(file)["project"].get("dependencies", [])
-    names = (re.match(r"[\w.-]+", each)[0].lower() for each in named)
+    names = (re.match(r"[\w.-]+", requirement)[0].lower() for requirement in named)
     return {MODULES.get(name, name.replace("-", "_")) for name in names}
 
 
@@ -50,10 +50,10 @@ PACKAGES = [
     ("project", "package"), PACKAGES, ids=[package.name for _, package in PACKAGES]
 )
 def test_everything_imported_is_installed_with_the_package(project, package):
-    found = imported(package)
-    assert found
+    result = imported(package)
+    assert result
     assert (
-        found - declared(project) - declared(ROOT) - ASKED_FOR - {package.name, "opir_core"}
+        result - declared(project) - declared(ROOT) - ASKED_FOR - {package.name, "opir_core"}
         == set()
     )
 
@@ -62,7 +62,7 @@ def test_the_extra_of_other_peoples_libraries_is_what_tests_leave_out_without_it
     extra = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
         "optional-dependencies"
     ]
-    names = (re.match(r"[\w.-]+", each)[0] for each in extra["peers"])
+    names = (re.match(r"[\w.-]+", peer)[0] for peer in extra["peers"])
     assert sorted({"pyerfa": "erfa"}.get(name, name.replace("-", "_")) for name in names) == sorted(
         NAMES
     )

@@ -51,10 +51,10 @@ def default(sensor, name):
 
 def each_field(config):
     """Yield the fields of a class of settings, and those of the blocks that it has by default."""
-    for one in fields(config):
-        yield one
-        if has(type(one.default)):
-            yield from each_field(type(one.default))
+    for field in fields(config):
+        yield field
+        if has(type(field.default)):
+            yield from each_field(type(field.default))
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -63,7 +63,9 @@ def test_a_sensor_is_described_by_its_defaults(name):
     own, _, stated = sensor.summary.rpartition(": ")
     for band, (low_um, high_um) in default(sensor, "bands").items():
         assert f"{band} {low_um:g}-{high_um:g}" in stated
-    assert [each for each in SCAN_PATTERNS if each in stated] == [default(sensor, "scan_pattern")]
+    assert [scan_pattern for scan_pattern in SCAN_PATTERNS if scan_pattern in stated] == [
+        default(sensor, "scan_pattern")
+    ]
     assert f" {1e-3 * default(sensor, 'scan_period_ms'):g} s;" in stated
     rules = [rule for rule, words in RULES.items() if words in stated]
     assert rules == (
@@ -77,19 +79,21 @@ def test_a_sensor_is_described_by_its_defaults(name):
 
 
 def test_a_fleet_is_described_by_its_satellites():
-    fleets = [each for each in EVERY.values() if isinstance(each, Constellation)]
+    fleets = [pattern for pattern in EVERY.values() if isinstance(pattern, Constellation)]
     assert len(fleets) >= 6
     for fleet in fleets:
         assert fleet.summary.startswith(f"{len(fleet.satellites)} {fleet.model} satellites")
         patterns = [
-            one["orbit"]["walker"] for one in fleet.satellites if "walker" in one.get("orbit", {})
+            satellite["orbit"]["walker"]
+            for satellite in fleet.satellites
+            if "walker" in satellite.get("orbit", {})
         ]
-        for each in patterns:
+        for pattern in patterns:
             place = (
-                f"{each['inclination_deg']:g} deg:"
-                f" {each['total']}/{each['planes']}/{each['phasing']}"
+                f"{pattern['inclination_deg']:g} deg:"
+                f" {pattern['total']}/{pattern['planes']}/{pattern['phasing']}"
             )
-            assert f"{place} at {each['altitude_km']:g} km" in fleet.summary
+            assert f"{place} at {pattern['altitude_km']:g} km" in fleet.summary
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -98,22 +102,22 @@ def test_words_beside_a_default_are_of_that_default(name):
     config = getattr(component, "config", None)
     if config is None or not has(config):
         return
-    for one in each_field(config):
-        info = info_of(one)
+    for field in each_field(config):
+        info = info_of(field)
         if re.search(r"\bdefault: |\bby default\b", info.help):
-            assert one.default is None, (
-                f"{one.name}: the help speaks of a default that is not {one.default!r}"
+            assert field.default is None, (
+                f"{field.name}: the help speaks of a default that is not {field.default!r}"
             )
         value, colon, _ = info.source.partition(": ")
-        is_scalar = isinstance(one.default, str | int | float)
+        is_scalar = isinstance(field.default, str | int | float)
         if (
             is_scalar
             and colon
             and (value in info.choices or re.fullmatch(r"-?\d+(\.\d+)?|true|false", value))
         ):
-            assert value == _written(one.default), f"{one.name}: {info.source}"
-        for preset, rest in re.findall(r"preset (\w+): ([^,;]+)", info.source):
-            assert _written(component.presets[preset][one.name]) == rest
+            assert value == _written(field.default), f"{field.name}: {info.source}"
+        for preset, remainder in re.findall(r"preset (\w+): ([^,;]+)", info.source):
+            assert _written(component.presets[preset][field.name]) == remainder
 
 
 #: What the page of a sensor's package says in its table, and the setting that has the value.

@@ -74,13 +74,13 @@ def unpublished(text):
 
 
 def is_published(name):
-    head, *rest = name.split(".")
+    head, *remainder = name.split(".")
     if head.isalpha() and head.islower():  # a word, such as the value of a setting
         return True
-    if not head.startswith("opir_") or not rest:
+    if not head.startswith("opir_") or not remainder:
         return head in known() or head not in defined()
-    parts = [head, *rest]
-    cuts = (".".join(parts[:cut]) for cut in range(len(parts), 0, -1))
+    cuts_of_name = [head, *remainder]
+    cuts = (".".join(cuts_of_name[:cut]) for cut in range(len(cuts_of_name), 0, -1))
     package = next((each for each in cuts if each in PUBLIC), "")
     tail = name.removeprefix(package).lstrip(".").split(".")[0]
     return bool(package) and (not tail or is_public(package, tail))

@@ -78,8 +78,8 @@ def test_python_blocks_run(page, folder):
 @pytest.mark.parametrize("page", pages_with("console"))
 def test_console_blocks_print_what_they_show(page, folder):
     for block in blocks(page, "console"):
-        parts = COMMAND.split(block)
-        for command, shown in zip(parts[1::2], parts[2::2], strict=True):
+        words = COMMAND.split(block)
+        for command, shown in zip(words[1::2], words[2::2], strict=True):
             assert printed(command, folder) == shown.strip(), command
 
 

@@ -100,26 +100,26 @@ def is_refused(arguments, parser):
     return False
 
 
-def missing_paths(arguments, made):
+def missing_paths(arguments, written):
     """Yield the folders that outputs need and the paths of a clone that are not there; outputs
     count as made then.
     """
-    for before, word in zip(["", *arguments], arguments, strict=False):
+    for option, word in zip(["", *arguments], arguments, strict=False):
         path = PurePosixPath(word)
-        if before in OUTPUTS:
+        if option in OUTPUTS:
             folder = path.parent
             if not (
                 folder == PurePosixPath()
                 or folder.is_absolute()
-                or folder in made
+                or folder in written
                 or (ROOT / folder).is_dir()
             ):
                 yield f"nothing has made the folder {folder}"
-            made.add(path)
+            written.add(path)
         elif (
             path.parts[:1] in OWN
             and "*" not in word
-            and path not in made
+            and path not in written
             and not (ROOT / path).exists()
         ):
             yield f"{path} is not there"
@@ -127,16 +127,16 @@ def missing_paths(arguments, made):
 
 def problems(text, parser):
     """Yield what is wrong with the commands of a page that is followed from a clone."""
-    made = set()
+    written = set()
     for command in commands(text):
         if command.words[0] == "mkdir":
-            made.update(PurePosixPath(word) for word in command.words[1:])
+            written.update(PurePosixPath(word) for word in command.words[1:])
         arguments = opir_words(command)
         if arguments is None:
             continue
         if is_refused(arguments, parser):
             yield f"{command.line}: the parser refuses it"
-        yield from (f"{command.line}: {problem}" for problem in missing_paths(arguments, made))
+        yield from (f"{command.line}: {problem}" for problem in missing_paths(arguments, written))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -51,7 +51,7 @@ def foreign_names(tree):
     """
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            yield from (part for name in node.names for part in name.name.split("."))
+            yield from (module for name in node.names for module in name.name.split("."))
         elif (
             isinstance(node, ast.ImportFrom)
             and node.level == 0
@@ -68,12 +68,12 @@ def is_of(node, *names):
 
 def test_no_private_name_of_another_library_is_used():
     own = {name for tree in TREES.values() for name in own_names(tree)} - {"_tracks"}
-    used = {}
+    uses = {}
     for path, tree in TREES.items():
         private = {name for name in foreign_names(tree) if is_private(name)} - own - DOCUMENTED
         if private:
-            used["/".join(path.parts[-2:])] = private
-    assert used == WITHOUT_PUBLIC_WAY
+            uses["/".join(path.parts[-2:])] = private
+    assert uses == WITHOUT_PUBLIC_WAY
 
 
 @pytest.mark.parametrize(

@@ -26,12 +26,12 @@ FROM_AN_INDEX = re.compile(r"""\binstall(?:\s+-\S+)*\s+["'`]?opir[-_]\w""")
 
 def test_nothing_is_installed_by_a_name_that_anybody_may_register():
     pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *FILES]
-    found = [
+    result = [
         f"{path.relative_to(ROOT)}: {match.group()}"
         for path in pages
         for match in FROM_AN_INDEX.finditer(path.read_text(encoding="utf-8", errors="replace"))
     ]
-    assert not found
+    assert not result
 
 
 @pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)

@@ -57,11 +57,17 @@ def settable():
     host = Host.discover((*PHOTONS, *PLUGINS))
     offered = [host.component(hook, name) for hook in CATALOGUE for name in host.names(hook)]
     components = {
-        f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)
+        f"{component.kind} {component.name}": component.config
+        for component in offered
+        if isinstance(component, Component)
     }
-    others = {"scene": SceneFile, "forces: [{drag: ...}]": SceneDrag, "output's spool": SpoolConfig}
-    others["sensors: [{fleet: ...}]"] = FleetConfig
-    return {**components, **others, "opir serve": HttpSettings, "study": Study}
+    records = {
+        "scene": SceneFile,
+        "forces: [{drag: ...}]": SceneDrag,
+        "output's spool": SpoolConfig,
+    }
+    records["sensors: [{fleet: ...}]"] = FleetConfig
+    return {**components, **records, "opir serve": HttpSettings, "study": Study}
 
 
 def defaults(config):
@@ -79,9 +85,9 @@ def listed():
     """Return value and source of the listed defaults, by component and key."""
     with (PAGES / "defaults.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    found = {(row["component"], row["key"]): (row["default"], row["source"]) for row in rows}
-    assert len(found) == len(rows)
-    return found
+    result = {(row["component"], row["key"]): (row["default"], row["source"]) for row in rows}
+    assert len(result) == len(rows)
+    return result
 
 
 def test_every_default_is_listed_with_its_value_and_source(
@@ -112,7 +118,7 @@ def test_no_configuration_class_is_left_out():
     reached = set()
     for config in settable().values():
         reach(config, reached)
-    found = {
+    result = {
         one
         for package in (
             "opir_core",
@@ -121,7 +127,7 @@ def test_no_configuration_class_is_left_out():
         )
         for one in configs(package)
     }
-    assert found - reached == BASES
+    assert result - reached == BASES
     assert len(reached) > 30
 
 
@@ -130,7 +136,7 @@ def reach(config, reached):
     if config not in reached:
         reached.add(config)
         hints = get_type_hints(config)
-        for inner in (nested_config(hints[each.name]) for each in fields(config)):
+        for inner in (nested_config(hints[field.name]) for field in fields(config)):
             if inner is not None:
                 reach(inner, reached)
 
@@ -138,15 +144,15 @@ def reach(config, reached):
 def configs(package):
     """Yield all configuration classes of a package's modules."""
     root = importlib.import_module(package)
-    for found in pkgutil.walk_packages(root.__path__, f"{package}."):
-        if found.name.rpartition(".")[2] != "__main__":
-            for one in vars(importlib.import_module(found.name)).values():
+    for result in pkgutil.walk_packages(root.__path__, f"{package}."):
+        if result.name.rpartition(".")[2] != "__main__":
+            for var in vars(importlib.import_module(result.name)).values():
                 if (
-                    isinstance(one, type)
-                    and has(one)
-                    and any(METADATA_KEY in each.metadata for each in fields(one))
+                    isinstance(var, type)
+                    and has(var)
+                    and any(METADATA_KEY in field.metadata for field in fields(var))
                 ):
-                    yield one
+                    yield var
 
 
 def table(page, head):

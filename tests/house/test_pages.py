@@ -58,8 +58,8 @@ def test_pages_are_short(page):
 def test_pages_use_the_fields_words(page):
     text = " ".join(page.read_text(encoding="utf-8").split())
     assert not {
-        found[0]: better
+        result[0]: better
         for words, better in GUESSED.items()
-        for found in [re.search(words, text)]
-        if found
+        for result in [re.search(words, text)]
+        if result
     }

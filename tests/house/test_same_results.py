@@ -35,11 +35,11 @@ def comparison():
 
 def compared(comparison, folder, *others):
     """Return whether one event agrees with others."""
-    one = folder / "one.jsonl"
+    reference = folder / "one.jsonl"
     two = folder / "two.jsonl"
-    one.write_text(f"{json.dumps(EVENT)}\n", encoding="utf-8")
+    reference.write_text(f"{json.dumps(EVENT)}\n", encoding="utf-8")
     two.write_text("".join(f"{json.dumps(other)}\n" for other in others), encoding="utf-8")
-    return comparison.same("scene", one, two)
+    return comparison.same("scene", reference, two)
 
 
 def ellipse(**changes):

@@ -42,9 +42,9 @@ def run_of(words):
     file.
     """
     with tempfile.TemporaryDirectory() as folder:
-        found = used(words, Path(folder))
+        result = used(words, Path(folder))
         lines = Path(folder, "events.jsonl").read_text(encoding="utf-8").splitlines()
-    return found, [json.loads(line) for line in lines]
+    return result, [json.loads(line) for line in lines]
 
 
 def measured(event):
@@ -71,9 +71,9 @@ PLAIN_OR_SLOW = [
 @pytest.mark.parametrize("part", PLAIN_OR_SLOW)
 def test_what_a_scene_does_not_name_is_not_imported_called_or_allocated(part):
     run, _ = run_of(part.beside)
-    found = Use.of(part.modules, run)
-    assert found.calls == 0
-    assert part.shared or found == Use(0, 0, 0)
+    result = Use.of(part.modules, run)
+    assert result.calls == 0
+    assert part.shared or result == Use(0, 0, 0)
     assert not {name for name in run["modules"] if name.split(".")[0] in NEVER}
 
 

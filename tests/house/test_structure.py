@@ -91,9 +91,9 @@ def tree_of(path):
 
 
 def module_of(path):
-    parts = path.relative_to(ROOT).with_suffix("").parts
-    parts = parts[2:] if parts[0] == "plugins" else parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+    names = path.relative_to(ROOT).with_suffix("").parts
+    names = names[2:] if names[0] == "plugins" else names
+    return ".".join(names[:-1] if names[-1] == "__init__" else names)
 
 
 MODULES = {module_of(path): path for path in SOURCES}
@@ -151,22 +151,26 @@ def test_imports_go_down():
     rank = {name: number for number, name in enumerate(FLOORS)}
     distribution = {name: number for number, name in enumerate(DISTRIBUTIONS)}
     upward = []
-    for module, others in graph().items():
-        for other in others:
-            own, its = (each.partition(".")[0] for each in (module, other))
+    for module, targets in graph().items():
+        for target in targets:
+            own, its = (each.partition(".")[0] for each in (module, target))
             is_up = distribution[its] > distribution[own]
             if own == its == "opir_core" and module not in ("opir_core", "opir_core.plugin"):
-                is_up = rank.get(floor_of(other), len(FLOORS)) > rank[floor_of(module)]
+                is_up = rank.get(floor_of(target), len(FLOORS)) > rank[floor_of(module)]
             if is_up:
-                upward.append(f"{module} imports {other}")
+                upward.append(f"{module} imports {target}")
     assert not upward
 
 
 def test_no_imports_run_in_a_circle():
-    left = {module: set(others) - {module} for module, others in graph().items()}
-    while free := [module for module, others in left.items() if not others]:
-        left = {module: others - set(free) for module, others in left.items() if module not in free}
-    assert not left, "a circle runs through some of these"
+    remaining = {module: set(targets) - {module} for module, targets in graph().items()}
+    while free := [module for module, targets in remaining.items() if not targets]:
+        remaining = {
+            module: targets - set(free)
+            for module, targets in remaining.items()
+            if module not in free
+        }
+    assert not remaining, "a circle runs through some of these"
 
 
 def imported_names(path):
@@ -224,12 +228,12 @@ def functions(path):
 def lines_of_code(node):
     """Return the lines of a function without its docstring, which may be as long as it needs."""
     documented = ast.get_docstring(node) is not None
-    first = node.body[0]
+    docstring = node.body[0]
     return (
         (node.end_lineno or 0)
         - node.lineno
         + 1
-        - ((first.end_lineno or 0) - first.lineno + 1 if documented else 0)
+        - ((docstring.end_lineno or 0) - docstring.lineno + 1 if documented else 0)
     )
 
 

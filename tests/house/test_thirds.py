@@ -34,8 +34,8 @@ def test_what_is_no_third_is_refused(third):
 
 @pytest.mark.slow
 def test_each_quick_test_of_a_file_is_run_in_one_third():
-    parts = [collected({QUICK: f"{number}/3"}) for number in (1, 2, 3)]
-    assert Counter(test for part in parts for test in part) == Counter(collected({}))
+    thirds = [collected({QUICK: f"{number}/3"}) for number in (1, 2, 3)]
+    assert Counter(test for third in thirds for test in third) == Counter(collected({}))
     assert collected({SLOW: "1/3"}) == collected({})
 
 

@@ -226,9 +226,9 @@ def _reported_of_table(capsys, file):
 def test_a_command_that_is_none_is_reported_all_that_are(
     capsys,
 ):
-    with pytest.raises(SystemExit) as left:
+    with pytest.raises(SystemExit) as exit_info:
         main(["srve"])
-    assert left.value.code == 2
+    assert exit_info.value.code == 2
     assert "'serve'" in capsys.readouterr().err
 
 
@@ -286,10 +286,10 @@ def test_a_missing_package_of_this_project_is_named(
 def test_an_unknown_option_is_refused_with_the_usage_of_its_command(
     folder, capsys, words, usage, error
 ):
-    with pytest.raises(SystemExit) as left:
+    with pytest.raises(SystemExit) as exit_info:
         main(list(words))
     message = capsys.readouterr().err
-    assert left.value.code == 2
+    assert exit_info.value.code == 2
     assert message.startswith(usage)
     assert message.endswith(f"\n{error}\n")
 

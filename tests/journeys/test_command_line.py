@@ -115,12 +115,12 @@ def test_a_run_says_first_who_saw_what_and_where_it_goes(
         if "detection_id" in row
     }
     answers = dict(line.split(": ", 1) for line in done.stdout.splitlines()[2 : 2 + len(truth)])
-    first = {}
+    detections = {}
     for event in lines(folder / "events.jsonl"):
-        first.setdefault(ids[event["detection_id"]], event["sensor_id"])
+        detections.setdefault(ids[event["detection_id"]], event["sensor_id"])
     for name, row in truth.items():
         reported = answers[f"{name} ({row['type']})"]
-        assert reported.startswith(f"first seen by {first[name]} after ")
+        assert reported.startswith(f"first seen by {detections[name]} after ")
         # In mid-burn an intercontinental missile may as well be a space launch: then the answer is
         # one of both.
         answers_for = {"ICBM": "(ICBM|SLV)"}.get(row["type"], row["type"])
@@ -157,21 +157,21 @@ def test_many_targets_are_answered_in_few_lines(tmp_path, opir):
 
 @pytest.mark.slow
 def test_a_terminal_sees_progress_and_the_table_stays_clean(tmp_path, pacific):
-    ours, theirs = os.openpty()
+    result, reference = os.openpty()
     try:
         done = subprocess.run(
             [sys.executable, "-m", "opir_core", "run", *SHORT],
             cwd=tmp_path,
             stdout=subprocess.PIPE,
-            stderr=theirs,
+            stderr=reference,
             text=True,
             check=False,
             env={**os.environ, "TERM": "xterm"},
         )
-        os.close(theirs)
-        shown = os.read(ours, 65536).decode()
+        os.close(reference)
+        shown = os.read(result, 65536).decode()
     finally:
-        os.close(ours)
+        os.close(result)
     assert done.returncode == 0, shown
     assert "pacific-test-range" in shown
     assert done.stdout == pacific[1].stdout
@@ -186,9 +186,9 @@ def test_events_hold_no_truth(pacific):
 def test_a_manifest_is_enough_to_repeat_the_run(tmp_path, opir):
     opir("run", FIRST_LIGHT, "--seed", "11", "--set", "sensors[0].scan_period_ms=250", "--quiet")
     manifest = json.loads((tmp_path / "events.manifest.json").read_text(encoding="utf-8"))
-    again = opir_core.simulate(opir_core.scene_from_mapping(manifest["scene"]))
-    assert again.manifest["scene_hash"] == manifest["scene_hash"]
-    assert again.manifest["counts"] == manifest["counts"]
+    repeat = opir_core.simulate(opir_core.scene_from_mapping(manifest["scene"]))
+    assert repeat.manifest["scene_hash"] == manifest["scene_hash"]
+    assert repeat.manifest["counts"] == manifest["counts"]
 
 
 def test_settings_reach_the_run(tmp_path, opir):
@@ -228,12 +228,14 @@ def test_a_reader_that_goes_away_ends_the_run_quietly(tmp_path):
 
 
 def test_validate_says_good_or_all_that_is_wrong(opir):
-    good = opir("validate", PACIFIC)
-    assert (good.returncode, good.stderr) == (0, "")
-    bad = opir("validate", PACIFIC, "--set", "targets[0].launch.lat_deg=134.7", "--set", "sed=3")
-    assert bad.returncode == 2
-    assert "targets[0].launch.lat_deg: 134.7 is outside [-90, 90]" in bad.stderr
-    assert "seed" in bad.stderr
+    valid = opir("validate", PACIFIC)
+    assert (valid.returncode, valid.stderr) == (0, "")
+    invalid = opir(
+        "validate", PACIFIC, "--set", "targets[0].launch.lat_deg=134.7", "--set", "sed=3"
+    )
+    assert invalid.returncode == 2
+    assert "targets[0].launch.lat_deg: 134.7 is outside [-90, 90]" in invalid.stderr
+    assert "seed" in invalid.stderr
 
 
 def test_an_aim_out_of_reach_says_what_the_class_reaches(opir):
@@ -291,13 +293,13 @@ LATE = (
 
 def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir):
     prompt = opir("run", FIRST_LIGHT)
-    late = opir("run", FIRST_LIGHT, *LATE)
+    delayed = opir("run", FIRST_LIGHT, *LATE)
     assert "end to end" not in prompt.stdout
-    head, row = (late.stdout.splitlines()[number] for number in (7, 8))
+    head, row = (delayed.stdout.splitlines()[number] for number in (7, 8))
     assert head.split("  ")[:2] == ["target", "type"]
     assert head.index("end to end s") > head.index("latency s")
     first_s, report_s = map(float, row.split()[3:5])
-    assert f"after {first_s:.3f} s, reported after {report_s:.3f} s" in late.stdout
+    assert f"after {first_s:.3f} s, reported after {report_s:.3f} s" in delayed.stdout
     assert "reported after" not in prompt.stdout
     assert first_s + 2.0 < report_s < first_s + 2.0 + 5.0 + 4 * 1.5
     events = lines(Path("events.jsonl"))

@@ -98,12 +98,12 @@ def run_in(shell, code, home):
     """
     if shutil.which(shell) is None and os.environ.get("OPIR_SHELLS") != "required":
         pytest.skip(f"{shell} is not installed")
-    given = {
+    inputs = {
         name: value
         for name, value in os.environ.items()
         if not name.startswith(("XDG_", "ZDOTDIR"))
     }
-    given["HOME"] = str(home)
+    inputs["HOME"] = str(home)
     return subprocess.run(
-        [shell, "-c", code], capture_output=True, text=True, check=False, timeout=60, env=given
+        [shell, "-c", code], capture_output=True, text=True, check=False, timeout=60, env=inputs
     )

@@ -21,9 +21,9 @@ def browser():
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     settings = CoverageSettings(target_class=None, grid_deg=30.0, steps=5, heights_km=(10.0, 500.0))
-    found = computed_coverage(ROOT / "examples" / "arctic_watch.yaml", settings)
+    result = computed_coverage(ROOT / "examples" / "arctic_watch.yaml", settings)
     path = tmp_path_factory.mktemp("coverage") / "coverage.html"
-    path.write_text(page_of(found, table_rows(found)), encoding="utf-8")
+    path.write_text(page_of(result, table_rows(result)), encoding="utf-8")
     return path
 
 
@@ -41,9 +41,9 @@ def test_every_layer_is_drawn_without_a_network(browser, written, width, scheme)
         viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
     )
     page = context.new_page()
-    said = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
+    messages = []
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
     page.goto(written.as_uri())
     page.wait_for_selector("body[data-ready=in_view]")
     names = page.evaluate(
@@ -61,7 +61,7 @@ def test_every_layer_is_drawn_without_a_network(browser, written, width, scheme)
     page.hover("#canvas", position={"x": width // 3, "y": 60})
     assert "°" in page.text_content("#reading")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert not said
+    assert not messages
     context.close()
 
 

@@ -58,8 +58,8 @@ def test_one_name_of_several_kinds_is_reported_of_each_or_of_one():
         "confidence model",
         "classifier",
     ]
-    (one,) = json.loads(opir("describe", "always", "--kind", "classifier", "--json").stdout)
-    assert one["kind"] == "classifier"
+    (description,) = json.loads(opir("describe", "always", "--kind", "classifier", "--json").stdout)
+    assert description["kind"] == "classifier"
 
 
 def test_a_constellation_has_its_satellites():

@@ -77,11 +77,11 @@ def whole(mapping):
     return compile_plan(read), simulate(read)
 
 
-def assert_same(one, other, turn_deg):
+def assert_same(one, turned_run, turn_deg):
     """Check looks exactly, and all else to the bar: of the Earth's radius, of the circle, of each
     number.
     """
-    (plan, run), (plan_2, run_2) = one, other
+    (plan, run), (plan_2, run_2) = one, turned_run
     assert plan.pairs.looks.tobytes() == plan_2.pairs.looks.tobytes()
     assert plan.pairs.blocked.tobytes() == plan_2.pairs.blocked.tobytes()
     assert len(run.detections) > 400
@@ -104,8 +104,8 @@ def assert_same(one, other, turn_deg):
         close(target_2["impact"]["lat_deg"], target["impact"]["lat_deg"])
 
 
-def close(found, expected, scale=0.0):
-    np.testing.assert_allclose(found, expected, rtol=BAR, atol=BAR * max(scale, 1e-3))
+def close(result, expected, scale=0.0):
+    np.testing.assert_allclose(result, expected, rtol=BAR, atol=BAR * max(scale, 1e-3))
 
 
 @pytest.mark.slow
@@ -153,5 +153,5 @@ def after_sidereal_days(days):
 
 
 def angle_between(first_us, second_us):
-    angles = [float(gmst_rad(np.datetime64(each, "us"))) for each in (first_us, second_us)]
+    angles = [float(gmst_rad(np.datetime64(time_us, "us"))) for time_us in (first_us, second_us)]
     return (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi

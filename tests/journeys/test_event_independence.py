@@ -40,39 +40,39 @@ def whole():
 @pytest.mark.parametrize(
     "window_s", [pytest.param(0.2, marks=pytest.mark.slow), 0.77, 1.0, 13.0, 299.999, None]
 )
-def test_window_sizes_change_no_byte(whole, window_s):
-    assert events(SCENE, window_s) == whole
+def test_window_sizes_change_no_byte(total, window_s):
+    assert events(SCENE, window_s) == total
 
 
-def test_a_run_repeats_itself(whole):
-    assert events(SCENE, 300.0) == whole
+def test_a_run_repeats_itself(total):
+    assert events(SCENE, 300.0) == total
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 3])
-def test_one_more_sensor_leaves_the_other_sensors_events_alone(whole, place):
+def test_one_more_sensor_leaves_the_other_sensors_events_alone(total, place):
     newcomer = {"model": "DSP", "id": "NEW", "orbital_slot_deg": -120.0, "scan_phase": "random"}
     sensors = [*SCENE["sensors"][:place], newcomer, *SCENE["sensors"][place:]]
     lines = events({**SCENE, "sensors": sensors}).splitlines(keepends=True)
-    kept = [line for line in lines if json.loads(line)["sensor_id"] != "NEW"]
-    assert len(kept) < len(lines)
-    assert b"".join(kept) == whole
+    stored = [line for line in lines if json.loads(line)["sensor_id"] != "NEW"]
+    assert len(stored) < len(lines)
+    assert b"".join(stored) == total
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 1, 3])
-def test_one_more_target_leaves_the_other_targets_events_alone(whole, place):
+def test_one_more_target_leaves_the_other_targets_events_alone(total, place):
     newcomer = {**SCENE["targets"][0], "id": "NEW", "aim": {"lat_deg": 4.0, "lon_deg": 160.0}}
     targets = [*SCENE["targets"][:place], newcomer, *SCENE["targets"][place:]]
     scene = {**SCENE, "targets": targets}
     added = of_target(scene, "NEW")
-    kept = [
+    stored = [
         line
         for line in events(scene).splitlines(keepends=True)
         if json.loads(line)["detection_id"] not in added
     ]
     assert added
-    assert b"".join(kept) == whole
+    assert b"".join(stored) == total
 
 
 def of_target(scene, target_id):
@@ -91,7 +91,7 @@ def test_a_longer_scene_begins_with_the_shorter_ones_events():
     assert len(long) > len(short) > 0
 
 
-def test_the_order_of_plugins_changes_no_byte(whole):
+def test_the_order_of_plugins_changes_no_byte(total):
     from importlib import import_module
 
     names = ["opir_nextgen.plugin", "opir_dsp.plugin", "opir_sbirs.plugin"]
@@ -99,7 +99,7 @@ def test_the_order_of_plugins_changes_no_byte(whole):
         host = opir.Host.of(*(import_module(name) for name in order))
         plan = compile_plan(opir.scene_from_mapping(dict(SCENE), host=host), host)
         encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us))
-        assert b"".join(encoder.encode(window) for window in plan_windows(plan)) == whole
+        assert b"".join(encoder.encode(window) for window in plan_windows(plan)) == total
 
 
 def test_streaming_and_whole_runs_agree():

@@ -54,8 +54,8 @@ def test_each_script_of_the_gallery_makes_its_figures(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    made = json.loads(done.stdout.splitlines()[-1])
-    assert made == {
+    loads = json.loads(done.stdout.splitlines()[-1])
+    assert loads == {
         str(script): 1 + script.read_text(encoding="utf-8").count("\n# %%\n") for script in SCRIPTS
     }
 

@@ -63,14 +63,14 @@ def test_every_track_of_a_crowd_has_a_line_in_the_table_of_which_those_in_view_a
         f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}"
     )
     page.locator("#play").click()  # no new tracks while lines are counted
-    found = page.evaluate(LINES)
-    assert len(found["ids"]) == page.evaluate("opirMap.drawn.tracks")
-    assert found["ids"] == sorted(set(found["ids"]))
-    assert set(range(1000, 1000 + COUNT)) <= set(found["ids"])
-    assert found["ids"] == [int(text) for text in found["texts"]]
-    assert found["places"] == list(range(2, 2 + len(found["ids"])))
-    assert found["most"] < 60  # a screen of 900 pixels and what is around it
-    assert max(found["heights"]) - min(found["heights"]) <= 1  # whole pixels of one height
+    result = page.evaluate(LINES)
+    assert len(result["ids"]) == page.evaluate("opirMap.drawn.tracks")
+    assert result["ids"] == sorted(set(result["ids"]))
+    assert set(range(1000, 1000 + COUNT)) <= set(result["ids"])
+    assert result["ids"] == [int(text) for text in result["texts"]]
+    assert result["places"] == list(range(2, 2 + len(result["ids"])))
+    assert result["most"] < 60  # a screen of 900 pixels and what is around it
+    assert max(result["heights"]) - min(result["heights"]) <= 1  # whole pixels of one height
 
 
 @pytest.mark.slow
@@ -80,7 +80,7 @@ def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page):
     )
     page.locator("#play").click()
     page.locator("#track-rows button").first.focus()
-    first = int(page.evaluate("document.activeElement.textContent"))
+    number = int(page.evaluate("document.activeElement.textContent"))
     for _ in range(50):
         page.keyboard.press("Tab")
         page.evaluate(
@@ -89,7 +89,7 @@ def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page):
     numbers = page.evaluate("[...opirStore.tracks.keys()].sort((one, other) => one - other)")
     assert (
         int(page.evaluate("document.activeElement.textContent"))
-        == numbers[numbers.index(first) + 50]
+        == numbers[numbers.index(number) + 50]
     )
 
 

@@ -31,7 +31,7 @@ def browser():
 
 @pytest.mark.slow
 def test_a_launch_by_the_form_is_detected_and_tracked(browser, stand):
-    page, complaints, asked = opened(browser, stand.port, 1280, "light")
+    page, complaints, requests = opened(browser, stand.port, 1280, "light")
     page.get_by_label("Type").select_option("IRBM")
     page.get_by_label("Latitude").first.fill("22.0")
     page.get_by_label("Longitude").first.fill("-160.0")
@@ -45,7 +45,7 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser, stand):
     page.get_by_role("button", name="Launch", exact=True).click()
     expect(page.locator("#answer")).to_have_class("bad")
     assert not complaints
-    assert {url.split("/")[2] for url in asked} == {f"127.0.0.1:{stand.port}"}
+    assert {url.split("/")[2] for url in requests} == {f"127.0.0.1:{stand.port}"}
     page.context.close()
 
 
@@ -141,13 +141,13 @@ def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(browser, stan
         f"() => {{ opirStore.addTrack({json.dumps(weighed)});"
         f" opirStore.addTrack({json.dumps(plain)}); }}"
     )
-    row, other = (
+    row, second_row = (
         page.locator(f"#track-rows tr[data-track='{number}'] td") for number in (900, 901)
     )
     expect(row.nth(1)).to_have_text("ICBM 0.90", timeout=PATIENCE_MS)
     expect(row.nth(2)).to_have_text("> 0.99")
-    expect(other.nth(1)).to_have_text("ICBM")
-    expect(other.nth(2)).to_have_text("–")
+    expect(second_row.nth(1)).to_have_text("ICBM")
+    expect(second_row.nth(2)).to_have_text("–")
     assert page.locator("#track-table thead th").count() == row.count() == 12
     page.locator("#track-rows tr[data-track='900'] button").click()
     details = page.locator("#picked")
@@ -214,18 +214,19 @@ def contrast(page):
         ("ink", "ground"),
         ("on-button", "button"),
     ]
-    return min(ratio(colours[one], colours[other]) for one, other in pairs)
+    return min(ratio(colours[text], colours[ground]) for text, ground in pairs)
 
 
-def ratio(one, other):
-    light, dark = sorted((luminance(one), luminance(other)), reverse=True)
+def ratio(colour, ground):
+    light, dark = sorted((luminance(colour), luminance(ground)), reverse=True)
     return (light + 0.05) / (dark + 0.05)
 
 
 def luminance(colour):
-    parts = [part / 255 for part in colour[:3]]
+    channels = [channel / 255 for channel in colour[:3]]
     linear = [
-        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+        channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4
+        for channel in channels
     ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 

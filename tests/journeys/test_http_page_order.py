@@ -27,18 +27,18 @@ def stand(tmp_path_factory):
         yield running
 
 
-def track(number, ago_s, **own):
+def track(number, ago_s, **fields):
     """Return an estimate of a track, with the seconds since it in place of its time."""
     types = {"ICBM": 0.9, "IRBM": 0.04, "SRBM": 0.04, "UNKNOWN": 0.02}
     place = {"latitude_deg": 10.0, "longitude_deg": -150.0 + number, "altitude_m": 1e3 * number}
     nothing = dict.fromkeys(("launch_point", "impact_point", "probability_launch", "end"))
-    rest = {
+    remainder = {
         "probability_burning": 0.5,
         "type_probability": types,
         "impact_regions": [],
         "hypotheses": None,
     }
-    return {"track_id": number, "ago_s": ago_s, **place, **nothing, **rest, **own}
+    return {"track_id": number, "ago_s": ago_s, **place, **nothing, **remainder, **fields}
 
 
 def shown(page, tracks):
@@ -115,7 +115,7 @@ def test_a_selected_track_has_its_history_and_region(browser, stand):
         "effective_samples": 500.0,
     }
     geometry = {"type": "Polygon", "coordinates": [ring]}
-    made = [
+    tracks = [
         track(
             7, ago, hypotheses={"ICBM": share, "SLV": 1.0 - share}, probability_launch=0.9,
             impact_point={"lat_deg": 10.0, "lon_deg": -150.0, "time": None, "method": "posterior", "ellipse": None},
@@ -123,7 +123,7 @@ def test_a_selected_track_has_its_history_and_region(browser, stand):
         )
         for ago, share, area in ((30.0, 0.5, 4e6), (20.0, 0.7, 4e5), (1.0, 0.9, 48_000.0))
     ]  # fmt: skip
-    shown(page, made)
+    shown(page, tracks)
     page.locator("#track-rows tr[data-track='7'] button").click()
     label = "History: P(ICBM) 0.90; 95 % area, log 48,000 km²; Altitude 7 km"
     expect(page.locator("#history")).to_have_attribute("aria-label", label, timeout=PATIENCE_MS)

@@ -89,15 +89,17 @@ def test_the_service_keeps_to_its_document_whatever_it_is_asked(stand, tmp_path)
 @pytest.mark.slow
 def test_the_service_keeps_to_its_document_along_the_links_of_its_answers(stand, tmp_path):
     reported = examined(stand, tmp_path, "stateful", *STEPS, "--max-examples", str(SCENARIOS))
-    found = re.search(r"API Links: +(\d+) covered / (\d+) selected", reported)
-    assert found, reported
-    assert int(found[2]) >= links()
-    assert int(found[1]) >= 3, reported
+    result = re.search(r"API Links: +(\d+) covered / (\d+) selected", reported)
+    assert result, reported
+    assert int(result[2]) >= links()
+    assert int(result[1]) >= 3, reported
 
 
 def links():
     """Return how many links the document has."""
-    operations = [each for item in document()["paths"].values() for each in item.values()]
+    operations = [operation for item in document()["paths"].values() for operation in item.values()]
     return sum(
-        len(answer.get("links", {})) for each in operations for answer in each["responses"].values()
+        len(answer.get("links", {}))
+        for operation in operations
+        for answer in operation["responses"].values()
     )

@@ -17,7 +17,7 @@ from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 
 from opir_core.scene import core_hypotheses
 
-HYPOTHESES = tuple(each.name for each in core_hypotheses())
+HYPOTHESES = tuple(core_hypothese.name for core_hypothese in core_hypotheses())
 LAUNCH = (34.73, -120.57)
 AIM = (32.0, -124.0)
 
@@ -88,7 +88,7 @@ def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended():
     over = stub_regions(
         9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
     )
-    again = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
+    relights = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
     reported = stub_estimates(
         2,
         track=[0, 1],
@@ -96,20 +96,20 @@ def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended():
             stub_hypotheses(ICBM=0.9, SLV=0.05),
             np.full(len(HYPOTHESES), np.nan),
         ],
-        impact_regions=[(*over, *again), over],
+        impact_regions=[(*over, *relights), over],
         end=[0, 3],
     )
-    first, second = json.loads(
+    track, second = json.loads(
         msgspec.json.encode(TrackDocuments(0, hypotheses=HYPOTHESES).take(reported))
     )["tracks"]
-    validate({"tracks": [first, second]})
-    assert list(first["hypotheses"]) == list(HYPOTHESES)
-    assert (first["hypotheses"]["ICBM"], first["hypotheses"]["none of these"]) == (0.9, 0.05)
-    sums = [first[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
-    assert (sums, first["end"]) == ([0.95, 0.9, 0.05, 0.875], None)
+    validate({"tracks": [track, second]})
+    assert list(track["hypotheses"]) == list(HYPOTHESES)
+    assert (track["hypotheses"]["ICBM"], track["hypotheses"]["none of these"]) == (0.9, 0.05)
+    sums = [track[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
+    assert (sums, track["end"]) == ([0.95, 0.9, 0.05, 0.875], None)
     figures = [
-        [each[name] for name in ("condition", "probability", "effective_samples")]
-        for each in first["impact_regions"]
+        [impact_region[name] for name in ("condition", "probability", "effective_samples")]
+        for impact_region in track["impact_regions"]
     ]
     assert figures == [["burn over", 0.75, 500.0]] * 3 + [["relights", 0.125, None]] * 3
     assert (
@@ -157,9 +157,9 @@ def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_a
             [track[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")]
         )
     assert "trail" not in documents.latest(1)[0]
-    found = json.loads(msgspec.json.encode(documents.latest(1, trail=True)))
-    validate({"tracks": found})
-    trail = found[0]["trail"]
+    result = json.loads(msgspec.json.encode(documents.latest(1, trail=True)))
+    validate({"tracks": result})
+    trail = result[0]["trail"]
     assert len(trail) <= TRAIL
     assert trail[-TRAIL // 4 :] == reported[-TRAIL // 4 :]
     assert [position for position in reported if position in trail] == trail
@@ -202,11 +202,11 @@ def streamed_track(port):
 
 def away_km(point, place):
     """Return the great-circle distance, haversine formula, on a sphere of 6371 km."""
-    first = math.radians(point["lat_deg"])
+    latitude = math.radians(point["lat_deg"])
     second = math.radians(place[0])
     across = math.radians(point["lon_deg"] - place[1])
     half = (
-        math.sin((second - first) / 2) ** 2
-        + math.cos(first) * math.cos(second) * math.sin(across / 2) ** 2
+        math.sin((second - latitude) / 2) ** 2
+        + math.cos(latitude) * math.cos(second) * math.sin(across / 2) ** 2
     )
     return 2 * 6371.0 * math.asin(math.sqrt(half))

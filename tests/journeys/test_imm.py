@@ -54,11 +54,11 @@ def whole():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("window_s", [0.37, 1.0, 7.0])
-def test_window_sizes_change_no_bit(whole, window_s):
+def test_window_sizes_change_no_bit(total, window_s):
     tracks, labels = tracks_of(SCENE, window_s)
-    assert np.array_equal(labels, whole[1])
-    assert np.array_equal(tracks.state, whole[0].state)
-    assert np.array_equal(tracks.state_covariance, whole[0].state_covariance)
+    assert np.array_equal(labels, total[1])
+    assert np.array_equal(tracks.state, total[0].state)
+    assert np.array_equal(tracks.state_covariance, total[0].state_covariance)
 
 
 @pytest.mark.slow
@@ -70,17 +70,17 @@ def test_each_target_has_one_track_near_the_truth(tracker):
     for number in np.unique(run.tracks.track):
         assert len(np.unique(run.truth.target[labelled & (run.detections.track == number)])) == 1
     trajectories = compile_plan(opir.scene_from_mapping(dict(SCENE))).targets
-    last = run.tracks.take(run.tracks.tick_s == 40.0)
+    final = run.tracks.take(run.tracks.tick_s == 40.0)
     truth = trajectories.position_ecef_m(np.array([0, 1], dtype=np.int32), np.full(2, 40.0))
-    apart = np.linalg.norm(last.state[:, None, :3] - truth[None], axis=2)
-    nearest = np.argmin(apart, axis=1)
+    separation = np.linalg.norm(final.state[:, None, :3] - truth[None], axis=2)
+    nearest = np.argmin(separation, axis=1)
     assert sorted(nearest.tolist()) == [0, 1]
-    error = last.state[:, :3] - truth[nearest]
+    error = final.state[:, :3] - truth[nearest]
     distance = np.einsum(
-        "ni,nij,nj->n", error, np.linalg.inv(last.state_covariance[:, :3, :3]), error
+        "ni,nij,nj->n", error, np.linalg.inv(final.state_covariance[:, :3, :3]), error
     )
     assert np.all(distance < 21.1), "99.99 % of a chi-squared of three"
-    assert np.all(apart[[0, 1], nearest] < 1000.0)
+    assert np.all(separation[[0, 1], nearest] < 1000.0)
 
 
 def test_one_sensor_alone_is_honest_about_the_depth():

@@ -337,18 +337,18 @@ def test_the_disk_is_full_and_the_broker_away(broker, spool):
     database._database.execute(f"PRAGMA max_page_count = {pages + 300}")
     with pytest.raises(SinkError, match=r"is full, with \d+ events that wait: no broker answers"):
         fill(sink, 1000, 100, 0, 0.0)
-    kept = closed(sink).spooled
-    assert kept >= 1000
+    stored = closed(sink).spooled
+    assert stored >= 1000
     assert closed(kafka_sink(broker.address, topic, spool)) == Delivery(
-        delivered=kept, recovered=kept
+        delivered=stored, recovered=stored
     )
-    examine(broker, topic, kept)
+    examine(broker, topic, stored)
 
 
 def test_the_clock_jumps(broker, spool, monkeypatch):
-    now = time.time()
+    time_s = time.time()
     jumps = random.Random(3)
-    monkeypatch.setattr(time, "time", lambda: now + jumps.uniform(-1e6, 1e6))
+    monkeypatch.setattr(time, "time", lambda: time_s + jumps.uniform(-1e6, 1e6))
     topic = broker.topic()
     sink = kafka_sink(broker.address, topic, spool)
     fill(sink, 10, 20, 0, 0.01)
@@ -360,9 +360,9 @@ def test_the_clock_jumps(broker, spool, monkeypatch):
 
 def test_of_two_sinks_one_is_dead(broker, tmp_path):
     topic = broker.topic()
-    other = broker.topic()
+    second_topic = broker.topic()
     sinks = {
-        "dead": kafka_sink(dead_address(), other, tmp_path / "dead", brief()),
+        "dead": kafka_sink(dead_address(), second_topic, tmp_path / "dead", brief()),
         "alive": kafka_sink(broker.address, topic, tmp_path / "alive"),
     }
     with SinkGroup(sinks) as outlets:
@@ -371,9 +371,9 @@ def test_of_two_sinks_one_is_dead(broker, tmp_path):
     dead, alive = outlets.report().sinks
     assert (dead.spooled, dead.error) == (400, None)
     assert (alive.delivered, alive.error) == (400, None)
-    assert closed(kafka_sink(broker.address, other, tmp_path / "dead")).delivered == 400
-    for each in (topic, other):
-        examine(broker, each, 400)
+    assert closed(kafka_sink(broker.address, second_topic, tmp_path / "dead")).delivered == 400
+    for name in (topic, second_topic):
+        examine(broker, name, 400)
 
 
 def test_without_a_spool_what_is_lost_is_counted(spool):
@@ -387,14 +387,14 @@ def test_without_a_spool_what_is_lost_is_counted(spool):
 @pytest.mark.slow
 def test_the_process_is_killed_at_20_moments(broker, tmp_path):
     topic = broker.topic()
-    first = killed_at_random(
+    start = killed_at_random(
         "kafka_broker", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic
     )
-    rest = kafka_sink(broker.address, topic, tmp_path / "spool")
-    rest.write(window(7, first))  # the window whose writing was not noted may have been taken
-    reported_last = closed(rest)
+    remainder = kafka_sink(broker.address, topic, tmp_path / "spool")
+    remainder.write(window(7, start))  # the window whose writing was not noted may have been taken
+    reported_last = closed(remainder)
     assert (reported_last.spooled, reported_last.dropped) == (0, 0)
-    examine(broker, topic, first + 7)
+    examine(broker, topic, start + 7)
 
 
 def test_there_are_sensors_for_every_partition():
@@ -434,9 +434,9 @@ def test_what_is_acknowledged_of_a_batch_is_not_sent_again(mock, spool):
     assert 0 < reported.delivered < events
     assert reported.delivered + reported.spooled == events
     time.sleep(1.0)
-    again = closed(kafka_sink(mock.address, topic, spool))
-    assert again == Delivery(delivered=reported.spooled, recovered=reported.spooled)
-    found = messages(mock.address, topic)
-    assert len({json.loads(each.value())["detection_id"] for each in found}) == events
+    repeat = closed(kafka_sink(mock.address, topic, spool))
+    assert repeat == Delivery(delivered=reported.spooled, recovered=reported.spooled)
+    result = messages(mock.address, topic)
+    assert len({json.loads(message.value())["detection_id"] for message in result}) == events
     # What was under way at the end may arrive twice: one batch of the broker's, not all.
-    assert len(found) <= events + events // 3
+    assert len(result) <= events + events // 3

@@ -52,9 +52,9 @@ PARTS = {
 }
 
 
-def error_of(part, deed):
+def error_of(component, deed):
     """Return the message of a run with a component that misbehaves."""
-    hook, sound, method, changes = part
+    hook, sound, method, changes = component
     host = rogue_host(hook, sound, method, deed)
     with pytest.raises(ModelError) as refused:
         opir.simulate(scene_from_mapping(mapping(**changes), host=host), host)
@@ -167,8 +167,8 @@ WRONG = {
 @pytest.mark.slow
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_result_names_the_plugin_the_method_and_the_remedy(case):
-    part, deed, words = WRONG[case]
-    reported = error_of(part, deed)
+    component, deed, words = WRONG[case]
+    reported = error_of(component, deed)
     assert "'rogue' of plugin rogue" in reported
     assert words in reported, reported
     assert reported.endswith("`opir check rogue` shows what is required")

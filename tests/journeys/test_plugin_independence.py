@@ -133,15 +133,15 @@ def results(scene):
     return events, json.dumps(run_manifest(plan, tally.counts()), sort_keys=True)
 
 
-def orders(needed, others):
+def orders(needed, plugins):
     """Yield what is installed, in order: the least, each pair in both orders, and by chance."""
-    everything = [*needed, *others]
+    everything = [*needed, *plugins]
     yield from (list(needed), everything, everything[::-1])
     rng = random.Random(20260401)
     for _ in range(2):
-        chosen = [*needed, *(other for other in others if rng.random() < 0.5)]
-        rng.shuffle(chosen)
-        yield chosen
+        selected = [*needed, *(plugin for plugin in plugins if rng.random() < 0.5)]
+        rng.shuffle(selected)
+        yield selected
 
 
 @pytest.mark.slow

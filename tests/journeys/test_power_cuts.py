@@ -94,9 +94,9 @@ class Stage:
     def arguments(self, number, disk=None):
         """Return the arguments of the command with the files before, 1, or the new ones, 2."""
         places = {"scene": "scene.yaml", "ephemeris": f"states{number}.csv", "run": f"run{number}"}
-        given = {key: self.scratch / name for key, name in places.items()}
+        inputs = {key: self.scratch / name for key, name in places.items()}
         return self._command.format(
-            **given, disk=disk or self.disk, number=number, period=PERIOD
+            **inputs, disk=disk or self.disk, number=number, period=PERIOD
         ).split()
 
 
@@ -107,9 +107,9 @@ def stage(tmp_path):
 
 def recorded(stage):
     """Return what the command does that makes the new files, and the files before and after."""
-    before = contents(stage.disk)
+    contents_before = contents(stage.disk)
     recording = record(stage.disk, PROGRAM, stage.scratch, stage.disk, *stage.arguments(2))
-    return recording, before, contents(stage.disk)
+    return recording, contents_before, contents(stage.disk)
 
 
 def require_old_or_new(stage, interrupted):
@@ -117,16 +117,18 @@ def require_old_or_new(stage, interrupted):
     before were.
     """
     recording, old, new = recorded(stage)
-    known = parts(stage.disk)
+    files = parts(stage.disk)
     found_new = set[bool]()
     for cut in interrupted(recording):
         place = cut.make(stage.scratch / "cut")
         finish(place)
-        found = contents(place)
-        assert found in (old, new), f"cut {cut.seed} after call {cut.calls}"
-        assert parts(place).items() <= known.items()
-        assert found == new or not cut.notes, f"cut {cut.seed}: undone after the end of the command"
-        found_new.add(found == new)
+        result = contents(place)
+        assert result in (old, new), f"cut {cut.seed} after call {cut.calls}"
+        assert parts(place).items() <= files.items()
+        assert result == new or not cut.notes, (
+            f"cut {cut.seed}: undone after the end of the command"
+        )
+        found_new.add(result == new)
     return found_new
 
 
@@ -136,9 +138,11 @@ def require_resumable(stage, seeds):
     for cut in power_cuts(recording, seeds):
         place = cut.make(stage.scratch / "cut")
         assert main(stage.arguments(2, place)) == 0
-        found = contents(place)
+        result = contents(place)
         different = {
-            path for path in new if found[path] != new[path] and not path.endswith(".manifest.json")
+            path
+            for path in new
+            if result[path] != new[path] and not path.endswith(".manifest.json")
         }
         assert not different, f"cut {cut.seed} after call {cut.calls}"
 

@@ -66,8 +66,8 @@ class Viewer(threading.Thread):
         try:
             connection.request("GET", "/stream")
             response = connection.getresponse()
-            while part := response.read1(1 << 16):
-                self._received += part
+            while chunk := response.read1(1 << 16):
+                self._received += chunk
         except (ConnectionError, http.client.HTTPException):
             return
         finally:
@@ -76,8 +76,8 @@ class Viewer(threading.Thread):
     def ids(self):
         """Return the ids of all detections that came whole."""
         return {
-            found.decode()
-            for found in re.findall(rb'"detection_id":"([0-9a-f-]{36})"', bytes(self._received))
+            result.decode()
+            for result in re.findall(rb'"detection_id":"([0-9a-f-]{36})"', bytes(self._received))
         }
 
 
@@ -102,7 +102,7 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse, tmp_p
     lines = tmp_path / "lines"
     scene.write_text(SCENE.replace("DURATION", "40"), encoding="utf-8")
     rng = random.Random(KILLS)
-    seen = []
+    viewed = []
     with kafka_broker.broker() as broker:
         topic = broker.topic()
         kafka = {"bootstrap_servers": broker.address, "topic": topic, **kafka_broker.BRISK}
@@ -131,7 +131,7 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse, tmp_p
             if life < KILLS:
                 killed(number)
                 viewer.join()
-                seen.append(viewer.ids())
+                viewed.append(viewer.ids())
         until(
             lambda: all(
                 sink["delivered"] > sink["recovered"] for sink in status(viewer.port)["sinks"]
@@ -144,11 +144,14 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse, tmp_p
         )
         carried = [message.value() for message in messages(broker.address, topic)]
     host = Host.discover()
-    delivered = [list(map(json.loads, each)) for each in (lines.read_bytes().splitlines(), carried)]
-    for life, ids in enumerate(seen):
-        wanted = batch(scene, life, host)
-        assert all(arrived_in_order(events, wanted) >= ids for events in delivered)
-    assert all(seen)
+    delivered = [
+        list(map(json.loads, lines_of_sink))
+        for lines_of_sink in (lines.read_bytes().splitlines(), carried)
+    ]
+    for life, ids in enumerate(viewed):
+        expected = batch(scene, life, host)
+        assert all(arrived_in_order(events, expected) >= ids for events in delivered)
+    assert all(viewed)
 
 
 @pytest.mark.slow
@@ -168,10 +171,10 @@ def test_a_run_that_is_killed_and_started_again_is_whole(nurse, tmp_path):
         killed(number) if is_alive(number) else None
     number = nurse.born(log, *words)
     until(lambda: not is_alive(number))
-    wanted = batch(scene, 5, Host.discover())
-    assert len(wanted) > 1000
-    arrived = arrived_in_order(list(map(json.loads, lines.read_bytes().splitlines())), wanted)
-    assert arrived == {event["detection_id"] for event in wanted}
+    expected = batch(scene, 5, Host.discover())
+    assert len(expected) > 1000
+    arrived = arrived_in_order(list(map(json.loads, lines.read_bytes().splitlines())), expected)
+    assert arrived == {event["detection_id"] for event in expected}
 
 
 def batch(scene, seed, host):
@@ -184,16 +187,16 @@ def batch(scene, seed, host):
     return [json.loads(line) for line in lines.splitlines()]
 
 
-def arrived_in_order(events, wanted):
+def arrived_in_order(events, expected):
     """Return the ids of a run's events that arrived; of each sensor, they are its first, in their
     order, unchanged.
     """
-    whole = {event["detection_id"]: event for event in wanted}
-    events = [event for event in events if event["detection_id"] in whole]
-    assert all(whole[event["detection_id"]] == event for event in events)
+    total = {event["detection_id"]: event for event in expected}
+    events = [event for event in events if event["detection_id"] in total]
+    assert all(total[event["detection_id"]] == event for event in events)
     arrived = dict.fromkeys(event["detection_id"] for event in events)
-    for sensor in {event["sensor_id"] for event in wanted}:
-        ours = [event["detection_id"] for event in wanted if event["sensor_id"] == sensor]
-        came = [name for name in arrived if whole[name]["sensor_id"] == sensor]
-        assert ours[: len(came)] == came
+    for sensor in {event["sensor_id"] for event in expected}:
+        result = [event["detection_id"] for event in expected if event["sensor_id"] == sensor]
+        came = [name for name in arrived if total[name]["sensor_id"] == sensor]
+        assert result[: len(came)] == came
     return set(arrived)

@@ -21,16 +21,16 @@ def assert_sound(covariance, where):
     """Fail where covariances (n, d, d) are neither positive definite, each scaled to a unit
     diagonal, nor all nan.
     """
-    known = np.isfinite(covariance).all(axis=(1, 2))
-    assert np.isnan(covariance[~known]).all(), where
-    some = covariance[known]
-    assert np.array_equal(some, some.transpose(0, 2, 1)), where
-    variance = np.diagonal(some, axis1=1, axis2=2)
+    rows = np.isfinite(covariance).all(axis=(1, 2))
+    assert np.isnan(covariance[~rows]).all(), where
+    matrices = covariance[rows]
+    assert np.array_equal(matrices, matrices.transpose(0, 2, 1)), where
+    variance = np.diagonal(matrices, axis1=1, axis2=2)
     assert (variance > 0.0).all(), where
     sigma = np.sqrt(variance)
-    assert np.linalg.eigvalsh(some / sigma[:, :, None] / sigma[:, None]).min(initial=1.0) > -1e-9, (
-        where
-    )
+    assert (
+        np.linalg.eigvalsh(matrices / sigma[:, :, None] / sigma[:, None]).min(initial=1.0) > -1e-9
+    ), where
 
 
 def assert_all_sound(tracks, is_arc):

@@ -57,8 +57,8 @@ def one(tmp_path_factory):
     """Return a broker with a listener that asks for a login and checks permissions."""
     if kafka_cluster.why_absent():
         pytest.skip(kafka_cluster.why_absent())
-    with kafka_cluster.cluster(tmp_path_factory.mktemp("one"), **ONE_NODE) as made:
-        yield made
+    with kafka_cluster.cluster(tmp_path_factory.mktemp("one"), **ONE_NODE) as cluster:
+        yield cluster
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +68,8 @@ def three(tmp_path_factory):
     """
     if kafka_cluster.why_absent():
         pytest.skip(kafka_cluster.why_absent())
-    with kafka_cluster.cluster(tmp_path_factory.mktemp("three"), 3) as made:
-        yield made
+    with kafka_cluster.cluster(tmp_path_factory.mktemp("three"), 3) as cluster:
+        yield cluster
 
 
 @pytest.fixture
@@ -87,8 +87,8 @@ def login(monkeypatch):
 
 def let_in(admin):
     """Make the user opir."""
-    known = ScramCredentialInfo(ScramMechanism.SCRAM_SHA_512, 4096)
-    change = UserScramCredentialUpsertion("opir", known, PASSWORD.encode())
+    credential = ScramCredentialInfo(ScramMechanism.SCRAM_SHA_512, 4096)
+    change = UserScramCredentialUpsertion("opir", credential, PASSWORD.encode())
     for done in admin.alter_user_scram_credentials([change]).values():
         done.result(30.0)
 
@@ -103,8 +103,8 @@ def shut_out(admin):
 
 
 def permission(topic):
-    parts = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
-    return AclBinding(*parts, AclOperation.WRITE, AclPermissionType.ALLOW)
+    resource = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
+    return AclBinding(*resource, AclOperation.WRITE, AclPermissionType.ALLOW)
 
 
 def permit(admin, topic):
@@ -114,9 +114,9 @@ def permit(admin, topic):
 
 def forbid(admin, topic):
     """Take the login's permission to write to a topic, or to any."""
-    parts = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
-    every = AclBindingFilter(*parts, AclOperation.ANY, AclPermissionType.ANY)
-    for done in admin.delete_acls([every]).values():
+    resource = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
+    acl_filter = AclBindingFilter(*resource, AclOperation.ANY, AclPermissionType.ANY)
+    for done in admin.delete_acls([acl_filter]).values():
         done.result(30.0)
 
 
@@ -192,10 +192,10 @@ def test_a_login_is_refused_until_what_it_lacks_is_given(one, spool, login, lack
 
 def test_a_permission_is_missing_given_taken_and_given_back(one, spool, login):
     topic = one.topic()
-    other = one.topic()
+    second_topic = one.topic()
     admin = one.admin()
     let_in(admin)
-    permit(admin, other)  # who may write to no topic at all gets no producer's number
+    permit(admin, second_topic)  # who may write to no topic at all gets no producer's number
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
     sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
     fill(sink, 5, 20, 0, 0.0)
@@ -251,9 +251,9 @@ def test_the_topic_is_made_late(one, spool):
 
 def test_the_topic_is_made_anew_with_fewer_partitions(one, spool):
     name = one.topic(3)
-    first = kafka_sink(one.address, name, spool)
-    fill(first, 5, 20, 0, 0.0)
-    assert closed(first) == Delivery(delivered=100)
+    sink = kafka_sink(one.address, name, spool)
+    fill(sink, 5, 20, 0, 0.0)
+    assert closed(sink) == Delivery(delivered=100)
     one.admin().delete_topics([name])[name].result(60.0)
     until(lambda: name not in one.admin().list_topics(timeout=10.0).topics)
     one.topic(1, name=name)
@@ -309,8 +309,8 @@ def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(one, spool
 
 def test_a_quota_slows_and_loses_nothing(one, spool):
     topic = one.topic()
-    who = ("--entity-type", "clients", "--entity-name", "slow")
-    words = ("--bootstrap-server", one.address, "--alter", *who)
+    client = ("--entity-type", "clients", "--entity-name", "slow")
+    words = ("--bootstrap-server", one.address, "--alter", *client)
     kafka_cluster.java(
         "kafka.admin.ConfigCommand", *words, "--add-config", "producer_byte_rate=60000"
     )
@@ -328,7 +328,7 @@ def test_a_quota_slows_and_loses_nothing(one, spool):
 
 def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one, spool):
     topic = one.topic(4)
-    found = defaultdict(list)
+    result = defaultdict(list)
     stop = threading.Event()
     group = f"group-{time.time_ns()}"
 
@@ -344,7 +344,7 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one, spo
         while not until_stopped.is_set():
             message = consumer.poll(0.2)
             if message is not None and message.error() is None:
-                found[message.partition()].append((message.offset(), message.value()))
+                result[message.partition()].append((message.offset(), message.value()))
                 consumer.commit(message, asynchronous=False)
         consumer.close()
 
@@ -362,7 +362,7 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one, spo
     assert closed(sink) == Delivery(delivered=800)
 
     def ids():
-        values = (value for rows in found.values() for _, value in rows)
+        values = (value for rows in result.values() for _, value in rows)
         return {json.loads(value)["detection_id"] for value in values}
 
     try:
@@ -401,7 +401,7 @@ def test_a_rolling_restart_loses_nothing(three, spool):
         node.start()
         three.wait_for_brokers(3)
         until(
-            lambda: all(len(part.isrs) == 3 for part in three.partitions(topic).values()),
+            lambda: all(len(partition.isrs) == 3 for partition in three.partitions(topic).values()),
             within_s=120.0,
         )
     until(lambda: sink.delivery_so_far().delivered == 1800, within_s=120.0)

@@ -29,15 +29,15 @@ def test_the_report_opens_without_a_network(browser, report, width, scheme):
         viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
     )
     page = context.new_page()
-    said = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
+    messages = []
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
     page.on(
         "request",
-        lambda request: said.append(request.url) if request.url != report.as_uri() else None,
+        lambda request: messages.append(request.url) if request.url != report.as_uri() else None,
     )
     page.goto(report.as_uri())
-    assert not said
+    assert not messages
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     ink, paper = page.evaluate(
         "[getComputedStyle(document.documentElement).color, _paper()]".replace("_paper()", _PAPER)
@@ -54,7 +54,7 @@ _PAPER = "getComputedStyle(document.documentElement).backgroundColor"
 
 def brightness(colour):
     """Return the sum of the parts of `rgb(1, 2, 3)`."""
-    return sum(int(part) for part in colour.removeprefix("rgb(").removesuffix(")").split(","))
+    return sum(int(channel) for channel in colour.removeprefix("rgb(").removesuffix(")").split(","))
 
 
 @pytest.mark.slow

@@ -110,11 +110,11 @@ def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path
             viewer.settimeout(60.0)
             assert b"event: end" in b"".join(iter(lambda: viewer.recv(65536), b""))
         assert running.process.returncode == 0
-    found = re.search(
+    result = re.search(
         r"(\d+) detections.*\n.*kafka\): 0 delivered, (\d+) spooled, 0 dropped", reported
     )
-    assert found, reported
-    assert int(found[1]) == int(found[2]) == waiting(tmp_path / "spool")
+    assert result, reported
+    assert int(result[1]) == int(result[2]) == waiting(tmp_path / "spool")
 
 
 @pytest.mark.slow
@@ -140,8 +140,8 @@ def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_w
     pipe = tmp_path / "pipe"
     spool = tmp_path / "spool"
     os.mkfifo(pipe)
-    kept = {"path": str(spool), "max_bytes": 1 << 20, "when_full": "wait", "wait_s": 600}
-    outputs = f"outputs=[{{jsonl: {json.dumps({'path': str(pipe), 'spool': kept})}}}]"
+    stored = {"path": str(spool), "max_bytes": 1 << 20, "when_full": "wait", "wait_s": 600}
+    outputs = f"outputs=[{{jsonl: {json.dumps({'path': str(pipe), 'spool': stored})}}}]"
     reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)  # and nobody reads
     try:
         with serving(tmp_path, "--set", outputs, "--speed", "max", "--loop") as running:
@@ -186,8 +186,8 @@ def test_a_service_that_was_paused_for_longer_than_it_may_be_stuck_goes_on(tmp_p
         running.process.send_signal(signal.SIGCONT)
         time.sleep(6.0)
         assert running.process.poll() is None
-        before = running.sink()["given"]
-        until(lambda: running.sink()["given"] > before)
+        events = running.sink()["given"]
+        until(lambda: running.sink()["given"] > events)
         running.terminated()
         assert running.process.returncode == 0
 

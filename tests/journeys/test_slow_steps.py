@@ -25,8 +25,8 @@ def test_a_slow_step_is_reported(is_shown, capsys, monkeypatch):
 def test_a_quick_step_says_nothing_and_leaves_no_thread(capsys):
     from threading import enumerate as threads
 
-    before = threads()
+    running = threads()
     with terminal.slow_notice("reading scene.yaml", is_shown=True):
         pass
     assert not capsys.readouterr().err
-    assert threads() == before
+    assert threads() == running

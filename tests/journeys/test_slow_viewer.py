@@ -22,12 +22,12 @@ def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path):
         while not dropped(running):
             assert time.monotonic() < give_up_at
             received += busy.recv(1 << 20)
-        before = running.ask("GET", "/status", timeout_s=30.0).json
+        status = running.ask("GET", "/status", timeout_s=30.0).json
         busy_for(busy, received, 0.3)
-        after = running.ask("GET", "/status", timeout_s=30.0).json
-        assert after["clock"]["cycle"] > before["clock"]["cycle"]
-        assert after["sinks"][0]["delivered"] > before["sinks"][0]["delivered"]
-        assert after["sinks"][0]["dropped"] == 0
+        final_status = running.ask("GET", "/status", timeout_s=30.0).json
+        assert final_status["clock"]["cycle"] > status["clock"]["cycle"]
+        assert final_status["sinks"][0]["delivered"] > status["sinks"][0]["delivered"]
+        assert final_status["sinks"][0]["dropped"] == 0
         late = bytearray()
         reported = None
         while reported is None:
@@ -40,12 +40,12 @@ def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path):
 
 def viewer(running):
     """Return a connection to the stream, with little room for what is not read."""
-    made = socket.socket()
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)
-    made.settimeout(20.0)
-    made.connect(("127.0.0.1", running.port))
-    made.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
-    return made
+    connection = socket.socket()
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)
+    connection.settimeout(20.0)
+    connection.connect(("127.0.0.1", running.port))
+    connection.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    return connection
 
 
 def dropped(running):

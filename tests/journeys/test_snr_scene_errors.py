@@ -99,7 +99,7 @@ MISTAKES = {
 def test_a_mistake_is_reported_with_its_place_and_the_way_out(name, capsys):
     changes, code, message = MISTAKES[name]
     assert (
-        main(["validate", SCENE, *(part for change in changes for part in ("--set", change))])
+        main(["validate", SCENE, *(word for change in changes for word in ("--set", change))])
         == code
     )
     reported = capsys.readouterr().err
@@ -132,7 +132,7 @@ def test_what_opir_advises_for_a_band_works(capsys):
             [
                 "validate",
                 SCENE,
-                *(part for change in (NARROW, *advice) for part in ("--set", change)),
+                *(word for change in (NARROW, *advice) for word in ("--set", change)),
             ]
         )
         == 0

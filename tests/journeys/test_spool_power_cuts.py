@@ -57,17 +57,17 @@ def require_kept(tmp_path, kind, *, survives, seconds, cuts):
     """Fail if a cut damages or loses more than it may; return the most events lost, and from how
     long before, s.
     """
-    most = 0
+    loss_s = 0
     longest_s = 0.0
     for cut in power_cuts(filled(tmp_path, kind, survives=survives, seconds=seconds), range(cuts)):
-        found = left(cut, cut.make(tmp_path / "cut"), kind)
+        result = left(cut, cut.make(tmp_path / "cut"), kind)
         where = f"cut {cut.seed} after call {cut.calls}"
-        assert found.lost_s <= (0.0 if survives else UNDONE_S), (
-            f"{where}: {len(found.lost)} events lost"
+        assert result.lost_s <= (0.0 if survives else UNDONE_S), (
+            f"{where}: {len(result.lost)} events lost"
         )
-        most = max(most, len(found.lost))
-        longest_s = max(longest_s, found.lost_s)
-    return most, longest_s
+        loss_s = max(loss_s, len(result.lost))
+        longest_s = max(longest_s, result.lost_s)
+    return loss_s, longest_s
 
 
 @pytest.mark.parametrize("kind", ["held", "jsonl"])
@@ -80,8 +80,8 @@ def test_a_power_cut_takes_nothing_from_a_spool_that_survives_it(tmp_path, kind)
 @pytest.mark.parametrize("survives", [True, False])
 @pytest.mark.parametrize("kind", ["held", "jsonl"])
 def test_a_power_cut_takes_at_most_the_last_second_from_a_spool(tmp_path, kind, survives):
-    most, _ = require_kept(tmp_path, kind, survives=survives, seconds=LONG_S, cuts=CUTS)
-    assert survives or most > 0
+    loss_s, _ = require_kept(tmp_path, kind, survives=survives, seconds=LONG_S, cuts=CUTS)
+    assert survives or loss_s > 0
 
 
 def damaged(disk):
@@ -94,7 +94,7 @@ def damaged(disk):
         next(EncodedBatcher(ENCODER, SENSORS).batches(window(20, 20 * number)))
         for number in range(6)
     ]
-    return {each for number, batch in enumerate(batches) if number != 2 for each in ids_in(batch)}
+    return {name for number, batch in enumerate(batches) if number != 2 for name in ids_in(batch)}
 
 
 def cut_off(disk):
@@ -112,11 +112,11 @@ def cut_off(disk):
 )
 def test_a_power_cut_while_a_spool_is_salvaged_loses_no_whole_batch(tmp_path, program, cuts):
     disk = tmp_path / "disk"
-    whole = damaged(disk)
+    total = damaged(disk)
     if program == FINISH:
         cut_off(disk)
     for cut in power_cuts(record(disk, program, tmp_path, disk / SPOOL), range(cuts)):
         place = cut.make(tmp_path / "cut")
         where = f"cut {cut.seed} after call {cut.calls}: {sorted(cut.tree)}"
         salvaged_at_start(place / SPOOL)
-        assert spooled_after(place) >= whole, where
+        assert spooled_after(place) >= total, where

@@ -29,10 +29,10 @@ def opir(folder, *words, closed="", **environment):
 @pytest.mark.parametrize("closed", ["2>&-", ">&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_a_run_whose_streams_are_closed_is_a_run(tmp_path, closed):
     assert opir(tmp_path, "run", SCENE, closed=closed).returncode == 0
-    whole = (tmp_path / "events.jsonl").read_bytes()
+    total = (tmp_path / "events.jsonl").read_bytes()
     (tmp_path / "again").mkdir()
     assert opir(tmp_path / "again", "run", SCENE).returncode == 0
-    assert whole == (tmp_path / "again" / "events.jsonl").read_bytes()
+    assert total == (tmp_path / "again" / "events.jsonl").read_bytes()
 
 
 def test_an_error_has_its_exit_code_where_nobody_reads_it(tmp_path):

@@ -30,10 +30,10 @@ SCENE: dict[str, Any] = {
 TRACKER = ("opir_trackers", "kepler-arc")
 
 
-def ended(folder, part, *words, **changes):
+def ended(folder, component, *words, **changes):
     """Run a command whose component `rogue` hangs; it may take a minute at most."""
     (folder / "scene.yaml").write_text(yaml.safe_dump({**SCENE, **changes}), encoding="utf-8")
-    command = [sys.executable, str(SCRIPT), *part, "hang", *words]
+    command = [sys.executable, str(SCRIPT), *component, "hang", *words]
     return subprocess.run(
         command, cwd=folder, capture_output=True, text=True, timeout=60.0, check=False
     )
@@ -63,9 +63,17 @@ def test_a_run(tmp_path, workers, part, changes, reported):
 
 def test_the_start_of_a_service(tmp_path):
     target = {**SCENE["targets"][0], "model": "rogue"}
-    part = ("opir_target_models", "ballistic", "build")
+    component = ("opir_target_models", "ballistic", "build")
     done = ended(
-        tmp_path, part, "serve", "scene.yaml", "--port", "0", "--dead-after", "2", targets=[target]
+        tmp_path,
+        component,
+        "serve",
+        "scene.yaml",
+        "--port",
+        "0",
+        "--dead-after",
+        "2",
+        targets=[target],
     )
     assert done.returncode == 6
     assert "opir: targets[0]: the target model 'rogue' of " in done.stderr

@@ -46,8 +46,8 @@ def reported(outsider, command, folder):
 def test_every_line_of_the_ten_minutes_is_real(outsider, tmp_path):
     commands = 0
     for block in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
-        parts = COMMAND.split(block)
-        for command, shown in zip(parts[1::2], parts[2::2], strict=True):
+        words = COMMAND.split(block)
+        for command, shown in zip(words[1::2], words[2::2], strict=True):
             assert reported(outsider, command, tmp_path) == shown.strip(), command
             commands += 1
     assert commands >= 10

@@ -233,16 +233,16 @@ def test_what_is_renamed_and_every_folder_that_was_made_is_on_disk(
     monkeypatch.setattr(Path, "replace", renamed)
     if name in ("run", "report"):
         (tmp_path / "out").mkdir()
-    before = {tmp_path, *tmp_path.iterdir()}
+    paths = {tmp_path, *tmp_path.iterdir()}
     WRITERS[name](run, tmp_path / "out")
-    made = [path for path in tmp_path.rglob("*") if path not in before]
-    files = [path for path in made if path.is_file()]
+    new_paths = [path for path in tmp_path.rglob("*") if path not in paths]
+    files = [path for path in new_paths if path.is_file()]
     assert files
     assert not [path for path in files if path.name.endswith(".part")]
     for path in files:
         at = calls.index(("rename", path))
         assert ("sync", path.parent) in calls[at:], f"the name of {path} is not on disk"
-    for folder in (path for path in made if path.is_dir()):
+    for folder in (path for path in new_paths if path.is_dir()):
         assert ("sync", folder.parent) in calls, f"the folder {folder} is not on disk"
 
 
@@ -253,15 +253,15 @@ def killed_at(number, write, monkeypatch):
     child = os.fork()
     if child:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
-    seen = 0
+    calls = 0
 
     def counted(real):
-        def call(*given, **named):
-            nonlocal seen
-            seen += 1
-            if seen == number:
+        def call(*inputs, **named):
+            nonlocal calls
+            calls += 1
+            if calls == number:
                 os._exit(9)
-            return real(*given, **named)
+            return real(*inputs, **named)
 
         return call
 
@@ -290,12 +290,12 @@ def test_a_kill_leaves_the_old_files_or_the_new_ones(run, events, tmp_path, name
     states = list[dict[str, bytes]]()
     object.__setattr__(other.plan.scene, "name", "another")
     page_of(run), page_of(other)
-    for each in (run, other):
+    for state in (run, other):
         place = tmp_path / str(len(states)) / "out"
         place.parent.mkdir()
         if name == "report":
             place.mkdir()
-        WRITERS[name](each, place)
+        WRITERS[name](state, place)
         states.append(contents(place.parent))
     if name == "report":
         path.mkdir()
@@ -307,14 +307,14 @@ def test_a_kill_leaves_the_old_files_or_the_new_ones(run, events, tmp_path, name
         write(run, path)
         if not killed_at(number, lambda: write(other, path), monkeypatch):
             break
-        found = contents(tmp_path / "out") if path.is_dir() else {"out": path.read_bytes()}
+        result = contents(tmp_path / "out") if path.is_dir() else {"out": path.read_bytes()}
         old, new = (
-            {name.removeprefix("out/"): text for name, text in each.items()} for each in states
+            {name.removeprefix("out/"): text for name, text in state.items()} for state in states
         )
-        assert all(found[name] in (old[name], new[name]) for name in old), (
+        assert all(result[name] in (old[name], new[name]) for name in old), (
             f"half a file at call {number}"
         )
-        stages.add(found == old)
+        stages.add(result == old)
     assert stages == {True, False} or name == "parquet"
     assert number > 5
 

@@ -111,7 +111,7 @@ class Stage:
     """
 
     files: list[str]
-    chosen: str
+    selected: str
     left_out: tuple[str, ...] = ()
     collected_only: bool = False
 
@@ -153,25 +153,25 @@ class Work:
 
 def main():
     """Draw the mutants, run their tests and print the survivors."""
-    asked = _arguments()
+    options = _arguments()
     check_libraries()
     packages = packages_of(source_files(ROOT))
     check_installation(ROOT, packages)
-    limits = Limits(asked.test_limit_s, asked.limit_s)
-    work = _work(asked.draws, asked.seed, asked.deselect)
+    limits = Limits(options.test_limit_s, options.limit_s)
+    work = _work(options.draws, options.seed, options.deselect)
     results = list[Result]()
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
         copies = queue.SimpleQueue()
-        for job in range(asked.jobs):
+        for job in range(options.jobs):
             copy = _copy(Path(folder, str(job)).resolve())
             check_installation(copy, packages, _variables(copy))
             copies.put(copy)
-        running = [pool.submit(_result, each, copies, limits) for each in work]
+        running = [pool.submit(_result, task, copies, limits) for task in work]
         for done in as_completed(running):
             results.append(_judged(done, pool))
             print(f"{len(results)}/{len(work)} {_words(results[-1])}", flush=True)
-            if asked.out:
-                asked.out.write_text(
+            if options.out:
+                options.out.write_text(
                     json.dumps([asdict(result) for result in results], indent=1) + "\n"
                 )
     _print_summary(results)
@@ -214,8 +214,8 @@ def draw(sources, draws, seed):
     """
     rng = random.Random(seed)
     places = [(file, site) for file, source in sources.items() for site in sites(source)]
-    chosen = rng.sample(places, min(draws, len(places)))
-    return [_mutant(file, sources[file], site, rng.choice(site.choices)) for file, site in chosen]
+    selected = rng.sample(places, min(draws, len(places)))
+    return [_mutant(file, sources[file], site, rng.choice(site.choices)) for file, site in selected]
 
 
 def _mutant(file, source, site, choice):
@@ -233,7 +233,7 @@ def stages_of(file, imports, left_out=()):
         ([*others, *DOCUMENTED], "not slow"),
         (others, "slow"),
     ]
-    return [Stage(files, chosen, tuple(left_out)) for files, chosen in stages if files]
+    return [Stage(files, selected, tuple(left_out)) for files, selected in stages if files]
 
 
 def tests_of(file, imports):
@@ -253,12 +253,12 @@ def tests_of(file, imports):
 
 def mirror(file):
     """Return the folder of tests that mirrors a module's folder, or the nearest one above it."""
-    parts = Path(file).parts[:-1]
-    if parts == ("plugins", "opir_testing", "opir_testing", "contracts"):
+    names = Path(file).parts[:-1]
+    if names == ("plugins", "opir_testing", "opir_testing", "contracts"):
         return ROOT / "tests" / "contracts"
-    top = ("core",) if parts[0] == "opir_core" else ("plugins", parts[1].removeprefix("opir_"))
-    inner = parts[1:] if parts[0] == "opir_core" else parts[3:]
-    least = 1 if parts[0] == "opir_core" else 0
+    top = ("core",) if names[0] == "opir_core" else ("plugins", names[1].removeprefix("opir_"))
+    inner = names[1:] if names[0] == "opir_core" else names[3:]
+    least = 1 if names[0] == "opir_core" else 0
     folders = (
         Path(ROOT, "tests", *top, *inner[:depth]) for depth in range(len(inner), least - 1, -1)
     )
@@ -351,8 +351,8 @@ def _longest(stage, limits):
 def _outcome(copy, stage, limits):
     """Return what the tests of a stage say of a copy."""
     output = copy / "output.txt"
-    last = copy / LAST_TEST
-    last.unlink(missing_ok=True)
+    log = copy / LAST_TEST
+    log.unlink(missing_ok=True)
     start = time.monotonic()
     with output.open("wb") as stream:
         command = [sys.executable, "-c", START, *PYTEST, *PROPERTIES, *stage.words()]
@@ -361,7 +361,7 @@ def _outcome(copy, stage, limits):
         stopped = _stopped(process, output, _longest(stage, limits))
     kind, by = stopped or _said(process.returncode, output, stage)
     whole_s = math.inf if stopped else time.monotonic() - start
-    test, seconds = json.loads(last.read_text(encoding="utf-8")) if last.exists() else ("", whole_s)
+    test, seconds = json.loads(log.read_text(encoding="utf-8")) if log.exists() else ("", whole_s)
     return Outcome(kind, by, test, math.inf if seconds is None else seconds)
 
 

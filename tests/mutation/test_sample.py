@@ -239,10 +239,10 @@ def test_a_changed_module_is_what_its_tests_import_and_then_is_as_before(tmp_pat
     write(tmp_path, {"opir_a.py": "A = 1\n", "pytest.ini": "[pytest]\npythonpath = .\n"})
     for value in (1, 2, 3):
         sample._write(tmp_path / "opir_a.py", f"A = {value}\n")
-        found = sample.subprocess.run(
+        result = sample.subprocess.run(
             [sys.executable, "-c", "import opir_a; print(opir_a.A)"],
             cwd=tmp_path,
             capture_output=True,
             text=True,
         )
-        assert found.stdout == f"{value}\n"
+        assert result.stdout == f"{value}\n"

@@ -22,9 +22,16 @@ class Authority:
         self.key = folder / f"{name}.key"
         self._folder = folder
         self._name = name
-        made = ("-keyout", str(self.key), "-out", str(self.certificate), "-subj", f"/CN={name}")
+        arguments = (
+            "-keyout",
+            str(self.key),
+            "-out",
+            str(self.certificate),
+            "-subj",
+            f"/CN={name}",
+        )
         added = (word for extension in extensions for word in ("-addext", extension))
-        _openssl("req", "-x509", "-newkey", "rsa:2048", "-noenc", "-days", "2", *made, *added)
+        _openssl("req", "-x509", "-newkey", "rsa:2048", "-noenc", "-days", "2", *arguments, *added)
 
     def signed(self, name, alternative="", *, days=2):
         """Return the files of a certificate and its key; `alternative` is its subjectAltName, as

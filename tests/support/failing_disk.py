@@ -104,15 +104,17 @@ class FailingDisk:
 
     def __enter__(self):
         _sqlite().disk = self
-        self._patches = [patch.object(os, name, made) for name, made in _python_calls(self).items()]
+        self._patches = [
+            patch.object(os, name, python_call) for name, python_call in _python_calls(self).items()
+        ]
         self._patches.append(patch.object(io, "open", _opening(self)))
-        for each in self._patches:
-            each.start()
+        for overlay in self._patches:
+            overlay.start()
         return self
 
     def __exit__(self, *_error):
-        for each in self._patches:
-            each.stop()
+        for overlay in self._patches:
+            overlay.stop()
         _sqlite().disk = None
 
 
@@ -135,19 +137,19 @@ def _python_calls(disk):
     }
 
     def of_descriptor(name, kind):
-        def call(descriptor, *rest):
+        def call(descriptor, *remainder):
             error = disk.answer(kind, _name_of(descriptor))
             if error == SHORT:
-                return real[name](descriptor, bytes(rest[0])[: max(1, len(rest[0]) // 2)])
-            return _raise(error, "") if error else real[name](descriptor, *rest)
+                return real[name](descriptor, bytes(remainder[0])[: max(1, len(remainder[0]) // 2)])
+            return _raise(error, "") if error else real[name](descriptor, *remainder)
 
         return call
 
     def of_path(name, kind):
-        def call(path, *rest, **named):
-            is_read = name == "open" and not rest[0] & (os.O_WRONLY | os.O_RDWR)
+        def call(path, *remainder, **named):
+            is_read = name == "open" and not remainder[0] & (os.O_WRONLY | os.O_RDWR)
             error = disk.answer(READ if is_read else kind, path)
-            return _raise(error, path) if error else real[name](path, *rest, **named)
+            return _raise(error, path) if error else real[name](path, *remainder, **named)
 
         return call
 
@@ -175,10 +177,10 @@ def _opening(disk):
                 _raise(error, self.name)
             return super().write(content)
 
-    def call(path, mode="r", *rest, **named):
+    def call(path, mode="r", *remainder, **named):
         is_ours = mode == "wb" and isinstance(path, str | os.PathLike)
         if not is_ours:
-            return real(path, mode, *rest, **named)
+            return real(path, mode, *remainder, **named)
         error = disk.answer(OPEN, path)
         return _raise(error, path) if error else io.BufferedWriter(File(path, "wb"))
 
@@ -227,13 +229,13 @@ class _Sqlite:
         self._vfs = library.sqlite3_vfs_find(None)
         get = c.CFUNCTYPE(c.c_void_p, c.c_void_p, c.c_char_p)(self._vfs.contents.get_call)
         put = c.CFUNCTYPE(c.c_int, c.c_void_p, c.c_char_p, c.c_void_p)(self._vfs.contents.set_call)
-        here = c.cast(self._vfs, c.c_void_p)
+        position = c.cast(self._vfs, c.c_void_p)
         self._kept = []
         for name, (kind, form, has_descriptor) in _SYSTEM_CALLS.items():
-            if address := get(here, name):
-                made = form(self._system_call(form(address), kind, has_descriptor))
-                self._kept.append(made)
-                put(here, name, c.cast(made, c.c_void_p))
+            if address := get(position, name):
+                function = form(self._system_call(form(address), kind, has_descriptor))
+                self._kept.append(function)
+                put(position, name, c.cast(function, c.c_void_p))
         self._names = {}
         self._tables = {}
         self._real_open = _FILE_OPEN(self._vfs.contents.open)
@@ -241,25 +243,25 @@ class _Sqlite:
         self._vfs.contents.open = c.cast(self._open, c.c_void_p).value
 
     def _system_call(self, real, kind, has_descriptor):
-        def call(first, *rest):
+        def call(handle, *remainder):
             disk = self.disk
             error = (
                 0
                 if disk is None
-                else disk.answer(kind, _name_of(first) if has_descriptor else first)
+                else disk.answer(kind, _name_of(handle) if has_descriptor else handle)
             )
             if error == SHORT:
-                rest = (rest[0], max(1, rest[1] // 2), *rest[2:])
+                remainder = (remainder[0], max(1, remainder[1] // 2), *remainder[2:])
             elif error:
                 c.set_errno(error)
                 return -1
-            return int(real(first, *rest))
+            return int(real(handle, *remainder))
 
         return call
 
-    def _opened(self, vfs, name, file, flags, given):
+    def _opened(self, vfs, name, file, flags, inputs):
         code = int(
-            self._real_open(vfs, name, file, flags, given)
+            self._real_open(vfs, name, file, flags, inputs)
         )  # the name as it came: SQLite keeps the pointer
         methods = c.cast(file, c.POINTER(c.c_void_p))
         if code == 0 and name is not None and methods[0]:
@@ -284,13 +286,13 @@ class _Sqlite:
         return c.addressof(self._tables[address][0])
 
 
-_made: list[_Sqlite] = []
+_product: list[_Sqlite] = []
 
 
 def _sqlite():
-    if not _made:
-        _made.append(_Sqlite())
-    return _made[0]
+    if not _product:
+        _product.append(_Sqlite())
+    return _product[0]
 
 
 def can_fail():

@@ -183,10 +183,10 @@ def opir_sinks():
     yield SinkModel(name="null", summary="nowhere", build=print)
 
 
-def fake_host(*others):
+def fake_host(*plugins):
     """Return a host that offers this plugin and the given ones, and nothing else."""
     host = Host(Selection([]))
-    for plugin in (sys.modules[__name__], *others):
+    for plugin in (sys.modules[__name__], *plugins):
         host.register(plugin)
     return host
 

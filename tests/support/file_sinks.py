@@ -17,7 +17,7 @@ def encoder():
 
 
 def sink(name, make_encoder=encoder, **config):
-    (component,) = (each for each in SINKS if each.name == name)
+    (component,) = (model for model in SINKS if model.name == name)
     return component.build(
         component.config(**config), SinkContext(make_encoder=make_encoder, scene_name="stub")
     )

@@ -45,17 +45,17 @@ def killed_at_random(module, function, folder, moments, longest_s, *more):
     assert folk.stdin is not None
     assert folk.stdout is not None
     rng = random.Random(moments)
-    first = 0
+    start = 0
     for _ in range(moments):
-        folk.stdin.write(f"{function} {json.dumps([str(folder), first, *more])}\n")
+        folk.stdin.write(f"{function} {json.dumps([str(folder), start, *more])}\n")
         number = int(within(120.0, folk.stdout.readline))
-        until(lambda: next_number(folder / "taken") > first)  # noqa: B023
+        until(lambda: next_number(folder / "taken") > start)  # noqa: B023
         time.sleep(longest_s * rng.random())
         os.kill(number, signal.SIGKILL)
         until(lambda: not is_alive(number))  # noqa: B023 - read before the next is born
-        first = next_number(folder / "taken")
+        start = next_number(folder / "taken")
     folk.communicate(timeout=60.0)
-    return first
+    return start
 
 
 def next_number(path):

@@ -77,11 +77,11 @@ class Stand:
         in time fails.
         """
         raw = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
-        given = {**(JSON if raw is not None else {}), **(headers or {})}
+        inputs = {**(JSON if raw is not None else {}), **(headers or {})}
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)
 
         def answer():
-            connection.request(method, path, raw, given)
+            connection.request(method, path, raw, inputs)
             response = connection.getresponse()
             fields = {key.lower(): value for key, value in response.getheaders()}
             return Answer(response.status, fields, response.read())
@@ -132,7 +132,7 @@ def serving(
 
 def conforms(value, name):
     """Fail if a value does not conform to a schema of the service's OpenAPI document."""
-    whole = document()
+    total = document()
     jsonschema.validate(
-        value, {"$ref": f"#/components/schemas/{name}", "components": whole["components"]}
+        value, {"$ref": f"#/components/schemas/{name}", "components": total["components"]}
     )

@@ -151,27 +151,27 @@ def samples(case, every=1):
     )
     root = np.diag(1.0 / sigma)[None]
     reference = Reference(root[0])
-    found = []
+    result = []
     for number in range(1, case.slices + 1):
         step = np.array([case.slice_s])
         truth = motion.propagated(truth, step)
-        after = motion.propagated(mean, step)
-        back = motion.transition(0.5 * (mean[:, :3] + after[:, :3]), -step)
+        predicted = motion.propagated(mean, step)
+        back = motion.transition(0.5 * (mean[:, :3] + predicted[:, :3]), -step)
         noise = motion.noise_root(step)
-        mean = after
+        mean = predicted
         root = square_root.time_update(root, back, noise)
         reference.move(back[0], None if noise is None else noise[0])
         sights = looks(case, motion, truth, rng)
-        before = mean
+        previous = mean
         start_root = root
         mean, root, _ = filter_.mode_updated(motion, mean, root, 0.0, sights)
         # The last point of linearisation is where the filter would have stopped: one more step from
         # it changes nothing.
-        mean, root, rows = one_more(motion, before, start_root, mean, sights)
-        reference.take_in(rows, before[0], mean[0])
+        mean, root, rows = one_more(motion, previous, start_root, mean, sights)
+        reference.take_in(rows, previous[0], mean[0])
         if number % every == 0 or number == case.slices:
-            found.append(reference.compared(root[0]))
-    return found
+            result.append(reference.compared(root[0]))
+    return result
 
 
 def looks(case, motion, truth, rng):
@@ -183,12 +183,12 @@ def looks(case, motion, truth, rng):
     place = taylor_positions(
         np.repeat(motion.taylor(truth), len(time_s), axis=0), taylor_weights(time_s)
     )
-    apart = place - origin
-    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
-    seen = rng.normal(size=(len(time_s), 2)) * case.sigma_rad
+    separation = place - origin
+    axes = tangent_axes(separation / np.linalg.norm(separation, axis=1)[:, None])
+    angles = rng.normal(size=(len(time_s), 2)) * case.sigma_rad
     whitener = np.tile(np.eye(2) / case.sigma_rad, (len(time_s), 1, 1))
     return AngleMeasurements(
-        np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener
+        np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, angles, whitener
     )
 
 
@@ -207,13 +207,13 @@ def one_more(
     rows = (slope[:, :, None, :] * weight[:, None, :blocks, None]).reshape(
         2 * len(sights), motion.size
     )
-    whole = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)
+    total = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)
     owed = (root[0] @ (before - point)[0])[None]
-    after, step, _ = measurement_update(root, owed, whole[None])
+    updated, step, _ = measurement_update(root, owed, total[None])
     return (
         point + step,
-        after,
-        np.concatenate([whole, np.broadcast_to(step, (len(whole), motion.size))], axis=1),
+        updated,
+        np.concatenate([total, np.broadcast_to(step, (len(total), motion.size))], axis=1),
     )
 
 
@@ -253,8 +253,8 @@ class Reference:
         """
         upper = mpmath.cholesky(self.information).T
         # R_ref⁻ᵀ (Rᵀ R) R_ref⁻¹ is the identity where nothing was lost.
-        mine = mpmath.matrix(root.tolist()) * upper**-1
-        ratio = np.array((mine.T * mine).tolist(), dtype=np.float64)
+        factor = mpmath.matrix(root.tolist()) * upper**-1
+        ratio = np.array((factor.T * factor).tolist(), dtype=np.float64)
         values = np.linalg.svd(root, compute_uv=False)
         covariance = square_root.covariance(root[None])[0]
         drift = float((self.off.T * self.information * self.off)[0])

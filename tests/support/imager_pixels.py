@@ -56,7 +56,7 @@ def pixel_k(
     `ground_k` is the brightness temperature of the neighbours, by default that of opir's
     background.
     """
-    band = next(one for one in BANDS if one.name == name)
+    band = next(imager_band for imager_band in BANDS if imager_band.name == name)
     edges = (band.lower_um, band.upper_um)
     passed, behind = _air(look["climate"], edges, look["altitude_km"], look["zenith_deg"])
     behind = behind if ground_k is None else float(band_radiance(ground_k, *edges))
@@ -74,9 +74,9 @@ def _air(climate, edges, altitude_km, zenith_deg):
     """Return the transmittance to the imager, and the radiance behind, W m⁻² sr⁻¹."""
     elevation = np.radians(90.0 - zenith_deg)
     passed = float(band_transmittance(*edges, altitude_km * 1e3, elevation, climate=climate))
-    own = next(
-        one
-        for one in sky_tables(climate, "clear")
-        if (one.band.lower_um, one.band.upper_um) == edges
+    curve = next(
+        sky_table
+        for sky_table in sky_tables(climate, "clear")
+        if (sky_table.band.lower_um, sky_table.band.upper_um) == edges
     )
-    return passed, float(np.interp(np.sin(elevation), own.night_sine, own.night))
+    return passed, float(np.interp(np.sin(elevation), curve.night_sine, curve.night))

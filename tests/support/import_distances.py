@@ -7,8 +7,8 @@ from pathlib import Path
 
 def source_files(root):
     """Return the modules of opir_core and the plugins, sorted, relative to the root."""
-    found = [*(root / "opir_core").rglob("*.py"), *(root / "plugins").glob("*/opir_*/**/*.py")]
-    return sorted(str(path.relative_to(root)) for path in found)
+    result = [*(root / "opir_core").rglob("*.py"), *(root / "plugins").glob("*/opir_*/**/*.py")]
+    return sorted(str(path.relative_to(root)) for path in result)
 
 
 def imports_of(root, files):
@@ -21,20 +21,24 @@ def imports_of(root, files):
 
 def distances(file, imports):
     """Return, for every file that uses a file, the number of imports between them (1: directly)."""
-    found = dict[str, int]()
+    result = dict[str, int]()
     front = {file}
     while front:
-        front = {user for user, used in imports.items() if used & front} - found.keys() - {file}
-        found |= dict.fromkeys(front, 1 + max(found.values(), default=0))
-    return found
+        front = (
+            {user for user, imported in imports.items() if imported & front}
+            - result.keys()
+            - {file}
+        )
+        result |= dict.fromkeys(front, 1 + max(result.values(), default=0))
+    return result
 
 
 def module_of(file):
     """Return the name under which others import a file: a plugin's and a test's lie below folders
     on the path.
     """
-    parts = Path(file).with_suffix("").parts
-    inner = parts[2:] if parts[0] in ("plugins", "tests") else parts
+    words = Path(file).with_suffix("").parts
+    inner = words[2:] if words[0] in ("plugins", "tests") else words
     return ".".join(inner[:-1] if inner[-1] == "__init__" else inner)
 
 

@@ -149,11 +149,11 @@ class NamedBroker:
 
 @contextmanager
 def broker():
-    made = NamedBroker(BOOTSTRAP) if BOOTSTRAP else MockBroker()
+    named = NamedBroker(BOOTSTRAP) if BOOTSTRAP else MockBroker()
     try:
-        yield made
+        yield named
     finally:
-        made.close()
+        named.close()
 
 
 def dead_address():
@@ -168,16 +168,16 @@ def config(address, topic, **settings):
 
 
 def carrier(address, topic, **settings):
-    made = config(address, topic, **settings)
-    return KafkaTransport(made, connector(made))
+    settings_record = config(address, topic, **settings)
+    return KafkaTransport(settings_record, connector(settings_record))
 
 
 def kafka_sink(address, topic, spool, policy=None, **settings):
     backlog = MemoryBacklog(64 << 20) if spool is None else Journal(str(spool), 64 << 20)
-    made = carrier(address, topic, **settings)
+    transport = carrier(address, topic, **settings)
     return TransportSink(
         "kafka",
-        made,
+        transport,
         backlog,
         EncodedBatcher(ENCODER, SENSORS),
         policy or Policy(wait_s=1.0, stall_s=8.0),
@@ -197,17 +197,19 @@ def messages(address, topic):
         }
     )
     try:
-        parts = consumer.list_topics(topic, timeout=10.0).topics[topic].partitions
-        consumer.assign([confluent_kafka.TopicPartition(topic, part, 0) for part in parts])
-        return list(_to_the_end(consumer, set(parts)))
+        partitions = consumer.list_topics(topic, timeout=10.0).topics[topic].partitions
+        consumer.assign(
+            [confluent_kafka.TopicPartition(topic, partition, 0) for partition in partitions]
+        )
+        return list(_to_the_end(consumer, set(partitions)))
     finally:
         consumer.close()
 
 
-def _to_the_end(consumer, parts):
+def _to_the_end(consumer, partitions):
     give_up_at = time.monotonic() + 20.0
-    while parts:
-        assert time.monotonic() < give_up_at, f"the end of partitions {parts} was not reached"
+    while partitions:
+        assert time.monotonic() < give_up_at, f"the end of partitions {partitions} was not reached"
         message = consumer.poll(0.1)
         if message is not None and message.error() is None:
             yield message
@@ -215,7 +217,7 @@ def _to_the_end(consumer, parts):
             message is not None
             and message.error().code() == confluent_kafka.KafkaError._PARTITION_EOF
         ):
-            parts.discard(message.partition())
+            partitions.discard(message.partition())
 
 
 def kafka_for_ever(folder, first, address, topic):
@@ -234,7 +236,7 @@ def examine(broker, topic, events):
         event = json.loads(value)
         assert message.key() == event["sensor_id"].encode()
         assert arrived[event["sensor_id"]].setdefault(event["detection_id"], value) == value
-    assert {sensor: list(found.values()) for sensor, found in arrived.items()} == expected
+    assert {sensor: list(result.values()) for sensor, result in arrived.items()} == expected
 
 
 def closed(sink):

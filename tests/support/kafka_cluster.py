@@ -52,10 +52,10 @@ def why_absent():
     try:
         classpath()
     except (OSError, subprocess.SubprocessError) as error:
-        said = getattr(error, "stdout", b"") or b""
+        output = getattr(error, "stdout", b"") or b""
         return (
             f"Apache Kafka is left out: Maven does not get it ({error})"
-            f" {said.decode(errors='replace')[-300:]}"
+            f" {output.decode(errors='replace')[-300:]}"
         )
     return ""
 
@@ -64,17 +64,17 @@ def why_absent():
 def classpath():
     """Return the class path of Kafka; Maven fetches what is not in its repository yet."""
     mark = hashlib.sha256(POM.read_bytes()).hexdigest()[:16]
-    kept = (
+    stored = (
         Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
         / "opir-tests"
         / f"kafka-{mark}.txt"
     )
-    if kept.is_file() and all(
-        Path(part).is_file() for part in kept.read_text().strip().split(os.pathsep)
+    if stored.is_file() and all(
+        Path(path).is_file() for path in stored.read_text().strip().split(os.pathsep)
     ):
-        return kept.read_text().strip()
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    fresh = kept.with_suffix(f".{os.getpid()}")
+        return stored.read_text().strip()
+    stored.parent.mkdir(parents=True, exist_ok=True)
+    temporary = stored.with_suffix(f".{os.getpid()}")
     words = [
         "mvn",
         "-B",
@@ -82,11 +82,11 @@ def classpath():
         "-f",
         str(POM),
         "dependency:build-classpath",
-        f"-Dmdep.outputFile={fresh}",
+        f"-Dmdep.outputFile={temporary}",
     ]
     subprocess.run(words, check=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
-    fresh.replace(kept)
-    return kept.read_text().strip()
+    temporary.replace(stored)
+    return stored.read_text().strip()
 
 
 def java(main, *words, timeout_s=_START_S):
@@ -159,8 +159,12 @@ class Cluster:
         self._admin = None
         names = ["PLAINTEXT", *listeners]
         ports = [_free_ports(len(names) + 1) for _ in range(nodes)]
-        voters = ",".join(f"{number + 1}@127.0.0.1:{own[-1]}" for number, own in enumerate(ports))
-        self._ports = {name: [own[place] for own in ports] for place, name in enumerate(names)}
+        voters = ",".join(
+            f"{number + 1}@127.0.0.1:{node_ports[-1]}" for number, node_ports in enumerate(ports)
+        )
+        self._ports = {
+            name: [node_ports[place] for node_ports in ports] for place, name in enumerate(names)
+        }
         self.nodes = [
             Node(
                 folder / f"node{number + 1}",
@@ -168,8 +172,8 @@ class Cluster:
                     **_COMMON,
                     "node.id": str(number + 1),
                     "controller.quorum.voters": voters,
-                    "listeners": _listeners([*names, "CONTROLLER"], own),
-                    "advertised.listeners": _listeners(names, own),
+                    "listeners": _listeners([*names, "CONTROLLER"], node_ports),
+                    "advertised.listeners": _listeners(names, node_ports),
                     "listener.security.protocol.map": "PLAINTEXT:PLAINTEXT,CONTROLLER:PLAINTEXT,"
                     "SASL_PLAINTEXT:SASL_PLAINTEXT,SSL:SSL",
                     "offsets.topic.replication.factor": str(nodes),
@@ -178,7 +182,7 @@ class Cluster:
                     **(settings or {}),
                 },
             )
-            for number, own in enumerate(ports)
+            for number, node_ports in enumerate(ports)
         ]
         cluster_id = base64.urlsafe_b64encode(os.urandom(16)).decode().rstrip("=")
         for node in self.nodes:
@@ -228,11 +232,11 @@ class Cluster:
         """Return the partitions of a topic by number, each with its leader and its replicas in
         sync.
         """
-        found = self.admin().list_topics(topic, timeout=30.0).topics[topic].partitions
+        result = self.admin().list_topics(topic, timeout=30.0).topics[topic].partitions
         return {
-            number: part
-            for number, part in found.items()
-            if part.error is None and part.leader >= 0
+            number: metadata
+            for number, metadata in result.items()
+            if metadata.error is None and metadata.leader >= 0
         }
 
     def heal(self):
@@ -248,11 +252,11 @@ class Cluster:
 def cluster(folder, nodes=1, **settings):
     """Run a cluster; a machine without Java or Maven raises `AssertionError`, see `why_absent`."""
     assert not why_absent()
-    made = Cluster(folder, nodes, **settings)
+    started = Cluster(folder, nodes, **settings)
     try:
-        yield made
+        yield started
     finally:
-        made.close()
+        started.close()
 
 
 def _listeners(names, ports):
@@ -263,9 +267,9 @@ def _free_ports(count):
     """Return ports that nobody listens on."""
     bound = [socket.socket() for _ in range(count)]
     try:
-        for each in bound:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in bound]
+        for listening in bound:
+            listening.bind(("127.0.0.1", 0))
+        return [listening.getsockname()[1] for listening in bound]
     finally:
-        for each in bound:
-            each.close()
+        for listening in bound:
+            listening.close()

@@ -47,8 +47,8 @@ class MockCluster:
         import confluent_kafka
 
         wheel = Path(confluent_kafka.__file__).parents[1] / "confluent_kafka.libs"
-        found = glob.glob(f"{wheel}/librdkafka-*.so*") or ["librdkafka.so.1"]  # noqa: PTH207 - a name to load, not a path
-        self._library = c.CDLL(found[0])
+        libraries = glob.glob(f"{wheel}/librdkafka-*.so*") or ["librdkafka.so.1"]  # noqa: PTH207 - a name to load, not a path
+        self._library = c.CDLL(libraries[0])
         for name, (result, arguments) in _FUNCTIONS.items():
             function = getattr(self._library, f"rd_kafka_{name}")
             function.restype = result

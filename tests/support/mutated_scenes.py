@@ -79,7 +79,7 @@ def containers(tree):
     if not isinstance(tree, list):
         return []
     children = [value for _, value in tree] if isinstance(tree, Block) else tree
-    return [tree, *(found for child in children for found in containers(child))]
+    return [tree, *(result for child in children for result in containers(child))]
 
 
 def set_value(container, index, value):
@@ -121,13 +121,13 @@ def rename(draw, _tree, container, index, _values):
                 [f"{key}x", key[:-1], key.upper(), "", "preset", "members", "model", "a b", "\x7f"]
             )
         )
-        if renamed not in (other for other, _ in container):
+        if renamed not in (name for name, _ in container):
             container[index] = renamed, value
 
 
 def swap(draw, tree, container, index, _values):
     """Put a value of elsewhere here."""
-    other = draw(st.sampled_from([found for found in containers(tree) if found]))
+    other = draw(st.sampled_from([result for result in containers(tree) if result]))
     value = value_at(other, draw(st.integers(0, len(other) - 1)))
     set_value(container, index, copy.deepcopy(value))
 

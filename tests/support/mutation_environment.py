@@ -28,8 +28,8 @@ class UnfitEnvironment(SystemExit):
 
 def packages_of(files):
     """Return the packages of modules (paths relative to the root of the checkout)."""
-    parts = [Path(file).parts for file in files]
-    return sorted({each[2] if each[0] == "plugins" else each[0] for each in parts})
+    paths = [Path(file).parts for file in files]
+    return sorted({names[2] if names[0] == "plugins" else names[0] for names in paths})
 
 
 def check_libraries():

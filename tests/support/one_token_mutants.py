@@ -69,8 +69,8 @@ class Site:
 def sites(source):
     """Return the tokens of a module that may change, in order of place; raises `SyntaxError`."""
     text = _Text(source)
-    found = [site for site in _sites(ast.parse(source), text) if site.choices]
-    return sorted(found, key=lambda site: (site.start, site.end))
+    result = [site for site in _sites(ast.parse(source), text) if site.choices]
+    return sorted(result, key=lambda site: (site.start, site.end))
 
 
 def mutated(source, site, choice):
@@ -106,16 +106,16 @@ class _Text:
     def site(self, start, end, choices):
         return Site(start, end, self.source.count("\n", 0, start) + 1, tuple(choices))
 
-    def operator(self, words, after, before, choices):
+    def operator(self, words, end, start, choices):
         """Return the site of an operator of one or two words between two operands, or at the start
         of one.
         """
-        wanted = words.split()
+        expected = words.split()
         inside = self._tokens[
-            bisect_left(self._tokens, (after,)) : bisect_left(self._tokens, (before,))
+            bisect_left(self._tokens, (end,)) : bisect_left(self._tokens, (start,))
         ]
-        at = next(index for index, (_, _, word) in enumerate(inside) if word == wanted[0])
-        return self.site(inside[at][0], inside[at + len(wanted) - 1][1], choices)
+        at = next(index for index, (_, _, word) in enumerate(inside) if word == expected[0])
+        return self.site(inside[at][0], inside[at + len(expected) - 1][1], choices)
 
 
 def _sites(node, text, *, in_function=False):
@@ -187,15 +187,15 @@ def _own_sites(node, text):
 def _operators(node, text):
     match node:
         case ast.Compare():
-            for op, (left, right) in zip(
+            for op, (operand, right) in zip(
                 node.ops, pairwise([node.left, *node.comparators]), strict=True
             ):
                 words, choices = COMPARISONS[type(op)]
-                yield text.operator(words, text.end(left), text.start(right), choices)
+                yield text.operator(words, text.end(operand), text.start(right), choices)
         case ast.BoolOp():
-            word, other = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
-            for left, right in pairwise(node.values):
-                yield text.operator(word, text.end(left), text.start(right), [other])
+            word, opposite = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
+            for operand, right in pairwise(node.values):
+                yield text.operator(word, text.end(operand), text.start(right), [opposite])
         case ast.BinOp() if type(node.op) in ARITHMETIC:
             word, choices = ARITHMETIC[type(node.op)]
             yield text.operator(word, text.end(node.left), text.start(node.right), choices)

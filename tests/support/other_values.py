@@ -18,8 +18,8 @@ def other_values(config_class):
 
 def nested(key, value):
     """Return the block that sets a dotted key."""
-    first, _, rest = key.partition(".")
-    return {first: nested(rest, value) if rest else value}
+    name, _, remainder = key.partition(".")
+    return {name: nested(remainder, value) if remainder else value}
 
 
 def _other(row):
@@ -43,16 +43,16 @@ def _other(row):
 
 def _number(row, default):
     """Return a number near the default, in the allowed interval."""
-    whole = row.kind.startswith("whole")
+    total = row.kind.startswith("whole")
     for value in (
-        default * 1.5 + (1 if whole else 0.0),
+        default * 1.5 + (1 if total else 0.0),
         default * 0.5,
         default + 1.0,
         default - 1.0,
         0.5,
         1.0,
     ):
-        number = int(value) if whole else float(value)
+        number = int(value) if total else float(value)
         if number != default and _inside(row.interval, number):
             return number
     return None
@@ -64,13 +64,13 @@ def _plausible_middle(row):
     """
     if not row.plausible:
         return 10.0
-    low, high = (float(part) for part in row.plausible.removeprefix("plausible ").split(" to "))
+    low, high = (float(word) for word in row.plausible.removeprefix("plausible ").split(" to "))
     return math.sqrt(low * high)
 
 
 def _inside(interval, value):
     if not interval:
         return True
-    low, high = (float(part) for part in interval[1:-1].split(", "))
+    low, high = (float(word) for word in interval[1:-1].split(", "))
     above = value >= low if interval[0] == "[" else value > low
     return above and (value <= high if interval[-1] == "]" else value < high)

@@ -19,12 +19,12 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 @contextmanager
 def chromium():
     """Start the system's Chromium; skips the test if there is none, unless it is required."""
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if found is None and os.environ.get("OPIR_BROWSER") != "required":
+    result = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if result is None and os.environ.get("OPIR_BROWSER") != "required":
         pytest.skip("no Chromium: apt-get install chromium")
-    assert found, "no Chromium: apt-get install chromium"
+    assert result, "no Chromium: apt-get install chromium"
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        running = playwright.chromium.launch(executable_path=result, args=["--no-sandbox"])
         yield running
         running.close()
 
@@ -37,20 +37,20 @@ def opened(browser, port, width, scheme, state="running"):
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     complaints = []
-    asked = []
+    requests = []
     # Chromium's advice on reading a canvas often is for a test, which does, and not for the page,
     # which never does.
     page.on(
         "console",
-        lambda said: complaints.extend(
-            [said.text] if "willReadFrequently" not in said.text else []
+        lambda message: complaints.extend(
+            [message.text] if "willReadFrequently" not in message.text else []
         ),
     )
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
+    page.on("request", lambda request: requests.append(request.url))
     page.goto(f"http://127.0.0.1:{port}/")
     expect(page.locator("#state")).to_have_text(state, timeout=PATIENCE_MS)
-    return page, complaints, asked
+    return page, complaints, requests
 
 
 def settled(page):

@@ -95,7 +95,7 @@ class PowerCut:
         return folder
 
 
-def record(folder, program, scratch, *given):
+def record(folder, program, scratch, *inputs):
     """Run a program of Python, with arguments, and return what it did to a folder."""
     shim = scratch / "recorded_disk.so"
     log = scratch / "calls"
@@ -105,7 +105,7 @@ def record(folder, program, scratch, *given):
             ["cc", "-shared", "-fPIC", "-O1", "-o", shim, _SHIM, "-ldl", "-lpthread"], check=True
         )
     log.unlink(missing_ok=True)
-    before = tree_of(folder)
+    initial = tree_of(folder)
     environment = {
         **os.environ,
         "LD_PRELOAD": str(shim),
@@ -115,10 +115,10 @@ def record(folder, program, scratch, *given):
     environment["PYTHONPATH"] = os.pathsep.join(
         [str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
     )
-    command = [sys.executable, "-c", program, *map(str, given)]
+    command = [sys.executable, "-c", program, *map(str, inputs)]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
-    recording = Recording(folder, before, tuple(_calls(log.read_bytes())), ended.stdout)
+    recording = Recording(folder, initial, tuple(_calls(log.read_bytes())), ended.stdout)
     disk = _Disk(recording)
     for call in recording.calls:
         disk.do(call)
@@ -130,10 +130,10 @@ def tree_of(folder):
     """Return the files of a folder and of those in it, by path; None is a folder. Notes are left
     out.
     """
-    found = sorted(path for path in folder.rglob("*") if path.name != NOTES)
+    result = sorted(path for path in folder.rglob("*") if path.name != NOTES)
     return {
         str(path.relative_to(folder)): None if path.is_dir() else path.read_bytes()
-        for path in found
+        for path in result
     }
 
 
@@ -179,10 +179,12 @@ def kills(recording):
 def _calls(log):
     at = 0
     while at < len(log):
-        kind, first, second, _padding, time_ns, inode, offset, size = _HEADER.unpack_from(log, at)
+        kind, argument, second, _padding, time_ns, inode, offset, size = _HEADER.unpack_from(
+            log, at
+        )
         start = at + _HEADER.size
         size = size if kind == WRITE else 0
-        ends = start + first, start + first + second, start + first + second + size
+        ends = start + argument, start + argument + second, start + argument + second + size
         path = log[start : ends[0]].decode()
         target = log[ends[0] : ends[1]].decode()
         yield Call(kind, path, target, time_ns / 1e9, inode, offset, log[ends[1] : ends[2]])
@@ -202,13 +204,13 @@ class _Node:
     def after(self, keeps):
         made = bytearray(self.content)
         for offset, content in self.pending:
-            for start, part in keeps.parts(offset, content):
-                _put(made, start, part)
+            for start, content_piece in keeps.parts(offset, content):
+                _put(made, start, content_piece)
         return bytes(made)
 
     def sync(self):
-        for each in self.pending:
-            _put(self.content, *each)
+        for file in self.pending:
+            _put(self.content, *file)
         self.pending.clear()
 
 
@@ -320,9 +322,9 @@ class _Disk:
         *folders, name = Path(path).relative_to(self._top).parts
         folder = self._root
         for each in folders:
-            found = self._names[folder, each]
-            assert found is not None
-            folder = found
+            result = self._names[folder, each]
+            assert result is not None
+            folder = result
         return folder, name
 
     def _open(self, call):

@@ -35,11 +35,11 @@ class Rogue:
         def build_sound(config, context):
             return component.build(config, context)
 
-        def spoilt(part):
-            return with_deed(part, method, deed)
+        def spoilt(component):
+            return with_deed(component, method, deed)
 
-        made = evolve(component, name="rogue", build=build)
-        setattr(self, hook, hookimpl(self._yielding(made), specname=hook))
+        rogue = evolve(component, name="rogue", build=build)
+        setattr(self, hook, hookimpl(self._yielding(rogue), specname=hook))
         assert hook in CATALOGUE
 
     @staticmethod
@@ -50,31 +50,31 @@ class Rogue:
         return yielding
 
 
-def with_deed(part, method, deed):
+def with_deed(component, method, deed):
     """Return a part like another, except for one method or attribute; defaults of its contract call
     the new one.
     """
-    contracts = (each for each in type(part).__mro__[1:] if issubclass(each, PluginPart))
+    contracts = (each for each in type(component).__mro__[1:] if issubclass(each, PluginPart))
     contract = next(
         (each for each in contracts if each.__module__.startswith("opir_core.interfaces.")), object
     )
 
     def delegate(name):
-        if callable(getattr(part, name)):
-            return lambda _self, *given, **named: getattr(part, name)(*given, **named)
-        return property(lambda _self: getattr(part, name))
+        if callable(getattr(component, name)):
+            return lambda _self, *inputs, **named: getattr(component, name)(*inputs, **named)
+        return property(lambda _self: getattr(component, name))
 
     members = {
         name: delegate(name)
-        for name in dir(part)
-        if not name.startswith("_") and has_own(contract, part, name)
+        for name in dir(component)
+        if not name.startswith("_") and has_own(contract, component, name)
     }
-    if callable(getattr(part, method)):
-        members[method] = lambda _self, *given, **named: deed(
-            getattr(part, method)(*given, **named)
+    if callable(getattr(component, method)):
+        members[method] = lambda _self, *inputs, **named: deed(
+            getattr(component, method)(*inputs, **named)
         )
     else:
-        members[method] = property(lambda _self: deed(getattr(part, method)))
+        members[method] = property(lambda _self: deed(getattr(component, method)))
     return type("RoguePart", (), members)()
 
 

@@ -56,8 +56,8 @@ class Nursery:
 
 @contextmanager
 def nursery(module="serve_process"):
-    made = Nursery(module)
+    process = Nursery(module)
     try:
-        yield made
+        yield process
     finally:
-        made.close()
+        process.close()

@@ -101,8 +101,8 @@ def changed_scenes(name):
     and the scene with another value there. Settings of blocks that the scene does not have are left
     out: they bring the block."""
     scene = scene_of(name)
-    made = opir.scene_from_mapping(scene, host=HOST)
-    for choice in made.choices:
+    changed_scene = opir.scene_from_mapping(scene, host=HOST)
+    for choice in changed_scene.choices:
         config_class = HOST.component(choice.hook, choice.name).config
         for key, value in other_values(config_class):
             if key.partition(".")[0] not in conditional_fields(config_class) or _value(
@@ -120,19 +120,19 @@ _ABSENT = "no such block"
 
 def _value(config, key):
     """Return the value of a dotted setting, `_ABSENT` if it stands in a block that is not there."""
-    for part in key.split("."):
+    for name in key.split("."):
         if config is None:
             return _ABSENT
-        config = getattr(config, part)
+        config = getattr(config, name)
     return config
 
 
 def _with(scene, path, model, block):
     """Return a scene with a block merged into the one at a path."""
-    head, _, rest = path.partition("[0]")
+    head, _, remainder = path.partition("[0]")
     if head in ("sensors", "targets", "sources"):
         (item,) = scene[head]
-        inner = rest.removeprefix(".")
+        inner = remainder.removeprefix(".")
         changed = _merged(item, {inner: {"model": model, **block}} if inner else block)
         return {**scene, head: [changed]}
     return {**scene, head: _merged({"model": model, **scene.get(head, {})}, block)}
@@ -154,7 +154,8 @@ def unread_paths(scene):
     """Return the paths of what nothing reads; None if the scene is refused."""
     try:
         return {
-            one.path for one in unread_settings(opir.scene_from_mapping(scene, host=HOST), HOST)
+            unread_setting.path
+            for unread_setting in unread_settings(opir.scene_from_mapping(scene, host=HOST), HOST)
         }
     except OpirError:
         return None
@@ -162,7 +163,7 @@ def unread_paths(scene):
 
 def is_named(path, unread):
     """Return whether a setting, or a block that it stands in, is among unread ones."""
-    return any(path == one or path.startswith(f"{one}.") for one in unread)
+    return any(path == name or path.startswith(f"{name}.") for name in unread)
 
 
 def digest(scene):
@@ -175,8 +176,8 @@ def digest(scene):
         return str(error)
     total = hashlib.sha256()
     for record in (run.detections, run.truth, run.tracks, run.estimates):
-        for part in _parts(record):
-            total.update(part)
+        for value in _parts(record):
+            total.update(value)
     return total.hexdigest()
 
 

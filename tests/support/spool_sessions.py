@@ -76,15 +76,15 @@ def output(folder, kind, *, survives, policy=QUICK):
 def fill(folder, kind, seconds, *, survives):
     """Fill the spool of an output, in sessions; note each window once it is taken."""
     rng = random.Random(1)
-    first = 0
+    start = 0
     for _ in range(SESSIONS):
         sink = output(folder, kind, survives=survives)
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
-            taken = window(EVENTS, first)
+            taken = window(EVENTS, start)
             sink.write(taken)
             note(folder, "taken " + " ".join(ids_of(taken)))
-            first += EVENTS
+            start += EVENTS
             time.sleep(rng.choice((0.0, 0.01, 0.05, 0.3)))
         sink.close()
 
@@ -97,7 +97,7 @@ class Left:
 
     taken: dict[str, float]
     delivered: set[str]
-    kept: set[str]
+    stored: set[str]
     cut_s: float
 
     @property
@@ -108,7 +108,7 @@ class Left:
     @property
     def lost_s(self):
         """How long before the cut the oldest of them was taken, s; 0 if there is none."""
-        return max((self.cut_s - self.taken[each] for each in self.lost), default=0.0)
+        return max((self.cut_s - self.taken[name] for name in self.lost), default=0.0)
 
 
 def left(cut, place, kind):
@@ -116,27 +116,27 @@ def left(cut, place, kind):
     taken = dict[str, float]()
     delivered = set[str]()
     for at_s, text in cut.notes:
-        what, *ids = text.decode().split()
-        if what == "taken":
+        word, *ids = text.decode().split()
+        if word == "taken":
             taken.update(dict.fromkeys(ids, at_s))
         else:
             delivered.update(ids)
     assert salvaged_at_start(place / SPOOL) is None, "the spool is damaged"
-    kept = lines_after(place) if kind == "jsonl" else spooled_after(place)
-    return Left(taken, delivered, kept, cut.time_s)
+    stored = lines_after(place) if kind == "jsonl" else spooled_after(place)
+    return Left(taken, delivered, stored, cut.time_s)
 
 
 def spooled_after(place):
     """Return the ids in a spool, which takes another batch too."""
     journal = Journal(str(place / SPOOL), 1 << 20)
     number = 0
-    found = set[str]()
+    result = set[str]()
     while (numbered := journal.after(number)) is not None:
         number, batch = numbered
-        found.update(ids_in(batch))
+        result.update(ids_in(batch))
     journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(1))))
     journal.close()
-    return found
+    return result
 
 
 def lines_after(place):

@@ -115,8 +115,8 @@ def window(count, first=0):
 def ids_of(*windows):
     return [
         json.loads(line)["detection_id"]
-        for each in windows
-        for line in ENCODER.encode(each).splitlines()
+        for window in windows
+        for line in ENCODER.encode(window).splitlines()
     ]
 
 
@@ -166,8 +166,8 @@ def small(tmp_path, carrier, when_full, *, is_spooled, wait_s=0.2):
 
 def overfill(sink):
     """Write twice what the small backlogs hold, and return how many events that is."""
-    for each in many_windows():
-        sink.write(each)
+    for many_window in many_windows():
+        sink.write(many_window)
     return 40_000
 
 

@@ -10,13 +10,16 @@ from opir_core.plugin import TrackerContext, Tracks
 def portions(detections, ticks_s):
     """Return detections (ordered) before each tick, since the last one."""
     cuts = [0, *np.searchsorted(detections.time_s, ticks_s).tolist()]
-    return [detections.take(slice(*each)) for each in pairwise(cuts)]
+    return [detections.take(slice(*edges)) for edges in pairwise(cuts)]
 
 
-def stepped(one, ticks_s, parts):
+def stepped(tracker, ticks_s, slices):
     """Return the tracks of all ticks."""
     return Tracks.concatenate(
-        [one.step(tick_s, part) for tick_s, part in zip(ticks_s, parts, strict=True)]
+        [
+            tracker.step(tick_s, detections)
+            for tick_s, detections in zip(ticks_s, slices, strict=True)
+        ]
     )
 
 

@@ -29,13 +29,13 @@ def is_beside(task):
 
     `task` is the file that tells of the death, this task's own file, and the other's.
     """
-    death, own, other = map(Path, task)
+    death, here_path, peer = map(Path, task)
     if not death.exists():
         death.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    own.touch()
+    here_path.touch()
     for _ in range(500):
-        if other.exists():
+        if peer.exists():
             return True
         sleep(0.01)
     return False

@@ -66,8 +66,8 @@ def simulated(mapping, **settings):
 def turned(mapping, turn_deg):
     """Return a scene whose sensors and targets are moved east alike."""
     sensors = [
-        {**one, "orbital_slot_deg": in_circle(one["orbital_slot_deg"] + turn_deg)}
-        for one in mapping["sensors"]
+        {**sensor, "orbital_slot_deg": in_circle(sensor["orbital_slot_deg"] + turn_deg)}
+        for sensor in mapping["sensors"]
     ]
     targets = []
     for target in mapping["targets"]:

@@ -33,7 +33,7 @@ DRAWN_SHARE = 0.15
 FEW_ROWS = 10
 
 
-def assert_alike(tracks, other, rtol=1e-9, apart=()):
+def assert_alike(tracks, other, rtol=1e-9, separation=()):
     """Fail unless both have the same rows, whatever the numbers of their tracks.
 
     A number may differ by a share of the largest one of its column; the columns `apart` are not
@@ -42,23 +42,25 @@ def assert_alike(tracks, other, rtol=1e-9, apart=()):
     assert len(tracks) == len(other) > 0
     rows = renumbered_rows(tracks, other)
     for item in fields(Tracks):
-        if item.name not in ("track", "impact_regions", *apart):
+        if item.name not in ("track", "impact_regions", *separation):
             close(getattr(other, item.name)[rows], getattr(tracks, item.name), rtol, item.name)
-    for regions, others in zip(tracks.impact_regions, other.impact_regions[rows], strict=True):
-        if "impact_regions" not in apart:
-            assert_same_regions(regions, others, rtol)
+    for regions, reference_regions in zip(
+        tracks.impact_regions, other.impact_regions[rows], strict=True
+    ):
+        if "impact_regions" not in separation:
+            assert_same_regions(regions, reference_regions, rtol)
 
 
 def assert_drawn_alike(tracks, other):
     """Fail unless forecasts (`DRAWN`) agree to within what other draws make of the same states."""
     other = other.take(renumbered_rows(tracks, other))
-    one_known, other_known = (np.isfinite(each.impact).all(axis=1) for each in (tracks, other))
-    known = one_known & other_known
-    assert np.count_nonzero(known) > 10
+    one_known, other_known = (np.isfinite(run.impact).all(axis=1) for run in (tracks, other))
+    rows = one_known & other_known
+    assert np.count_nonzero(rows) > 10
     assert np.count_nonzero(one_known != other_known) <= FEW_ROWS
-    apart = east_north_time(tracks.impact[known], other.impact[known])
-    both = tracks.impact_covariance[known] + other.impact_covariance[known]
-    assert mahalanobis(apart, both).max() < DRAWN_SIGMAS
+    separation = east_north_time(tracks.impact[rows], other.impact[rows])
+    covariance = tracks.impact_covariance[rows] + other.impact_covariance[rows]
+    assert mahalanobis(separation, covariance).max() < DRAWN_SIGMAS
     for name in DRAWN[4:]:
         off = np.abs(getattr(other, name) - getattr(tracks, name))
         assert off.mean() < DRAWN_SHARE, name
@@ -70,7 +72,7 @@ def assert_states_alike(tracks, other, sigmas):
     """
     other = other.take(renumbered_rows(tracks, other))
     assert mahalanobis(other.state - tracks.state, tracks.state_covariance).max() < sigmas
-    spread = [np.linalg.slogdet(each.state_covariance)[1] for each in (tracks, other)]
+    spread = [np.linalg.slogdet(run.state_covariance)[1] for run in (tracks, other)]
     assert np.abs(spread[1] - spread[0]).max() < sigmas
 
 
@@ -101,10 +103,10 @@ def renumbered_rows(tracks, other):
     """
     number = {}
     for track in np.unique(other.track).tolist():
-        first = np.flatnonzero(other.track == track)[0]
-        rows = np.flatnonzero(np.abs(tracks.tick_s - other.tick_s[first]) < 1e-6)
-        apart = np.linalg.norm(tracks.state[rows, :3] - other.state[first, :3], axis=1)
-        number[track] = int(tracks.track[rows[apart.argmin()]])
+        row = np.flatnonzero(other.track == track)[0]
+        rows = np.flatnonzero(np.abs(tracks.tick_s - other.tick_s[row]) < 1e-6)
+        separation = np.linalg.norm(tracks.state[rows, :3] - other.state[row, :3], axis=1)
+        number[track] = int(tracks.track[rows[separation.argmin()]])
     assert len(set(number.values())) == len(number)
     return np.lexsort(([number[track] for track in other.track.tolist()], other.tick_s))
 
@@ -112,11 +114,14 @@ def renumbered_rows(tracks, other):
 def assert_same_regions(regions, others, rtol):
     """Fail unless two tuples of regions have the same figures and corners."""
     assert len(regions) == len(others)
-    for region, other in zip(regions, others, strict=True):
-        assert (region.condition, region.containment) == (other.condition, other.containment)
+    for region, reference in zip(regions, others, strict=True):
+        assert (region.condition, region.containment) == (
+            reference.condition,
+            reference.containment,
+        )
         for name in ("area_km2", "probability", "effective_samples"):
-            close(np.array(getattr(other, name)), np.array(getattr(region, name)), rtol, name)
-        for polygon, other_polygon in zip(region.polygons, other.polygons, strict=True):
+            close(np.array(getattr(reference, name)), np.array(getattr(region, name)), rtol, name)
+        for polygon, other_polygon in zip(region.polygons, reference.polygons, strict=True):
             for ring, other_ring in zip(polygon, other_polygon, strict=True):
                 close(on_sphere(other_ring), on_sphere(ring), rtol, "polygons")
 

@@ -24,7 +24,7 @@ class TwoSides(Tracker):
         return np.where(detections.line_of_sight_ecef[:, 2] > 0.0, 0, 1).astype(np.int64)
 
     def step(self, tick_s, detections):
-        names = [each.name for each in self._hypotheses]
+        names = [hypothese.name for hypothese in self._hypotheses]
         chances = np.zeros((2, len(names)))
         chances[0, names.index("ICBM")] = 0.9
         chances[0, names.index("none of these")] = 0.1

@@ -49,14 +49,16 @@ def written(folder, name):
     constant.
     """
     vary, design = STUDIES[name]
-    every = list(product(*vary.values()))
+    settings = list(product(*vary.values()))
     if design == "one-at-a-time":
-        first = [levels[0] for levels in vary.values()]
-        every = [row for row in every if sum(a != b for a, b in zip(row, first, strict=True)) <= 1]
+        middle = [levels[0] for levels in vary.values()]
+        settings = [
+            row for row in settings if sum(a != b for a, b in zip(row, middle, strict=True)) <= 1
+        ]
     rng = np.random.default_rng(4)
     rows = []
     runs = []
-    for number, levels in enumerate(every):
+    for number, levels in enumerate(settings):
         knobs = dict(zip(vary, levels, strict=True))
         size = (
             knobs.get(PERIOD, 100.0)
@@ -72,8 +74,8 @@ def written(folder, name):
             "tracked": 1.0,
         }
         values = {
-            figure: each * rng.lognormal(0.0, 1.0 if figure != "tracked" else 0.0, RUNS)
-            for figure, each in scale.items()
+            figure: value * rng.lognormal(0.0, 1.0 if figure != "tracked" else 0.0, RUNS)
+            for figure, value in scale.items()
         }
         values["warned"] = np.minimum(values["warned"], 1.0)
         runs += [
@@ -82,13 +84,13 @@ def written(folder, name):
                 **knobs,
                 "replicate": run,
                 "seed": run,
-                **{figure: float(each[run]) for figure, each in values.items()},
+                **{figure: float(value[run]) for figure, value in values.items()},
             }
             for run in range(RUNS)
         ]
         for figure, unit in FIGURES.items():
-            own = values[figure]
-            half = 2.571 * own.std(ddof=1) / RUNS**0.5
+            figures = values[figure]
+            half = 2.571 * figures.std(ddof=1) / RUNS**0.5
             rows.append(
                 {
                     "design": number,
@@ -100,16 +102,16 @@ def written(folder, name):
                     "last_seed": RUNS - 1,
                     "share": 1.0,
                     "runs_with_value": RUNS,
-                    "mean": own.mean(),
-                    "low_95": own.mean() - half,
-                    "high_95": own.mean() + half,
-                    "sd": own.std(ddof=1),
-                    "q10": own.min(),
-                    "median": np.median(own),
-                    "q90": own.max(),
-                    "difference": own.mean() - scale[figure],
-                    "difference_low_95": own.mean() - scale[figure] - half,
-                    "difference_high_95": own.mean() - scale[figure] + half,
+                    "mean": figures.mean(),
+                    "low_95": figures.mean() - half,
+                    "high_95": figures.mean() + half,
+                    "sd": figures.std(ddof=1),
+                    "q10": figures.min(),
+                    "median": np.median(figures),
+                    "q90": figures.max(),
+                    "difference": figures.mean() - scale[figure],
+                    "difference_low_95": figures.mean() - scale[figure] - half,
+                    "difference_high_95": figures.mean() - scale[figure] + half,
                 }
             )
     folder.mkdir(parents=True)
@@ -120,7 +122,7 @@ def written(folder, name):
         "until": "", "figures": FIGURES,
         "bounds": {figure: [0.0, 1.0 if figure in ("warned", "tracked") else None] for figure in FIGURES},
         "metrics": {"latency": ["latency_s"], "other": list(FIGURES)[1:]},
-        "designs": [{"design": number} for number in range(len(every))],
+        "designs": [{"design": number} for number in range(len(settings))],
         "shown": ["latency_s", "position_rmse_m"], "notes": [],
         "requirements": [{"figure": "latency_s", "limit": 0.5, "is_least": False}],
     }  # fmt: skip

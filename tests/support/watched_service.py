@@ -93,16 +93,16 @@ class WatchedService:
         """Begin a life."""
         self.life += 1
         self.log.unlink(missing_ok=True)
-        kept = {"when_full": "wait", "wait_s": 600}
+        stored = {"when_full": "wait", "wait_s": 600}
         kafka = {"bootstrap_servers": self.broker.address, "topic": self.topic, **PATIENT}
         sinks = [
             {
                 "jsonl": {
                     "path": str(self.disk / "lines"),
-                    "spool": {"path": str(self.disk / "a.spool"), **kept},
+                    "spool": {"path": str(self.disk / "a.spool"), **stored},
                 }
             },
-            {"kafka": {**kafka, "spool": {"path": str(self.disk / "b.spool"), **kept}}},
+            {"kafka": {**kafka, "spool": {"path": str(self.disk / "b.spool"), **stored}}},
         ]
         words = ["serve", str(self.folder / "scene.yaml"), "--port", "0", "--speed", "5", "--loop"]
         words += ["--unready-after", str(UNREADY_S), "--set", f"outputs={json.dumps(sinks)}"]
@@ -116,9 +116,9 @@ class WatchedService:
         self.number = self._nurse.born(self.log, str(self.disk), str(self.control), *words)
         until(lambda: "http://" in self.reported() or not is_alive(self.number or 0))
         assert "http://" in self.reported(), self.reported()
-        found = re.search(r"http://[^:]+:(\d+)", self.reported())
-        assert found
-        self.port = int(found[1])
+        result = re.search(r"http://[^:]+:(\d+)", self.reported())
+        assert result
+        self.port = int(result[1])
         threading.Thread(target=self._view, args=(self.life, self.port), daemon=True).start()
 
     def reported(self):
@@ -179,7 +179,7 @@ class WatchedService:
         self.is_faulty = False
         reported = self.reported()
         assert "Traceback" not in reported, reported
-        dropped = [int(found) for found in re.findall(r"spooled, (\d+) dropped", reported)]
+        dropped = [int(result) for result in re.findall(r"spooled, (\d+) dropped", reported)]
         assert len(dropped) == 2, reported
         self.lost = {
             name: self.lost[name] + count for name, count in zip(self.lost, dropped, strict=True)
@@ -252,12 +252,12 @@ class WatchedService:
         while (health := self.ask("GET", "/health/ready"))[0] != 200:
             assert time.monotonic() < give_up_s, (health, self._sinks(), self.reported())
             self._retry()
-        due = {
+        missing = {
             sink["path"]: sink["given"] + sink["recovered"]
             for sink in self.ask("GET", "/status")[1]["sinks"]
         }
-        while any(self._done(sink) < due[sink["path"]] for sink in self._sinks()):
-            assert time.monotonic() < give_up_s, (due, self._sinks(), self.reported())
+        while any(self._done(sink) < missing[sink["path"]] for sink in self._sinks()):
+            assert time.monotonic() < give_up_s, (missing, self._sinks(), self.reported())
             time.sleep(0.1)
 
     def _sinks(self):
@@ -300,8 +300,8 @@ class WatchedService:
         """Hold what arrived in the file against what arrived in the topic, by life and sensor."""
         lines = [json.loads(line) for line in (self.disk / "lines").read_bytes().splitlines()]
         came = messages(self.broker.address, self.topic)
-        first = {message.partition(): message.offset() for message in reversed(came)}
-        assert not any(first.values()), "the broker has forgotten the first messages"
+        offsets = {message.partition(): message.offset() for message in reversed(came)}
+        assert not any(offsets.values()), "the broker has forgotten the first messages"
         carried = [json.loads(message.value()) for message in came]
         arrived = {"lines": by_life(lines), "topic": by_life(carried)}
         everything = {name: {} for name in arrived}
@@ -311,7 +311,7 @@ class WatchedService:
                     everything[name] |= {event["detection_id"]: event for event in events}
                     times = [event["timestamp"] for event in events]
                     at = next(
-                        (at for at, (one, other) in enumerate(pairwise(times)) if one > other), None
+                        (at for at, (start, end) in enumerate(pairwise(times)) if start > end), None
                     )
                     assert at is None, (
                         name,
@@ -320,8 +320,8 @@ class WatchedService:
                         len(times),
                         self.life,
                     )
-        both = everything["lines"].keys() & everything["topic"].keys()
-        assert all(everything["lines"][each] == everything["topic"][each] for each in both)
+        names = everything["lines"].keys() & everything["topic"].keys()
+        assert all(everything["lines"][each] == everything["topic"][each] for each in names)
         for name in arrived:
             missing = 0
             for life in range(self.life + 1):
@@ -333,16 +333,16 @@ class WatchedService:
 
     def _view(self, life, port):
         """Note the ids of all detections that a viewer receives."""
-        rest = b""
+        remainder = b""
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
         try:
             connection.request("GET", "/stream")
             response = connection.getresponse()
-            while part := response.read1(1 << 16):
-                *whole, rest = (rest + part).split(b"\n")
-                for line in whole:
-                    found = re.findall(rb'"detection_id":"([0-9a-f-]{36})"', line)
-                    self.seen[life].update(each.decode() for each in found)
+            while chunk := response.read1(1 << 16):
+                *total, remainder = (remainder + chunk).split(b"\n")
+                for line in total:
+                    result = re.findall(rb'"detection_id":"([0-9a-f-]{36})"', line)
+                    self.seen[life].update(identifier.decode() for identifier in result)
         except (OSError, http.client.HTTPException):
             return
         finally:
@@ -351,11 +351,11 @@ class WatchedService:
 
 def by_life(events):
     """Return the first arrivals by life and sensor; a second one must be the same."""
-    first = {}
+    offsets = {}
     for event in events:
-        assert first.setdefault(event["detection_id"], event) == event
+        assert offsets.setdefault(event["detection_id"], event) == event
     lives = defaultdict(lambda: defaultdict(list))
-    for event in first.values():
+    for event in offsets.values():
         lives[life_of(event)][event["sensor_id"]].append(event)
     return lives
 

@@ -77,10 +77,10 @@ class ThreeStates(ConfusionClassifier):
         return (super().reported_type(sightings, rng) + 1) % 4
 
 
-def classifier_build(made):
+def classifier_build(component):
     def build(config, context):
         like = confusion_classifier(config, context)
-        return made(like.thresholds, like.class_number, like.classes)
+        return component(like.thresholds, like.class_number, like.classes)
 
     return build
 

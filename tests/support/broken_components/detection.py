@@ -30,17 +30,17 @@ class Changed(ConstantDetection):
 def detection_mutant(name, caught_by):
     """Offer a detection model of a class of its own."""
 
-    def offered(made):
+    def offered(model):
         def build(config, context):
             like = always_detection(config, context)
-            part = made(
+            mutated = model(
                 like.probability_table, like.class_number, like.band_count, 1.0, needs_geometry=True
             )
-            part.surroundings = context.surroundings
-            return part
+            mutated.surroundings = context.surroundings
+            return mutated
 
         mutant(DetectionModel, name, caught_by)(build)
-        return made
+        return model
 
     return offered
 
@@ -80,8 +80,8 @@ class ByWindow(Changed):
     """Depends on the first look of the call."""
 
     def probability(self, exposures):
-        first = float(exposures.time_s.min()) if len(exposures) else 0.0
-        return np.full(len(exposures), 0.3 + 0.6 * (first % 7.0) / 7.0)
+        start_s = float(exposures.time_s.min()) if len(exposures) else 0.0
+        return np.full(len(exposures), 0.3 + 0.6 * (start_s % 7.0) / 7.0)
 
 
 @detection_mutant("by-mean", "test_probabilities_are_independent")

@@ -28,8 +28,8 @@ def mutant(kind, name, caught_by, config=NoConfig, **fields):
 
     def offered(build):
         CAUGHT_BY[kind.hook, name] = caught_by
-        made = kind(name=name, summary=f"mutant: {name}", build=build, config=config, **fields)
-        _MADE.setdefault(kind.hook, []).append(made)
+        component = kind(name=name, summary=f"mutant: {name}", build=build, config=config, **fields)
+        _MADE.setdefault(kind.hook, []).append(component)
         return build
 
     return offered

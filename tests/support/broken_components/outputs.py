@@ -23,9 +23,9 @@ class OwnEncoder(ForgeEncoder):
 def encoder_mutant(name, caught_by):
     """Offer an encoder of a class of its own."""
 
-    def offered(made):
-        mutant(EventEncoder, name, caught_by)(lambda _config, context: made(context))
-        return made
+    def offered(component):
+        mutant(EventEncoder, name, caught_by)(lambda _config, context: component(context))
+        return component
 
     return offered
 
@@ -90,9 +90,9 @@ class Counts:
 def sink_mutant(name, caught_by, **abilities):
     """Offer a sink of a class of its own."""
 
-    def offered(made):
-        mutant(SinkModel, name, caught_by, **abilities)(lambda _config, _context: made())
-        return made
+    def offered(component):
+        mutant(SinkModel, name, caught_by, **abilities)(lambda _config, _context: component())
+        return component
 
     return offered
 

@@ -12,9 +12,9 @@ from opir_core.plugin import Renderer, RendererModel
 def offered(name, caught_by):
     """Offer a class that is made with the reference."""
 
-    def offer(made):
-        mutant(RendererModel, name, caught_by)(lambda _config, context: made(context.reference))
-        return made
+    def offer(renderer):
+        mutant(RendererModel, name, caught_by)(lambda _config, context: renderer(context.reference))
+        return renderer
 
     return offer
 

@@ -11,9 +11,9 @@ from opir_core.plugin import ExecutorModel, ExporterModel, MetricModel, RunView
 def made_of(kind, name, caught_by):
     """Offer an object of the decorated class."""
 
-    def offered(made):
-        mutant(kind, name, caught_by)(lambda _config, _context: made())
-        return made
+    def offered(component):
+        mutant(kind, name, caught_by)(lambda _config, _context: component())
+        return component
 
     return offered
 

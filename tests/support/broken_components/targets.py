@@ -47,29 +47,29 @@ def target_mutant(name, caught_by):
 
 
 @target_mutant("burns-for-ever", "test_positions_are_finite_during_the_burn_only")
-def burns_for_ever(made, _place, target, time_s):
-    return made.position_ecef_m(
-        target, np.clip(time_s, made.ignition_s[target], made.burnout_s[target])
+def burns_for_ever(model, _place, target, time_s):
+    return model.position_ecef_m(
+        target, np.clip(time_s, model.ignition_s[target], model.burnout_s[target])
     )
 
 
 @target_mutant("jumps", "test_paths_are_above_the_ground_and_smooth")
-def jumps(made, place, target, time_s):
-    return place + np.where(time_s - made.ignition_s[target] > 30.0, 5e4, 0.0)[:, None]
+def jumps(model, place, target, time_s):
+    return place + np.where(time_s - model.ignition_s[target] > 30.0, 5e4, 0.0)[:, None]
 
 
 @target_mutant("led-astray", "test_free_flight_extends_to_end_s_and_burns_do_not_change")
-def led_astray(made, place, _target, _time_s):
-    return place if made.coast is None else place + 1.0
+def led_astray(model, place, _target, _time_s):
+    return place if model.coast is None else place + 1.0
 
 
 @target_mutant("swarm", "test_positions_are_independent")
-def swarm(_made, place, _target, _time_s):
+def swarm(_product, place, _target, _time_s):
     return place + 1e-3 * (place - np.nanmean(place, axis=0)) if len(place) else place
 
 
 @target_mutant("flies-by-number", "test_targets_are_independent")
-def flies_by_number(_made, place, target, _time_s):
+def flies_by_number(_product, place, target, _time_s):
     return place + 10.0 * target[:, None]
 
 
@@ -79,8 +79,8 @@ class BurnsTwice(OwnTargets):
 
     @property
     def burns_s(self):
-        one = np.stack([self.ignition_s, self.burnout_s], axis=-1)
-        return np.stack([one, one + 1e3], axis=1)
+        burn = np.stack([self.ignition_s, self.burnout_s], axis=-1)
+        return np.stack([burn, burn + 1e3], axis=1)
 
 
 @mutant(
@@ -88,7 +88,7 @@ class BurnsTwice(OwnTargets):
 )
 def burns_twice(configs, context):
     return BurnsTwice(
-        ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place
+        ballistic_targets(configs, context), lambda _product, place, _target, _time_s: place
     )
 
 
@@ -98,8 +98,8 @@ class BurnsOfOneMore(OwnTargets):
 
     @property
     def burns_s(self):
-        own = np.stack([self.ignition_s, self.burnout_s], axis=-1)[:, None, :]
-        return np.concatenate([own, own[-1:]])
+        burns = np.stack([self.ignition_s, self.burnout_s], axis=-1)[:, None, :]
+        return np.concatenate([burns, burns[-1:]])
 
 
 @mutant(
@@ -110,5 +110,5 @@ class BurnsOfOneMore(OwnTargets):
 )
 def burns_of_one_more(configs, context):
     return BurnsOfOneMore(
-        ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place
+        ballistic_targets(configs, context), lambda _product, place, _target, _time_s: place
     )

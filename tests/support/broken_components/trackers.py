@@ -22,8 +22,8 @@ class OneTrack:
         self.places = {}
 
     def associate(self, detections):
-        known = np.array(sorted(self.seen), dtype=np.int64)
-        return np.where(np.isin(detections.sensor, known), detections.sensor, -1).astype(np.int64)
+        sensors = np.array(sorted(self.seen), dtype=np.int64)
+        return np.where(np.isin(detections.sensor, sensors), detections.sensor, -1).astype(np.int64)
 
     def step(self, tick_s, detections):
         self.seen |= set(detections.sensor.tolist())
@@ -35,8 +35,8 @@ class OneTrack:
             detections.line_of_sight_ecef.tolist(),
             strict=True,
         )
-        for _, sensor, here, ray in sorted(rows):
-            self.places[sensor] = met(here, ray)
+        for _, sensor, position, ray in sorted(rows):
+            self.places[sensor] = met(position, ray)
         return self.tracks(tick_s, np.array(sorted(self.seen), dtype=np.int64))
 
     def state_of(self, track):
@@ -48,7 +48,7 @@ class OneTrack:
         return Tracks(
             tick_s=np.full(count, tick_s),
             track=number,
-            state=np.array([self.state_of(each) for each in number.tolist()]).reshape(count, 6),
+            state=np.array([self.state_of(track) for track in number.tolist()]).reshape(count, 6),
             state_covariance=np.tile(np.diag([1e6, 1e6, 1e6, 1e2, 1e2, 1e2]), (count, 1, 1)),
             launch=np.full((count, 3), np.nan),
             launch_covariance=np.full((count, 3, 3), np.nan),
@@ -58,22 +58,22 @@ class OneTrack:
         )
 
 
-def met(here, ray):
+def met(position, ray):
     """Return where a line of sight meets a sphere of 6 500 km, m, or comes nearest to the Earth's
     centre.
     """
-    along = -sum(map(operator.mul, here, ray))
-    depth = along * along - sum(map(operator.mul, here, here)) + 6.5e6**2
+    along = -sum(map(operator.mul, position, ray))
+    depth = along * along - sum(map(operator.mul, position, position)) + 6.5e6**2
     along -= math.sqrt(max(depth, 0.0))
-    return tuple(place + along * part for place, part in zip(here, ray, strict=True))
+    return tuple(place + along * component for place, component in zip(position, ray, strict=True))
 
 
 def tracker_mutant(name, caught_by):
     """Offer a tracker of a class of its own."""
 
-    def offered(made):
-        mutant(TrackerModel, name, caught_by)(lambda _config, _context: made())
-        return made
+    def offered(tracker):
+        mutant(TrackerModel, name, caught_by)(lambda _config, _context: tracker())
+        return tracker
 
     return offered
 
@@ -223,26 +223,27 @@ class RegionsWithoutRings(WithRegions):
 @tracker_mutant("regions-least-likely-first", "test_impact_regions_are_nested_and_closed")
 class RegionsLeastLikelyFirst(WithRegions):
     def changed(self, regions):
-        over, again = (
-            [evolve(each, condition=name) for each in regions] for name in ("burn over", "relights")
+        over, repeat = (
+            [evolve(region, condition=name) for region in regions]
+            for name in ("burn over", "relights")
         )
-        return *(evolve(each, probability=0.1) for each in over), *(
-            evolve(each, probability=0.8) for each in again
+        return *(evolve(region, probability=0.1) for region in over), *(
+            evolve(region, probability=0.8) for region in repeat
         )
 
 
 @tracker_mutant("regions-of-no-condition", "test_impact_regions_are_nested_and_closed")
 class RegionsOfNoCondition(WithRegions):
     def changed(self, regions):
-        return tuple(evolve(each, condition="soon") for each in regions)
+        return tuple(evolve(region, condition="soon") for region in regions)
 
 
 class WithConditions(WithRegions):
     """Regions of two conditions, the most probable first."""
 
     def changed(self, regions):
-        over = (evolve(each, condition="burn over", probability=0.8) for each in regions)
-        return *over, *(evolve(each, condition="relights", probability=0.1) for each in regions)
+        over = (evolve(region, condition="burn over", probability=0.8) for region in regions)
+        return *over, *(evolve(region, condition="relights", probability=0.1) for region in regions)
 
 
 tracker_mutant("sound-conditions", "")(WithConditions)
@@ -267,9 +268,9 @@ class WithHypotheses(OneTrack):
 def weighing_mutant(name, caught_by):
     """Offer a tracker of a class of its own that is built of the context's hypotheses."""
 
-    def offered(made):
-        mutant(TrackerModel, name, caught_by)(lambda _config, context: made(context.hypotheses))
-        return made
+    def offered(tracker):
+        mutant(TrackerModel, name, caught_by)(lambda _config, context: tracker(context.hypotheses))
+        return tracker
 
     return offered
 

@@ -81,8 +81,8 @@ def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
 
     rise = risen(np.minimum(elapsed, start))
     swept = np.zeros_like(rise)
-    last = np.maximum((elapsed - start) / (burn - start), 0) ** LONG(0.25)
-    step = last / _PANELS
+    fraction = np.maximum((elapsed - start) / (burn - start), 0) ** LONG(0.25)
+    step = fraction / _PANELS
     for panel in range(_PANELS):
         x = step * panel + step * nodes[:, None]
         t = start + (burn - start) * x**4
@@ -126,16 +126,19 @@ def zonal_acceleration(position, names):
     ratio = LONG(field.radius_m) / r
     radial = -mu / (r * r)
     along = np.zeros_like(r)
-    before = np.ones_like(s)
-    now = s
+    previous = np.ones_like(s)
+    current = s
     slope_before = np.zeros_like(s)
     slope = np.ones_like(s)
     for degree in range(2, 5):
-        slope_before, slope = slope, slope_before + (2 * degree - 1) * now
-        before, now = now, ((2 * degree - 1) * s * now - (degree - 1) * before) / degree
+        slope_before, slope = slope, slope_before + (2 * degree - 1) * current
+        previous, current = (
+            current,
+            ((2 * degree - 1) * s * current - (degree - 1) * previous) / degree,
+        )
         if f"j{degree}" in names:
             size = mu / (r * r) * LONG(getattr(field, f"j{degree}")) * ratio**degree
-            radial = radial + size * (degree + 1) * now
+            radial = radial + size * (degree + 1) * current
             along = along - size * slope
     # The gradient of sin(latitude) has the length cos(latitude) / r: along is per cosine squared.
     return np.stack(
@@ -162,11 +165,11 @@ def propagated(position_m, velocity_m_s, duration_s, names, steps=64):
         table = []
         for count in sequence:
             h = step / count
-            one = state
+            k1 = state
             two = state + h * rate(state)
             for _ in range(count - 1):
-                one, two = two, one + 2 * h * rate(two)
-            row = [(one + two + h * rate(two)) / 2]
+                k1, two = two, k1 + 2 * h * rate(two)
+            row = [(k1 + two + h * rate(two)) / 2]
             for column in range(len(table)):
                 factor = (LONG(count) / sequence[len(table) - 1 - column]) ** 2 - 1
                 row.append(row[column] + (row[column] - table[-1][column]) / factor)

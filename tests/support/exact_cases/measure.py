@@ -101,12 +101,12 @@ def bound_of(
     call,
     exact,
     bound,
-    **rest,
+    **remainder,
 ):
     """Return the search of a function of one output against its reference, relative to the output's
     length.
     """
-    case = Case(name, draw, call, exact, **rest)
+    case = Case(name, draw, call, exact, **remainder)
 
     def search(rng, draws):
         inputs = [np.asarray(column) for column in draw(rng, draws)]
@@ -162,9 +162,9 @@ def measured(case, rng, draws):
                 condition[row] = error[row]
                 scaled[row] = error[row]
                 continue
-            found = [output[row] for output in outputs]
+            result = [output[row] for output in outputs]
             error[row], condition[row], scaled[row] = _compared(
-                case, [column[row] for column in inputs], found
+                case, [column[row] for column in inputs], result
             )
     return Outcome(case, inputs, error, condition, scaled, raised)
 
@@ -201,10 +201,12 @@ def _called(case, inputs):
         except (ArithmeticError, Warning) as problem:
             raised.append((row, f"{type(problem).__name__}: {problem}"))
             rows.append(None)
-    whole = next((each for each in rows if each is not None), [np.nan])
+    total = next((row_outputs for row_outputs in rows if row_outputs is not None), [np.nan])
     filled = [
-        each if each is not None else [np.full_like(output, np.nan) for output in whole]
-        for each in rows
+        row_outputs
+        if row_outputs is not None
+        else [np.full_like(output, np.nan) for output in total]
+        for row_outputs in rows
     ]
     return [np.array(column) for column in zip(*filled, strict=True)], raised
 
@@ -216,27 +218,27 @@ def _outputs(result):
     ]
 
 
-def _compared(case, inputs, found):
+def _compared(case, inputs, result):
     """Return error, condition number and scaled error of the worst output of one draw."""
     row = [exactly(value) for value in inputs]
     exact = _groups(case.exact(*row))
-    if len(exact) != len(found):
+    if len(exact) != len(result):
         raise AssertionError(
-            f"{case.name}: {len(found)} outputs, and {len(exact)} in the reference"
+            f"{case.name}: {len(result)} outputs, and {len(exact)} in the reference"
         )
     lengths = [_length(case, number, group) for number, group in enumerate(exact)]
     conditions = None
     worst = 0.0, 0.0, -1.0
     for number, (group, length) in enumerate(zip(exact, lengths, strict=True)):
-        values = [float(value) for value in np.ravel(found[number])]
+        values = [float(value) for value in np.ravel(result[number])]
         error = _error(case, number, group, values, length)
         if error == 0.0:
-            worst = max(worst, (0.0, 0.0, 0.0), key=lambda each: each[2])
+            worst = max(worst, (0.0, 0.0, 0.0), key=lambda outcome: outcome[2])
             continue
         if conditions is None:
             conditions = _conditions(case, row, exact, lengths)
         scaled = error / ((1.0 + conditions[number]) * ROUNDOFF)
-        worst = max(worst, (error, conditions[number], scaled), key=lambda each: each[2])
+        worst = max(worst, (error, conditions[number], scaled), key=lambda outcome: outcome[2])
     return worst
 
 
@@ -244,7 +246,8 @@ def _error(case, number, group, values, length):
     if group is None:
         return 0.0 if all(np.isnan(values)) else np.inf
     if all(
-        abs(value) > 1.8e308 and value * one > 0 for value, one in zip(values, group, strict=True)
+        abs(value) > 1.8e308 and value * exact_value > 0
+        for value, exact_value in zip(values, group, strict=True)
     ):
         return 0.0
     if not np.all(np.isfinite(values)):
@@ -269,11 +272,11 @@ def _conditions(case, row, exact, lengths):
         if number in case.fixed:
             continue
         for moved in _moved(value):
-            other = _groups(case.exact(*row[:number], moved, *row[number + 1 :]))
-            for output, (group, before) in enumerate(zip(other, exact, strict=True)):
-                if group is not None and before is not None:
+            outputs = _groups(case.exact(*row[:number], moved, *row[number + 1 :]))
+            for output, (group, reference) in enumerate(zip(outputs, exact, strict=True)):
+                if group is not None and reference is not None:
                     total[output] += (
-                        _distance(case, output, group, before) / lengths[output] / _STEP
+                        _distance(case, output, group, reference) / lengths[output] / _STEP
                     )
     return [float(value) for value in total]
 
@@ -294,13 +297,13 @@ def _sampled_conditions(case, row, exact, lengths):
             else value * (1 + _STEP * int(signs.choice([-1, 1])))
             for number, value in enumerate(row)
         ]
-        for output, (group, before) in enumerate(
+        for output, (group, reference) in enumerate(
             zip(_groups(case.exact(*moved)), exact, strict=True)
         ):
-            if group is not None and before is not None:
+            if group is not None and reference is not None:
                 worst[output] = max(
                     worst[output],
-                    float(_distance(case, output, group, before) / lengths[output] / _STEP),
+                    float(_distance(case, output, group, reference) / lengths[output] / _STEP),
                 )
     return worst
 
@@ -334,11 +337,11 @@ def _length(case, number, group):
 
 
 def _distance(case, number, one, other):
-    apart = [a - b for a, b in zip(one, other, strict=True)]
+    separation = [a - b for a, b in zip(one, other, strict=True)]
     if number in case.angles:
         turn = 2 * mp.pi
-        apart = [min(abs(each), abs(turn - abs(each))) for each in apart]
-    return norm(apart)
+        separation = [min(abs(angle), abs(turn - abs(angle))) for angle in separation]
+    return norm(separation)
 
 
 def norm(vector):
@@ -359,14 +362,14 @@ def cross(one, other):
     return [b * f - c * e, c * d - a * f, a * e - b * d]
 
 
-def less(one, other):
+def less(left_side, right_side):
     """Return a difference of vectors."""
-    return [a - b for a, b in zip(one, other, strict=True)]
+    return [a - b for a, b in zip(left_side, right_side, strict=True)]
 
 
-def plus(one, other, times=1):
+def plus(vector, increment, times=1):
     """Return a vector plus a multiple of another."""
-    return [a + times * b for a, b in zip(one, other, strict=True)]
+    return [a + times * b for a, b in zip(vector, increment, strict=True)]
 
 
 def times(factor, vector):
