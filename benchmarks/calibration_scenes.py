@@ -11,10 +11,6 @@ from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scene.target_classes import OrbitInsertion
 
 RADIUS_KM = 6371.0
-SLOT_KM = 42164.2
-#: Standard deviations of ln of the level of plumes in all bands, and in each; propellants are any.
-BRIGHTNESS = 0.7
-COLOUR = 0.11
 PROPELLANTS = ("kerosene", "methane", "solid", "storable", "hydrogen")
 
 
@@ -46,7 +42,7 @@ Place = tuple[float, float]
 def place_seen(rng):
     """Return latitude and longitude, rad, of a random place that sees the satellite."""
     elevation = np.arcsin(rng.uniform(0.03, 1.0))
-    angle = float(np.arccos(RADIUS_KM * np.cos(elevation) / SLOT_KM) - elevation)
+    angle = float(np.arccos(RADIUS_KM * np.cos(elevation) / 42164.2) - elevation)
     return moved((0.0, 0.0), angle, 2.0 * np.pi * rng.random())
 
 
@@ -77,7 +73,8 @@ def launched(rng, kind, number, launch, has_light=True):
     heading = 2.0 * np.pi * rng.random()
     target = {"id": f"{kind}-{number}", "type": kind, "launch": degrees(launch)}
     if has_light:
-        spread = BRIGHTNESS * rng.standard_normal() + COLOUR * rng.standard_normal(3)
+        # ln of the level of plumes: in all bands, and in each.
+        spread = 0.7 * rng.standard_normal() + 0.11 * rng.standard_normal(3)
         peaks = target_class.plume(profile.name).peak_w_sr
         target["signature"] = {
             "model": "plume",

@@ -17,7 +17,6 @@ from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 TOLERANCES_M = (10.0, 1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)
 #: Tolerances in the table of the page.
 SHOWN_M = (1.0, 0.01, 1e-4)
-TIMES = 1000
 
 PAGE = """# Ephemerides: accuracy against run time
 
@@ -110,8 +109,8 @@ def row_of(
     """Return the row of one span and tolerance."""
     ephemeris = build(tolerance_m)
     count = len(ephemeris)
-    target = np.repeat(np.arange(count), TIMES)
-    share = np.tile(np.linspace(0.0, 1.0, TIMES), count)
+    target = np.repeat(np.arange(count), 1000)
+    share = np.tile(np.linspace(0.0, 1.0, 1000), count)
     start_s = ephemeris.start_s[target]
     end_s = ephemeris.end_s[target]
     time_s = np.minimum(start_s + share * (end_s - start_s), end_s)

@@ -31,9 +31,6 @@ AIMS = {"SRBM": (38.0, -108.0), "IRBM": (50.0, -85.0), "ICBM": (60.0, 60.0)}
 #: Heights for which transmittances are listed.
 HEIGHTS_KM = (0.0, 1.0, 2.0, 4.0, 6.0, 10.0)
 BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0), Band("LWIR", 8.0, 12.0))
-#: Elevation of SBIRS-GEO and NEXTGEN-GEO from the launch site.
-ELEVATION_DEG = 49.0
-DURATION_S = 200.0
 IGNITION_S = 2.0
 #: Confidence of all comparisons together.
 CONFIDENCE = 0.999
@@ -126,7 +123,7 @@ def scene(
         {
             "scene": "first-detection",
             "epoch": "2026-04-01T19:00:00Z",
-            "duration_s": DURATION_S,
+            "duration_s": 200.0,
             "seed": 11,
             "sensors": [
                 {"model": model, "id": model, "orbital_slot_deg": slot_deg, **(settings or {})}
@@ -260,7 +257,8 @@ def air_rows(climates):
     lowtran = opir.Host.discover().component("opir_atmosphere_models", "lowtran")
     context = AtmosphereContext(bands=BANDS, path="atmosphere", seed=0)
     blank = np.zeros((len(HEIGHTS_KM), 3))
-    sine = np.full(len(blank), np.sin(np.radians(ELEVATION_DEG)))
+    # SBIRS-GEO and NEXTGEN-GEO stand 49° above the launch site.
+    sine = np.full(len(blank), np.sin(np.radians(49.0)))
     paths = Paths(1e3 * np.array(HEIGHTS_KM), sine, blank, blank, blank[:, 0])
     for climate in climates:
         sky = lowtran.build(lowtran.config(climate=climate), context)

@@ -20,9 +20,6 @@ from opir_core.reading import load_scene, scene_from_mapping, scene_mapping
 SCENE = Path(__file__).resolve().parents[1] / "examples" / "raid_100.yaml"
 OUTPUT = ["outputs=[{jsonl: {path: /dev/null}}]"]
 
-#: Times the targets of the raid at which the search for the limit ends.
-MAX_TIMES = 64
-
 PAGE = """# Latency of a live run
 
 How old are events of a live run? With {targets} targets 99 % are at most {p99_ms:.1f} ms old, and
@@ -89,7 +86,7 @@ def raid(host, times):
 def until_late(host, seconds):
     """Yield runs with twice the targets each time, up to the first with missed deadlines."""
     times = 2
-    while times <= MAX_TIMES:
+    while times <= 64:
         row = measured(host, raid(host, times), seconds, 1.0)
         yield row
         if row["missed deadlines"]:

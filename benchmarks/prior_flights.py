@@ -44,8 +44,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 #: Lowest height of a launch site, m: land is hardly lower.
 LOWEST_M = -500.0
-#: Lowest perigee of an orbit, m.
-PERIGEE_M = 120e3
 #: Ranges of missiles, m: limits of the classes, and octaves in which as many are kept.
 RANGES_M = np.geomspace(50e3, 16e6, 9)
 #: Classes by their longest range, m.
@@ -298,7 +296,7 @@ def with_fall(program, boost, rows):
     if not len(fall.t_events[0]):
         lowest_m = np.linalg.norm(fall.y[:3], axis=0).min() - RADIUS_M
         orbit = PriorFlight(table, burnout_s, boost.launch, None, "SLV", np.nan)
-        return orbit if lowest_m > PERIGEE_M else None
+        return orbit if lowest_m > 120e3 else None
     impact = geodetic(fall.y_events[0][0][:3])[:2]
     range_m = distance_m(boost.launch, impact)
     kind = next(name for name, longest_m in KINDS.items() if range_m < longest_m)

@@ -28,7 +28,6 @@ import opir_core as opir
 TARGETS = 12
 SETTLED_S = 60.0
 DURATION_S = 100.0
-FIRST_SEED = 39_000
 SIGMA_RAD = 20e-6
 
 PAGE = """# Registration
@@ -195,7 +194,7 @@ def outcome_of(case, seed):
 
 def row_of(name, runs):
     """Return a line of the table."""
-    outcomes = [outcome_of(CASES[name], FIRST_SEED + 2 * run) for run in range(runs)]
+    outcomes = [outcome_of(CASES[name], 39_000 + 2 * run) for run in range(runs)]
     held, nees, position_m, over_bound = (
         np.concatenate([getattr(outcome, column) for outcome in outcomes])
         for column in ("held", "nees", "position_m", "over_bound")

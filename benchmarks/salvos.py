@@ -35,9 +35,6 @@ SLOTS_DEG = (-35.0, 30.0, -5.0)
 MARK = 0.95
 #: The time before the mark over which pairings are judged, s.
 PAIRED_S = 20.0
-FIRST_SEED = 24_000
-#: Time that light takes from a launch to a sensor, s, about.
-LIGHT_S = 0.125
 
 PAGE = """# Salvos
 
@@ -181,7 +178,8 @@ def oracle(evidence, detections):
         seen = np.flatnonzero((detections.sensor == sensor) & (evidence.target >= 0))
         for scan in np.unique(detections.scan[seen])[::7]:
             rows = seen[detections.scan[seen] == scan]
-            time_s = float(detections.time_s[rows[0]]) - LIGHT_S
+            # Light takes about 0.125 s from a launch to a sensor.
+            time_s = float(detections.time_s[rows[0]]) - 0.125
             lit = np.flatnonzero(targets.ignition_s < time_s).astype(np.int32)
             line = targets.position_ecef_m(lit, np.full(len(lit), time_s))
             line -= detections.sensor_ecef_m[rows[0]]
@@ -213,7 +211,7 @@ def rows_of(options):
     fan_deg = 0.0 if options.parallel else 8.0
     for half_km in options.halves:
         runs = [
-            salvo(half_km, FIRST_SEED + 2 * run, options.sensors, fan_deg)
+            salvo(half_km, 24_000 + 2 * run, options.sensors, fan_deg)
             for run in range(options.runs)
         ]
         error_m, held, paired = (

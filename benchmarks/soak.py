@@ -64,7 +64,6 @@ HEADERS = {"Content-Type": "application/json", "If-Match": "*"}
 #: Tracks that the page keeps: so few that they are all there within the warm-up.
 TRACKS = 100
 
-SAMPLE_S = 10.0
 #: Scene time between launches: with real time, how many there are in a lap would hang on the
 #: machine's other work.
 TRIGGER_S = 60.0
@@ -76,8 +75,6 @@ WARM_UP = 0.25
 WARM_UP_LAPS = 2
 #: How much memory may grow from the first to the last quarter of what follows the warm-up.
 FLAT = 0.02
-#: How late, s, a run may be that says that it is ready.
-LATE_S = 5.0
 COUNTED = re.compile(r"(\d+) (?:delivered|spooled|dropped)")
 FATES = ("delivered", "spooled", "dropped", "withheld")
 
@@ -260,7 +257,7 @@ def watched(service, duration_s):
             if answer != 202:
                 print(answer, body, flush=True)
         if time.monotonic() >= sample_due_s:
-            sample_due_s += SAMPLE_S
+            sample_due_s += 10.0
             samples.append(sample(service, start_s))
             printed(samples[-1])
         time.sleep(0.05)
@@ -347,7 +344,7 @@ def criteria(results):
     return [
         *memory_criteria(results["samples"]),
         *event_criteria(results),
-        Criterion("at most 5 s late while ready", f"{late_s:.2f} s", late_s <= LATE_S),
+        Criterion("at most 5 s late while ready", f"{late_s:.2f} s", late_s <= 5.0),
         Criterion("launches accepted", counts, all(code < 500 for code in answers)),
         Criterion(
             "SIGTERM stops it within 5 s", stop, results["stop_s"] < 5.0 and results["code"] == 0

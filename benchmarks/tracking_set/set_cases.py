@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 import yaml
-from set_flights import MU, RADIUS_M, SPIN, drawn_vehicle, is_fit
+from foreign_flights import MU, RADIUS_M, SPIN
+from set_flights import drawn_vehicle, is_fit
 
 #: Published seeds; odd ones are free to tune on.
 SEEDS = (2, 4)
@@ -18,7 +19,6 @@ IGNITION_S = 10.0
 TAIL_S = 25.0
 GEO_ALTITUDE_M = (MU / SPIN**2) ** (1.0 / 3.0) - RADIUS_M
 LEO_ALTITUDE_M = 1200e3
-METRES_PER_RADIAN = 6371e3
 
 
 class Sensor(NamedTuple):
@@ -157,7 +157,7 @@ def _vehicle(stages, has_gaps, place, rng):
 
 def _place(middle, spread_km, rng):
     """Return a random point within a distance from the middle, on a sphere."""
-    distance = 1e3 * spread_km * np.sqrt(rng.uniform()) / METRES_PER_RADIAN
+    distance = 1e3 * spread_km * np.sqrt(rng.uniform()) / 6371e3
     turn = rng.uniform(0.0, 2.0 * np.pi)
     latitude = middle[0] + distance * np.cos(turn)
     return float(latitude), float(middle[1] + distance * np.sin(turn) / np.cos(middle[0]))

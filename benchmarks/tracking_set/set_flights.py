@@ -4,42 +4,23 @@ Kutta.
 Point masses of notional parameters: constant thrust and mass flow, so thrust over mass grows
 through a stage; a vertical rise, a pitch-over, then thrust along the velocity relative to the
 rotating Earth, in upper stages off it by a constant angle of steering; an exponential atmosphere,
-central gravity, WGS 84. Only NumPy is used, nothing of opir.
+central gravity, WGS 84. Nothing of opir is used.
 """
 
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import yaml
+from foreign_flights import FLATTENING, MU, PITCH_OVER_S, RADIUS_M, SPIN
 
-MU = 3.986004418e14
-SPIN = 7.292115e-5
-RADIUS_M = 6378137.0
-FLATTENING = 1.0 / 298.257223563
-PITCH_OVER_S = 10.0
 STEP_S = 0.5
 SEA_LEVEL_KG_M3 = 1.225
 SCALE_HEIGHT_M = 7500.0
 
-#: Uniform laws of the parameters: of rise, kick and drag, and of each first and later stage by the
-#: number of stages.
-RISE_S = (4.0, 10.0)
-KICK_RAD = (0.07, 0.42)
-DRAG_M2_KG = (5e-5, 3e-4)
-BURN_S = {1: (50.0, 110.0), 2: (40.0, 85.0), 3: (40.0, 70.0)}
-FIRST_M_S2 = (14.0, 28.0)
-LATER_M_S2 = (12.0, 30.0)
-GROWTH = (1.8, 4.5)
-STEER_RAD = (-0.14, 0.14)
-#: Least and greatest dark time between stages, s.
-GAP_S = (4.0, 15.0)
-
-#: What a flight must reach at the last burnout: height, m, angle of climb, rad, and at most this
-#: speed, m/s.
-LEAST_HEIGHT_M = 20e3
-LEAST_CLIMB_RAD = 0.1
-MOST_SPEED_M_S = 7300.0
-MOST_BURN_S = 240.0
+#: Laws of the parameters and limits of the flights, with their units.
+LAWS = yaml.safe_load(Path(__file__).with_name("flight_laws.yaml").read_text(encoding="utf-8"))
 
 #: Columns of a flight's parameters before those of its stages.
 PLACE = 7
@@ -103,15 +84,15 @@ def drawn_vehicle(stages, has_gaps, rng):
     later = stages - 1
     parts = [
         np.zeros(4),
-        rng.uniform(*RISE_S, 1),
-        rng.uniform(*KICK_RAD, 1),
-        rng.uniform(*DRAG_M2_KG, 1),
-        rng.uniform(*BURN_S[stages], stages),
-        rng.uniform(*FIRST_M_S2, 1),
-        rng.uniform(*LATER_M_S2, later),
-        rng.uniform(*GROWTH, stages),
-        rng.uniform(*STEER_RAD, later),
-        rng.uniform(*GAP_S, later if has_gaps else 0),
+        rng.uniform(*LAWS["rise_s"], 1),
+        rng.uniform(*LAWS["kick_rad"], 1),
+        rng.uniform(*LAWS["drag_m2_kg"], 1),
+        rng.uniform(*LAWS["burn_s"][stages], stages),
+        rng.uniform(*LAWS["first_m_s2"], 1),
+        rng.uniform(*LAWS["later_m_s2"], later),
+        rng.uniform(*LAWS["growth"], stages),
+        rng.uniform(*LAWS["steer_rad"], later),
+        rng.uniform(*LAWS["gap_s"], later if has_gaps else 0),
     ]
     return np.concatenate(parts)
 
@@ -121,9 +102,11 @@ def prior_sigma(stages, has_gaps):
     good as unknown.
     """
     later = stages - 1
-    laws = [(-0.2, 0.2), (-0.2, 0.2), (-np.pi, np.pi), (-1e3, 1e3), RISE_S, KICK_RAD, DRAG_M2_KG]
-    laws += [BURN_S[stages]] * stages + [FIRST_M_S2] + [LATER_M_S2] * later + [GROWTH] * stages
-    laws += [STEER_RAD] * later + [GAP_S] * (later if has_gaps else 0)
+    names = ["rise_s", "kick_rad", "drag_m2_kg"]
+    laws = [(-0.2, 0.2), (-0.2, 0.2), (-np.pi, np.pi), (-1e3, 1e3), *(LAWS[name] for name in names)]
+    laws += [LAWS["burn_s"][stages]] * stages
+    laws += [LAWS["first_m_s2"]] + [LAWS["later_m_s2"]] * later + [LAWS["growth"]] * stages
+    laws += [LAWS["steer_rad"]] * later + [LAWS["gap_s"]] * (later if has_gaps else 0)
     return np.array([high - low for low, high in laws]) / np.sqrt(12.0)
 
 
@@ -279,7 +262,7 @@ def is_fit(row, stages):
     burnout.
     """
     end_s = float(burns(row, stages)[-1, 1])
-    if end_s - row[3] > MOST_BURN_S:
+    if end_s - row[3] > LAWS["most_burn_s"]:
         return False
     state = flown(row[None], stages, end_s).state[0]
     radius = np.sqrt(np.sum(state[:, :3] ** 2, axis=1))
@@ -288,7 +271,7 @@ def is_fit(row, stages):
     climb = np.arcsin(np.sum(state[-1, :3] * state[-1, 3:]) / (radius[-1] * speed))
     return bool(
         height.min() > -30.0
-        and height[-1] > LEAST_HEIGHT_M
-        and climb > LEAST_CLIMB_RAD
-        and speed < MOST_SPEED_M_S
+        and height[-1] > LAWS["least_height_m"]
+        and climb > LAWS["least_climb_rad"]
+        and speed < LAWS["most_speed_m_s"]
     )
