@@ -333,55 +333,55 @@ def rule_07_electrons_per_s(cutoff_um, kelvin, pitch_m):
     return density_a_cm2 * (100.0 * pitch_m) ** 2 / 1.602176634e-19
 
 
+#: 81 pixels hold all light; dark current, warm optics and reads are counted.
+WARM_PLANE = {
+    "aperture_m": 0.6,
+    "f_number": 2.0,
+    "integration_time_ms": 10.0,
+    "subframes": 1,
+    "read_noise_e": 2000.0,
+    "optics_transmission": 0.7,
+    "optics_temperature_k": 290.0,
+    "fill_factor": 1.0,
+    "bits": 32,
+    "quantum_efficiency": 0.8,
+    "detector_temperature_k": 120.0,
+    "well_capacity_e": 1e12,
+    "blur_urad": 1.0,
+    "spatial_filter": "sum",
+    "core_pixels": 9,
+    "temporal_filter": "none",
+    "jitter_urad": 0.0,
+}
+
+
+def snr_of_band(light_w_m2, low_um, high_um, ifov_rad):
+    """Return the SNR of 81 pixels of the warm plane."""
+    per_s = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.5e-6 * (low_um + high_um) / H_C
+    pitch_m = ifov_rad * 2.0 * 0.6
+    cone_sr = math.pi / (4.0 * 2.0**2 + 1.0)
+    warm = 0.3 * photons_per_s(290.0, low_um, high_um) * cone_sr * pitch_m**2 * 0.8
+    dark = rule_07_electrons_per_s(high_um, 120.0, pitch_m)
+    return light_w_m2 * per_s * 0.01 / math.sqrt(81.0 * ((warm + dark) * 0.01 + 2000.0**2))
+
+
 def test_the_best_band_is_that_of_a_script_and_false_alarms_are_equal():
-    """81 pixels hold all light; dark current, warm optics and reads are counted. In vacuum before a
-    dark sky.
-    """
-    plane = {
-        "aperture_m": 0.6,
-        "f_number": 2.0,
-        "integration_time_ms": 10.0,
-        "subframes": 1,
-        "read_noise_e": 2000.0,
-    }
-    plane |= {
-        "optics_transmission": 0.7,
-        "optics_temperature_k": 290.0,
-        "fill_factor": 1.0,
-        "bits": 32,
-    }
-    plane |= {
-        "quantum_efficiency": 0.8,
-        "detector_temperature_k": 120.0,
-        "well_capacity_e": 1e12,
-        "blur_urad": 1.0,
-    }
-    plane |= {
-        "spatial_filter": "sum",
-        "core_pixels": 9,
-        "temporal_filter": "none",
-        "jitter_urad": 0.0,
-    }
-    bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
+    """In vacuum before a dark sky."""
+    bench = bare("SBIRS-GEO").changed(sensor__focal_plane=WARM_PLANE)
     bench = bench.changed(sensor__confirmation_detections=1, sensor__confirmation_scans=1)
     poses = Poses.of("SRBM", height_m=[10e3, 40e3])
     edges = (2.5, 3.1, 4.17, 4.4, 4.6, 5.0)
     result = best_bands(bench, [poses], BandLimits(edges, 0.2, 1.0), most=99)
     sensor = bench.sensor
     ifov = sensor.radiometer.ifov_rad
-    own = {}
+    scripted = {}
     for low, high in ((a, b) for a in edges for b in edges if 0.2 - 1e-9 <= b - a <= 1.0 + 1e-9):
         alone = bench.changed(sensor__bands={"MWIR": [low, high]}, sensor__reference_band="MWIR")
         light = float(alone.light_w_m2(poses)[:, 0].min())
-        per_s = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.5e-6 * (low + high) / H_C
-        pitch = ifov * 2.0 * 0.6
-        cone = math.pi / (4.0 * 2.0**2 + 1.0)
-        warm = 0.3 * photons_per_s(290.0, low, high) * cone * pitch**2 * 0.8
-        dark = rule_07_electrons_per_s(high, 120.0, pitch)
-        own[low, high] = light * per_s * 0.01 / math.sqrt(81.0 * ((warm + dark) * 0.01 + 2000.0**2))
+        scripted[low, high] = snr_of_band(light, low, high, ifov)
     rows = {(row[1], row[2]): row for row in result.rows[:-1]}
-    assert list(rows) == sorted(own, key=own.get, reverse=True)
-    for band, snr in own.items():
+    assert list(rows) == sorted(scripted, key=scripted.get, reverse=True)
+    for band, snr in scripted.items():
         # Diffraction leaves some light outside of 81 pixels.
         assert 0.9 * snr < rows[band][4] < 1.02 * snr
     half_rad = sensor.field_of_regard_half_angle_rad

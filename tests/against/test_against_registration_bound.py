@@ -61,6 +61,15 @@ def paths(rng):
     return rows
 
 
+def sights(scan, path, axes, bias, rng):
+    """Return the directions (n, 3) of a sensor's looks at a target."""
+    separation = path(0.1 * scan - 1.0) - GEO_M * axes[2]
+    direction = turned(separation / np.linalg.norm(separation, axis=1)[:, None], axes, bias)
+    noise = SIGMA_RAD * rng.standard_normal(direction.shape)
+    noise -= np.sum(noise * direction, axis=1)[:, None] * direction
+    return (direction + noise) / np.linalg.norm(direction + noise, axis=1)[:, None]
+
+
 def looks(seed):
     """Return detections, biases (s, 2), and the bound's information (2 s, 2 s) with the prior."""
     rng = np.random.default_rng([2, seed])
@@ -69,21 +78,15 @@ def looks(seed):
     rows = []
     information = np.eye(bias.size) / BIAS_RAD**2
     for path in paths(rng):
-        parts_of_looks = []
+        scans = []
         for sensor in range(len(SLOTS_DEG)):
             scan = np.arange(11, 10 * SECONDS)
             scan = scan[rng.random(len(scan)) < 0.7]
-            separation = path(0.1 * scan - 1.0) - GEO_M * axes[sensor, 2]
-            direction = turned(
-                separation / np.linalg.norm(separation, axis=1)[:, None], axes[sensor], bias[sensor]
-            )
-            noise = SIGMA_RAD * rng.standard_normal(direction.shape)
-            noise -= np.sum(noise * direction, axis=1)[:, None] * direction
-            direction = (direction + noise) / np.linalg.norm(direction + noise, axis=1)[:, None]
+            direction = sights(scan, path, axes[sensor], bias[sensor], rng)
             rows.append((scan, np.full(len(scan), sensor), direction))
-            parts_of_looks.append(scan)
+            scans.append(scan)
         for second in range(1, SECONDS):
-            counts = [np.count_nonzero(scan // 10 == second) for scan in parts_of_looks]
+            counts = [np.count_nonzero(scan // 10 == second) for scan in scans]
             information += reported(path(np.array([second - 0.5]))[0], axes, counts)
     scan, sensor, direction = (np.concatenate(column) for column in zip(*rows, strict=True))
     order = np.lexsort((sensor, scan))

@@ -95,14 +95,38 @@ def killed(number):
     until(lambda: not is_alive(number))
 
 
+def watched_lives(nurse, words, log):
+    """Kill a service KILLS times while a viewer sees it, and end the last one in order.
+
+    Return the ids that each viewer saw of those that were killed.
+    """
+    rng = random.Random(KILLS)
+    viewed = []
+    for life in range(KILLS + 1):
+        log.unlink(missing_ok=True)
+        number = nurse.born(log, *words, "--set", f"seed={life}")
+        until(lambda: log.exists() and "http://" in log.read_text(encoding="utf-8"))
+        viewer = Viewer(int(log.read_text(encoding="utf-8").splitlines()[0].split(":")[3]))
+        until(viewer.ids)
+        time.sleep(0.2 * rng.random())
+        if life < KILLS:
+            killed(number)
+            viewer.join()
+            viewed.append(viewer.ids())
+    until(
+        lambda: all(sink["delivered"] > sink["recovered"] for sink in status(viewer.port)["sinks"])
+    )
+    os.kill(number, signal.SIGTERM)
+    until(lambda: not is_alive(number))
+    return viewed
+
+
 @pytest.mark.slow
 def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse, tmp_path):
     scene = tmp_path / "scene.yaml"
     log = tmp_path / "log"
     lines = tmp_path / "lines"
     scene.write_text(SCENE.replace("DURATION", "40"), encoding="utf-8")
-    rng = random.Random(KILLS)
-    viewed = []
     with kafka_broker.broker() as broker:
         topic = broker.topic()
         kafka = {"bootstrap_servers": broker.address, "topic": topic, **kafka_broker.BRISK}
@@ -111,43 +135,15 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse, tmp_p
             {"jsonl": {"path": str(lines), "spool": spools[0]}},
             {"kafka": {**kafka, "spool": spools[1]}},
         ]
-        words = (
-            "serve",
-            str(scene),
-            "--port",
-            "0",
-            "--speed",
-            "20",
-            "--set",
-            f"outputs={json.dumps(sinks)}",
-        )
-        for life in range(KILLS + 1):
-            log.unlink(missing_ok=True)
-            number = nurse.born(log, *words, "--set", f"seed={life}")
-            until(lambda: log.exists() and "http://" in log.read_text(encoding="utf-8"))
-            viewer = Viewer(int(log.read_text(encoding="utf-8").splitlines()[0].split(":")[3]))
-            until(viewer.ids)
-            time.sleep(0.2 * rng.random())
-            if life < KILLS:
-                killed(number)
-                viewer.join()
-                viewed.append(viewer.ids())
-        until(
-            lambda: all(
-                sink["delivered"] > sink["recovered"] for sink in status(viewer.port)["sinks"]
-            )
-        )
-        os.kill(number, signal.SIGTERM)
-        until(lambda: not is_alive(number))
-        assert log.read_text(encoding="utf-8").count(" 0 spooled, 0 dropped") == 2, log.read_text(
-            encoding="utf-8"
-        )
+        outputs = f"outputs={json.dumps(sinks)}"
+        words = ("serve", str(scene), *["--port", "0", "--speed", "20", "--set"], outputs)
+        viewed = watched_lives(nurse, words, log)
+        told = log.read_text(encoding="utf-8")
+        assert told.count(" 0 spooled, 0 dropped") == 2, told
         carried = [message.value() for message in messages(broker.address, topic)]
     host = Host.discover()
-    delivered = [
-        list(map(json.loads, lines_of_sink))
-        for lines_of_sink in (lines.read_bytes().splitlines(), carried)
-    ]
+    arrived = lines.read_bytes().splitlines(), carried
+    delivered = [list(map(json.loads, lines_of_sink)) for lines_of_sink in arrived]
     for life, ids in enumerate(viewed):
         expected = batch(scene, life, host)
         assert all(arrived_in_order(events, expected) >= ids for events in delivered)

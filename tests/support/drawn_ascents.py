@@ -41,43 +41,61 @@ class Plan(NamedTuple):
     height_m: np.ndarray
 
 
+class _Stages(NamedTuple):
+    """Burn times and gaps, s, accelerations at ignition, m/s², their growth, and steering."""
+
+    burn_s: np.ndarray
+    gap_s: np.ndarray
+    first: np.ndarray
+    growth: np.ndarray
+    steering: tuple[str, ...]
+
+
+def _launcher_stages(kind, drawn):
+    back = kind == "boostback"
+    burn_s = [drawn(125.0, 175.0), drawn(30.0, 60.0) if back else drawn(300.0, 480.0)]
+    gap_s = drawn(14.0, 28.0) if back else drawn(5.0, 15.0)
+    first = [drawn(12.5, 16.0), drawn(15.0, 35.0) if back else drawn(6.5, 11.0)]
+    growth = [drawn(2.4, 3.4), drawn(1.1, 1.5) if back else drawn(3.5, 6.0)]
+    columns = (np.stack(column, axis=1) for column in (burn_s, [gap_s], first, growth))
+    return _Stages(*columns, ("rise", "back" if back else "orbit"))
+
+
+def _missile_stages(kind, drawn):
+    stages = 3 if kind == "three" else 2
+    burn_s = drawn(45.0, 75.0, stages)
+    first = drawn(14.0, 26.0, stages)
+    growth = drawn(1.8, 4.0, stages)
+    gap_s = drawn(*((2.0, 12.0) if kind == "three" else (22.0, 40.0)), stages - 1)
+    return _Stages(burn_s, gap_s, first, growth, ("rise",) + ("along",) * (stages - 1))
+
+
 def plans(kind, count, rng):
     """Return plans of "orbit", "boostback", "long gap" (22 to 40 s) or "three" stages with gaps of
     2 to 40 s.
     """
-    u = lambda low, high, *shape: rng.uniform(low, high, (count, *shape))  # noqa: E731
-    if kind in ("orbit", "boostback"):
-        back = kind == "boostback"
-        burn = np.stack([u(125.0, 175.0), u(30.0, 60.0) if back else u(300.0, 480.0)], axis=1)
-        gap = u(14.0, 28.0) if back else u(5.0, 15.0)
-        lift_off = np.stack([u(12.5, 16.0), u(15.0, 35.0) if back else u(6.5, 11.0)], axis=1)
-        growth = np.stack([u(2.4, 3.4), u(1.1, 1.5) if back else u(3.5, 6.0)], axis=1)
-        gaps = gap[:, None]
-        steering = ("rise", "back" if back else "orbit")
-    else:
-        stages = 3 if kind == "three" else 2
-        burn = u(45.0, 75.0, stages)
-        lift_off = u(14.0, 26.0, stages)
-        growth = u(1.8, 4.0, stages)
-        gaps = u(2.0, 12.0, stages - 1) if kind == "three" else u(22.0, 40.0, stages - 1)
-        steering = ("rise",) + ("along",) * (stages - 1)
-    burn = np.round(burn, 1)
-    gaps = np.round(gaps, 1)
-    begin = np.concatenate([np.zeros((count, 1)), np.cumsum(burn[:, :-1] + gaps, axis=1)], axis=1)
+
+    def drawn(low, high, *shape):
+        return rng.uniform(low, high, (count, *shape))
+
     launcher = kind in ("orbit", "boostback")
-    start = u(45.0, 55.0)
-    bucket = np.stack([start, start + u(10.0, 30.0), np.where(launcher, u(0.0, 0.35), 0.0)], axis=1)
+    stages = (_launcher_stages if launcher else _missile_stages)(kind, drawn)
+    burn = np.round(stages.burn_s, 1)
+    dark = burn[:, :-1] + np.round(stages.gap_s, 1)
+    begin = np.concatenate([np.zeros((count, 1)), np.cumsum(dark, axis=1)], axis=1)
+    start = drawn(45.0, 55.0)
+    depth = start + drawn(10.0, 30.0), np.where(launcher, drawn(0.0, 0.35), 0.0)
     return Plan(
         begin,
         begin + burn,
-        lift_off,
-        growth,
-        steering,
-        bucket,
-        np.where(launcher & (rng.random(count) < 0.5), u(28.0, 38.0), 1e3),
-        np.where(rng.random(count) < 0.5, u(0.2, 3.0), 0.0) if launcher else np.zeros(count),
-        np.radians(np.exp(u(*np.log([0.3, 6.0]))) if launcher else u(6.0, 20.0)),
-        u(180e3, 500e3),
+        stages.first,
+        stages.growth,
+        stages.steering,
+        np.stack([start, *depth], axis=1),
+        np.where(launcher & (rng.random(count) < 0.5), drawn(28.0, 38.0), 1e3),
+        np.where(rng.random(count) < 0.5, drawn(0.2, 3.0), 0.0) if launcher else np.zeros(count),
+        np.radians(np.exp(drawn(*np.log([0.3, 6.0]))) if launcher else drawn(6.0, 20.0)),
+        drawn(180e3, 500e3),
     )
 
 
@@ -99,15 +117,8 @@ def ascents(kind, count, seed):
     forward = np.sin(azimuth) * axes[:, 0] + np.cos(azimuth) * axes[:, 1]
     position, velocity = _flown(plan, launch, axes[:, 2], forward, end_s)
     height = np.linalg.norm(position, axis=2) - np.linalg.norm(launch, axis=1)[:, None]
-    cut = height[np.arange(len(launch)), (plan.end_s[:, 0] / end_s * (ROWS - 1)).astype(np.int64)]
-    low, high = _FIRST_CUT_M.get(kind, (10e3, 80e3))
-    is_sound = (
-        (cut > low)
-        & (cut < high)
-        & (height[:, -1] > cut)
-        & (np.linalg.norm(velocity[:, -1], axis=1) < 8300.0)
-    )
-    is_sound &= height.min(axis=1) > -1.0
+    last_m_s = np.linalg.norm(velocity[:, -1], axis=1)
+    is_sound = _is_sound(kind, height, plan.end_s[:, 0] / end_s) & (last_m_s < 8300.0)
     rows = np.flatnonzero(is_sound.reshape(count, -1).any(axis=1)) * _PLANS
     rows += is_sound.reshape(count, -1).argmax(axis=1)[rows // _PLANS]
     dark = np.ones((len(launch), 2, 2))
@@ -115,6 +126,14 @@ def ascents(kind, count, seed):
     dark[:, : edges.shape[1]] = edges
     burns = np.stack([plan.begin_s, plan.end_s], axis=2) + start_s[:, None, None]
     return Flown(start_s, end_s, position, velocity, dark).take(rows), burns[rows]
+
+
+def _is_sound(kind, height, share):
+    """Whether ascents (n,), cut off first after a share of their time, fly as meant."""
+    cut = height[np.arange(len(height)), (share * (ROWS - 1)).astype(np.int64)]
+    low, high = _FIRST_CUT_M.get(kind, (10e3, 80e3))
+    is_meant = (cut > low) & (cut < high) & (height[:, -1] > cut)
+    return is_meant & (height.min(axis=1) > -1.0)
 
 
 def _launches(count, rng):

@@ -8,7 +8,7 @@ between is smooth, staged or tabulated.
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from opir_trackers.lines_of_sight import LinesOfSight
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
@@ -315,46 +315,56 @@ class Seeing(NamedTuple):
     dies: float = 2.0
 
 
+def _sights(truth, seeing, origin, end_s, rng):
+    """Return the flights, times and lines of a sensor's detections: those of flights that burn when
+    their light leaves, before `end_s` of each flight.
+    """
+    looks = seeing.period_s * np.arange(1, int(truth.burnout_s.max() / seeing.period_s) + 4)
+    flight, look = np.nonzero(rng.random((len(truth), len(looks))) < seeing.chance)
+    time_s = looks[look]
+    left_s = time_s - 0.125
+    for _ in range(3):
+        line = truth.at(flight, left_s)[0] - origin
+        left_s = time_s - np.linalg.norm(line, axis=1) / SPEED_OF_LIGHT_M_S
+    lit = truth.is_lit(flight, left_s) & (left_s < end_s[flight])
+    return flight[lit], time_s[lit], line[lit]
+
+
+def _strays(flight, count, seeing, rng):
+    """Return the errors (n, 2) of lines of sight, rad, and which of them are outliers."""
+    bias = seeing.bias_rad * rng.normal(size=(count, 2))
+    stray = bias[flight] + seeing.sigma_rad * rng.normal(size=(len(flight), 2))
+    wrong = rng.random(len(flight)) < seeing.outliers
+    angle_rad = seeing.astray_rad * np.sqrt(rng.random(len(flight)))
+    turn = rng.uniform(0.0, 2.0 * np.pi, len(flight))
+    elsewhere = angle_rad[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return np.where(wrong[:, None], elsewhere, stray), wrong
+
+
 def seen(truth, seeing, seed, sensors=2):
     """Return flights and rays, by time; whose outliers they are tells -1."""
     rng = np.random.default_rng(1000 + seed)
-    count = len(truth)
     parts = []
     owners = []
     for sensor, slot in enumerate(SLOTS_RAD[:sensors]):
         origin = GEO_M * np.array([np.cos(slot), np.sin(slot), 0.0])
         end_s = truth.start_s + truth.burn_s * (seeing.dies if sensor else 1.0)
-        looks = seeing.period_s * np.arange(1, int(truth.burnout_s.max() / seeing.period_s) + 4)
-        flight, time_s = np.nonzero(rng.random((count, len(looks))) < seeing.chance)
-        time_s = looks[time_s]
-        left_s = time_s - 0.125
-        for _ in range(3):
-            line = truth.at(flight, left_s)[0] - origin
-            left_s = time_s - np.linalg.norm(line, axis=1) / SPEED_OF_LIGHT_M_S
-        lit = truth.is_lit(flight, left_s) & (left_s < end_s[flight])
-        flight = flight[lit]
-        time_s = time_s[lit]
-        line = line[lit]
-        bias = seeing.bias_rad * rng.normal(size=(count, 2))
-        stray = bias[flight] + seeing.sigma_rad * rng.normal(size=(len(flight), 2))
-        wrong = rng.random(len(flight)) < seeing.outliers
-        angle_rad = seeing.astray_rad * np.sqrt(rng.random(len(flight)))
-        turn = rng.uniform(0.0, 2.0 * np.pi, len(flight))
-        elsewhere = angle_rad[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        flight, time_s, line = _sights(truth, seeing, origin, end_s, rng)
+        stray, wrong = _strays(flight, len(truth), seeing, rng)
         if seeing.everywhere:
             line = np.where(wrong[:, None], -origin, line)
-        stray = np.where(wrong[:, None], elsewhere, stray)
+        direction = line / np.linalg.norm(line, axis=1)[:, None]
+        axes = tangent_axes(direction)
+        turned = direction + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
         rays = LinesOfSight(
             time_s,
             np.full(len(flight), sensor, dtype=np.int32),
             np.round(time_s / seeing.period_s).astype(np.int64),
             np.tile(origin, (len(flight), 1)),
-            line / np.linalg.norm(line, axis=1)[:, None],
+            turned / np.linalg.norm(turned, axis=1)[:, None],
             np.full(len(flight), seeing.sigma_rad),
         )
-        axes = tangent_axes(rays.direction_ecef)
-        turned = rays.direction_ecef + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
-        parts.append(evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None]))
+        parts.append(rays)
         owners.append(np.where(wrong, -1, flight))
     every = LinesOfSight.concatenate(parts)
     owner = np.concatenate(owners)

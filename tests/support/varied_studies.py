@@ -44,76 +44,80 @@ FIGURES = {
 RUNS = 6
 
 
+def levels_of(vary, design):
+    """Return the rows of levels of a design."""
+    rows = list(product(*vary.values()))
+    if design == "factorial":
+        return rows
+    middle = [levels[0] for levels in vary.values()]
+    return [row for row in rows if sum(a != b for a, b in zip(row, middle, strict=True)) <= 1]
+
+
+def scale_of(knobs):
+    """Return the size of each figure at some settings."""
+    size = knobs.get(PERIOD, 100.0) * 2e-3 / knobs.get(CHANCE, 0.5)
+    size *= 2.0 if knobs.get(TRACKER) == "kepler-arc" else 1.0
+    return {
+        "latency_s": size,
+        "position_rmse_m": 3e4 * size**0.3,
+        "impact_area_km2": 1e6 * size**2,
+        "warned": min(1.0, 0.3 / size),
+        "tracked": 1.0,
+    }
+
+
+def drawn(scale, rng):
+    """Return the figures (RUNS,) of runs around their sizes."""
+    figures = {
+        figure: value * rng.lognormal(0.0, 1.0 if figure != "tracked" else 0.0, RUNS)
+        for figure, value in scale.items()
+    }
+    figures["warned"] = np.minimum(figures["warned"], 1.0)
+    return figures
+
+
+def summary(figures, size):
+    """Return the columns of a figure's results; its difference is that to its size."""
+    half = 2.571 * figures.std(ddof=1) / RUNS**0.5
+    mean = figures.mean()
+    return {
+        "runs": RUNS,
+        "first_seed": 0,
+        "last_seed": RUNS - 1,
+        "share": 1.0,
+        "runs_with_value": RUNS,
+        "mean": mean,
+        "low_95": mean - half,
+        "high_95": mean + half,
+        "sd": figures.std(ddof=1),
+        "q10": figures.min(),
+        "median": np.median(figures),
+        "q90": figures.max(),
+        "difference": mean - size,
+        "difference_low_95": mean - size - half,
+        "difference_high_95": mean - size + half,
+    }
+
+
 def written(folder, name):
     """Write a study whose figures span decades, with intervals that reach below 0, and a
     constant.
     """
     vary, design = STUDIES[name]
-    settings = list(product(*vary.values()))
-    if design == "one-at-a-time":
-        middle = [levels[0] for levels in vary.values()]
-        settings = [
-            row for row in settings if sum(a != b for a, b in zip(row, middle, strict=True)) <= 1
-        ]
     rng = np.random.default_rng(4)
     rows = []
     runs = []
+    settings = levels_of(vary, design)
     for number, levels in enumerate(settings):
-        knobs = dict(zip(vary, levels, strict=True))
-        size = (
-            knobs.get(PERIOD, 100.0)
-            * 2e-3
-            / knobs.get(CHANCE, 0.5)
-            * (2.0 if knobs.get(TRACKER) == "kepler-arc" else 1.0)
-        )
-        scale = {
-            "latency_s": size,
-            "position_rmse_m": 3e4 * size**0.3,
-            "impact_area_km2": 1e6 * size**2,
-            "warned": min(1.0, 0.3 / size),
-            "tracked": 1.0,
-        }
-        values = {
-            figure: value * rng.lognormal(0.0, 1.0 if figure != "tracked" else 0.0, RUNS)
-            for figure, value in scale.items()
-        }
-        values["warned"] = np.minimum(values["warned"], 1.0)
-        runs += [
-            {
-                "design": number,
-                **knobs,
-                "replicate": run,
-                "seed": run,
-                **{figure: float(value[run]) for figure, value in values.items()},
-            }
-            for run in range(RUNS)
-        ]
+        knobs = {"design": number, **dict(zip(vary, levels, strict=True))}
+        scale = scale_of(knobs)
+        figures = drawn(scale, rng)
+        for run in range(RUNS):
+            values = {figure: float(column[run]) for figure, column in figures.items()}
+            runs.append({**knobs, "replicate": run, "seed": run, **values})
         for figure, unit in FIGURES.items():
-            figures = values[figure]
-            half = 2.571 * figures.std(ddof=1) / RUNS**0.5
-            rows.append(
-                {
-                    "design": number,
-                    **knobs,
-                    "figure": figure,
-                    "unit": unit,
-                    "runs": RUNS,
-                    "first_seed": 0,
-                    "last_seed": RUNS - 1,
-                    "share": 1.0,
-                    "runs_with_value": RUNS,
-                    "mean": figures.mean(),
-                    "low_95": figures.mean() - half,
-                    "high_95": figures.mean() + half,
-                    "sd": figures.std(ddof=1),
-                    "q10": figures.min(),
-                    "median": np.median(figures),
-                    "q90": figures.max(),
-                    "difference": figures.mean() - scale[figure],
-                    "difference_low_95": figures.mean() - scale[figure] - half,
-                    "difference_high_95": figures.mean() - scale[figure] + half,
-                }
-            )
+            head = {**knobs, "figure": figure, "unit": unit}
+            rows.append({**head, **summary(figures[figure], scale[figure])})
     folder.mkdir(parents=True)
     parquet.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
     parquet.write_table(pa.Table.from_pylist(runs), folder / "runs.parquet")

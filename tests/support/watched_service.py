@@ -306,27 +306,16 @@ class WatchedService:
         arrived = {"lines": by_life(lines), "topic": by_life(carried)}
         everything = {name: {} for name in arrived}
         for name, lives in arrived.items():
-            for sensors in lives.values():
-                for events in sensors.values():
-                    everything[name] |= {event["detection_id"]: event for event in events}
-                    times = [event["timestamp"] for event in events]
-                    at = next(
-                        (at for at, (start, end) in enumerate(pairwise(times)) if start > end), None
-                    )
-                    assert at is None, (
-                        name,
-                        "out of order",
-                        times[at - 3 : at + 5],
-                        len(times),
-                        self.life,
-                    )
+            for events in (events for sensors in lives.values() for events in sensors.values()):
+                everything[name] |= {event["detection_id"]: event for event in events}
+                hold_order(name, [event["timestamp"] for event in events])
         names = everything["lines"].keys() & everything["topic"].keys()
         assert all(everything["lines"][each] == everything["topic"][each] for each in names)
-        for name in arrived:
+        for name, lives in arrived.items():
             missing = 0
             for life in range(self.life + 1):
-                came = sum(map(len, arrived[name].get(life, {}).values()))
-                missing += max(0, self.given.get(life, 0) - came)
+                count = sum(map(len, lives.get(life, {}).values()))
+                missing += max(0, self.given.get(life, 0) - count)
             assert missing <= self.lost[name], (name, missing, self.lost)
             unseen = set().union(*self.seen.values()) - everything[name].keys()
             assert len(unseen) <= self.lost[name], (name, len(unseen), self.lost)
@@ -347,6 +336,13 @@ class WatchedService:
             return
         finally:
             connection.close()
+
+
+def hold_order(name, times):
+    """Events of a sensor arrive in the order of their times."""
+    fallen = (at for at, (start, end) in enumerate(pairwise(times)) if start > end)
+    at = next(fallen, None)
+    assert at is None, (name, "out of order", times[max(at - 3, 0) : at + 5], len(times))
 
 
 def by_life(events):

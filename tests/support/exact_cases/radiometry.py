@@ -261,6 +261,16 @@ def _grid():
     return lowtran._cached_grid(2.0, 2.4, "us1976", "rural23km", "flat")
 
 
+def _clamped(value, low, high):
+    return min(max(value, mp.mpf(low)), mp.mpf(high))
+
+
+def _lowest(height, sine):
+    """Return the lowest height of a slant that goes down, m."""
+    radius = mp.mpf(RADIUS_M)
+    return height - (radius + height) * (1 - mp.sqrt(1 - sine * sine))
+
+
 def transmittance(height, elevation):
     """Return the interpolation in the fine grid, exactly: linear along slants, cubic with chords'
     slopes in height.
@@ -270,20 +280,20 @@ def transmittance(height, elevation):
     grid = _grid()
     sine = mp.sin(elevation)
     if sine < 0:
-        radius = mp.mpf(RADIUS_M)
-        lowest = height - (radius + height) * (1 - mp.sqrt(1 - sine * sine))
+        lowest = _lowest(height, sine)
         if lowest < 0:
             return mp.mpf(0)
-        table = grid.below
-        high = lowest
         across = mp.sqrt(max(height - lowest, mp.mpf(0))) * (CLIMBS - 1) / mp.mpf(HIGHEST_ROOT)
-    else:
-        table = grid.above
-        high = height
-        across = mp.asinh(sine / mp.mpf(BEND)) * (len(table) - 1) / mp.mpf(HIGHEST_SLANT)
+        return _interpolated(grid.below, across, lowest)
+    across = mp.asinh(sine / mp.mpf(BEND)) * (len(grid.above) - 1) / mp.mpf(HIGHEST_SLANT)
+    return _interpolated(grid.above, across, height)
+
+
+def _interpolated(table, across, height):
+    """Return the value of a table, `across` rows from its first, at a height."""
     rows, heights = table.shape
-    across = min(max(across, mp.mpf(0)), mp.mpf(rows - 1))
-    up = min(max(high * (heights - 1) / mp.mpf(TOP_M), mp.mpf(0)), mp.mpf(heights - 1))
+    across = _clamped(across, 0, rows - 1)
+    up = _clamped(height * (heights - 1) / mp.mpf(TOP_M), 0, heights - 1)
     row = min(int(across), rows - 2)
     column = min(int(up), heights - 2)
     fraction = across - row
@@ -303,10 +313,8 @@ def transmittance(height, elevation):
     start_slope = (beyond - lower) / 2
     end_slope = (upper - position) / 2
     cubic = 2 * (position - beyond) + start_slope + end_slope
-    value = position + rise * (
-        start_slope + rise * (beyond - position - start_slope - cubic + rise * cubic)
-    )
-    return min(max(value, mp.mpf(0)), mp.mpf(1))
+    bend = beyond - position - start_slope - cubic + rise * cubic
+    return _clamped(position + rise * (start_slope + rise * bend), 0, 1)
 
 
 def _products(name, *exponents, factor=lambda: 1):
