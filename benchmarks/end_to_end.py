@@ -1,37 +1,30 @@
 """End to end: error of what a user reads against whole-process time, over every accuracy setting.
 
-    python benchmarks/end_to_end.py [--scenes one salvo raid] [--raid 1000] [--knobs NAME ...]
-        [--duration 300] [--write docs/benchmarks] [--from-csv docs/benchmarks]
-
 Each setting is varied alone, the others at their defaults, and held against its most exact level
 with the same seed: so noise is the same, and differences are those of the setting. Two rows more
 for each scene: all defaults, and all at their most exact, against each other. Every run is a
 process of its own; times are its processor time, start-up included. Scenes name all physics there
 is: air, background, forces, focal planes, spectral classification and a tracker; `leave out` levels
-say what each costs and what it changes. `--from-csv` draws page and plot again.
+say what each costs and what it changes. A burn takes about 240 s of the `--duration`.
 """
 
-import argparse
 import json
 import os
 import pickle
-import subprocess
-import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from end_to_end_page import ALL, write_page
-from opir_studies.differences import RunAnswers, answers_of, differences
+import yaml
+from complexity import process_of
+from opir_studies.differences import answers_of, differences
 from opir_studies.knobs import Knob, knobs_of
 from opir_studies.tuning import overrides_at
-from result_files import write_csv
+from pages import COLOURS, markdown_table, options_of, publish, shown, svg_plot
 
 import opir_core as opir
 from opir_core.builtin.class_flights import EPHEMERIS_TOLERANCE_M
@@ -39,17 +32,59 @@ from opir_core.reading import scene_mapping
 
 #: Modules that build trajectories to `EPHEMERIS_TOLERANCE_M`.
 TRAJECTORIES = ("class_flights", "targets", "gravity_turn_targets")
-TOLERANCES_M = ("1e-6", "1e-4", "0.01", "1", "10")
+#: The name of the rows with all settings at once.
+ALL = "all settings"
 #: Settings of the raid, whose runs take minutes.
 RAID = (ALL, "trajectory tolerance", "probability tolerance", "tracker cadence and slice")
 SCENES = {"one": 1, "salvo": 10, "raid": 1000}
+SETTINGS = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
+ERRORS: dict[str, list[str]] = SETTINGS["errors"]
+COLUMNS = 4
+
+PAGE = """# End to end: run time against error
+
+What does each accuracy setting cost a whole run, what does it buy, and are the defaults on the
+knee?
+
+{answer}
+
+![Error against processor time of a whole process, for each setting; defaults are ringed](end_to_end.svg)
+
+Each setting is varied alone and compared with its most exact level, with the same seed. Scenes:
+{scenes}. {duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral
+types and `imm`. Times are processor time of whole processes. `leave out …` changes the physics:
+it shows what a part costs (the focal plane: with `focal_plane: null` and `nei_w_m2:
+1e-12`).{not_run}
+
+All defaults against the most exact settings:
+
+{table}
+
+Errors are largest values, those of tracks root mean squares over launches
+([definitions](../how-to/tune.md#errors)). Those of tracks are differences between two estimates
+from the same detections. The last predicted impacts are off the true ones by {truth}: before
+burnout an impact is hardly known.
+
+All levels: [end_to_end.csv](end_to_end.csv). `opir tune` [picks levels](../how-to/tune.md) for a
+wanted error.
+"""
 
 
-def scene(launches: int, duration_s: float) -> dict[str, Any]:
-    """Return a scene as plain values: launches from a field of points 100 km apart, in the first
-    ten seconds.
-    """
+def scene(launches, duration_s):
+    """Return a scene: launches from a field of points 100 km apart, in the first ten seconds."""
     side = int(np.ceil(np.sqrt(launches)))
+    targets = []
+    for n in range(launches):
+        south = 0.9 * (n // side)
+        west = 0.9 * (n % side)
+        launch = {
+            "lat_deg": 34.7 - south,
+            "lon_deg": -125.0 - west,
+            "time_s": 2.0 + 10.0 * n / launches,
+        }
+        aim = {"lat_deg": 9.0 - south, "lon_deg": 167.7 - west}
+        targets.append({"id": f"T{n:04d}", "type": "ICBM", "launch": launch, "aim": aim})
+    sensor = {"model": "SBIRS-GEO", "focal_plane": "notional"}
     return {
         "scene": f"end-to-end-{launches}",
         "epoch": "2026-04-01T20:00:00Z",
@@ -62,167 +97,230 @@ def scene(launches: int, duration_s: float) -> dict[str, Any]:
         "classification": "spectral",
         "tracker": "imm",
         "sensors": [
-            {
-                "model": "SBIRS-GEO",
-                "id": "WEST",
-                "orbital_slot_deg": -150.0,
-                "focal_plane": "notional",
-            },
-            {
-                "model": "SBIRS-GEO",
-                "id": "EAST",
-                "orbital_slot_deg": -100.0,
-                "focal_plane": "notional",
-            },
+            {**sensor, "id": "WEST", "orbital_slot_deg": -150.0},
+            {**sensor, "id": "EAST", "orbital_slot_deg": -100.0},
         ],
-        "targets": [
-            {
-                "id": f"T{n:04d}",
-                "type": "ICBM",
-                "launch": {
-                    "lat_deg": 34.7 - 0.9 * (n // side),
-                    "lon_deg": -125.0 - 0.9 * (n % side),
-                    "time_s": 2.0 + 10.0 * n / launches,
-                },
-                "aim": {"lat_deg": 9.0 - 0.9 * (n // side), "lon_deg": 167.7 - 0.9 * (n % side)},
-            }
-            for n in range(launches)
-        ],
+        "targets": targets,
         "outputs": [],
     }
 
 
-def knobs(plain: Mapping[str, Any]) -> list[Knob]:
+def knobs(mapping):
     """Return all settings: those that `opir tune` turns, and those that leave a part out or are not
     in a scene file.
     """
+    no_focal_plane = ("sensors[*].focal_plane=null", "sensors[*].nei_w_m2=1e-12")
+    tolerances = ("1e-6 m", "1e-4 m", "0.01 m", "1 m", "10 m")
     return [
-        Knob("trajectory tolerance", tuple((f"{each} m",) for each in TOLERANCES_M)),
-        *knobs_of(opir.scene_from_mapping(plain)),
+        Knob("trajectory tolerance", tuple((tolerance,) for tolerance in tolerances)),
+        *knobs_of(opir.scene_from_mapping(mapping)),
         Knob("leave out the air", ((), ("atmosphere=clear",))),
         Knob("leave out the background", ((), ("background=none",))),
-        Knob(
-            "leave out the focal plane",
-            ((), ("sensors[*].focal_plane=null", "sensors[*].nei_w_m2=1e-12")),
-        ),
+        Knob("leave out the focal plane", ((), no_focal_plane)),
         Knob("tracker", ((), ("tracker=kepler-arc",), ("tracker=none",))),
     ]
 
 
-def child(request: Mapping[str, Any], out: str) -> None:
+def child(request, path):
     """Run a scene with overrides and keep its answers."""
     for module in TRAJECTORIES if request["tolerance_m"] else ():
-        import_module(f"opir_core.builtin.{module}").EPHEMERIS_TOLERANCE_M = request["tolerance_m"]  # type: ignore[attr-defined]
+        import_module(f"opir_core.builtin.{module}").EPHEMERIS_TOLERANCE_M = request["tolerance_m"]
     run = opir.simulate(opir.scene_from_mapping(request["scene"], overrides=request["overrides"]))
-    Path(out).write_bytes(pickle.dumps(answers_of(run)))
+    path.write_bytes(pickle.dumps(answers_of(run)))
 
 
-def answered(plain: Mapping[str, Any], overrides: Sequence[str]) -> tuple[RunAnswers, float]:
+def trajectory_tolerance(overrides):
+    """Return the tolerance among overrides, m, None without one."""
+    return next((float(word.removesuffix(" m")) for word in overrides if word.endswith(" m")), None)
+
+
+def answered(mapping, overrides):
     """Return the answers of a process that runs a scene, and its processor time, s."""
-    tolerance = [float(each.removesuffix(" m")) for each in overrides if each.endswith(" m")]
     request = {
-        "scene": plain,
-        "overrides": [each for each in overrides if not each.endswith(" m")],
-        "tolerance_m": tolerance[0] if tolerance else None,
+        "scene": mapping,
+        "overrides": [word for word in overrides if not word.endswith(" m")],
+        "tolerance_m": trajectory_tolerance(overrides),
     }
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder, "answers")
-        asked = Path(folder, "request.json")
-        asked.write_text(json.dumps(request), encoding="utf-8")
-        process = subprocess.Popen([sys.executable, __file__, "--child", str(asked), str(out)])
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode:
-            raise SystemExit(
-                f"{plain['scene']} with {', '.join(overrides)} ended with exit code"
-                f" {process.returncode}"
-            )
-        return pickle.loads(out.read_bytes()), used.ru_utime + used.ru_stime
+        answers = Path(folder, "answers")
+        path = Path(folder, "request.json")
+        path.write_text(json.dumps(request), encoding="utf-8")
+        _, processor_s, _ = process_of("--child", str(path), "--answers", str(answers))
+        return pickle.loads(answers.read_bytes()), processor_s
 
 
-def is_default(plain: Mapping[str, Any], overrides: Sequence[str]) -> bool:
-    """Return whether overrides say what the scene has without them."""
-    if any(each.endswith(" m") for each in overrides):
-        return float(overrides[0].removesuffix(" m")) == EPHEMERIS_TOLERANCE_M
-    own = opir.scene_from_mapping(plain)
-    return scene_mapping(
-        opir.scene_from_mapping(plain, overrides=list(overrides))
-    ) == scene_mapping(own)
+def is_default(mapping, overrides):
+    """Whether overrides leave the scene as it is."""
+    tolerance_m = trajectory_tolerance(overrides)
+    if tolerance_m is not None:
+        return tolerance_m == EPHEMERIS_TOLERANCE_M
+    scene = opir.scene_from_mapping(mapping)
+    changed = opir.scene_from_mapping(mapping, overrides=list(overrides))
+    return scene_mapping(changed) == scene_mapping(scene)
 
 
-def row_of(
-    knob: str, level: str, default: bool, took: float, found: RunAnswers, reference: RunAnswers
-) -> dict[str, str]:
-    """Return a row of the CSV file, without its scene."""
-    errors = {**differences(found, reference), "from_truth_km": found.from_truth["impact_km"]}
-    row = {"knob": knob, "level": level, "default": str(int(default)), "processor_s": f"{took:.3f}"}
-    return row | {each: f"{value:.4g}" for each, value in errors.items()}
-
-
-def shown(override: str) -> str:
+def shown_override(override):
     """Return an override without the path of its component."""
     path, equals, value = override.partition("=")
     return f"{path.rpartition('.')[2]}={value}" if equals else path
 
 
-def rows(plain: Mapping[str, Any], only: Sequence[str]) -> Iterator[dict[str, str]]:
+def scene_rows(mapping, only):
     """Yield the rows of one scene."""
-    every = knobs(plain)
-    own, own_s = answered(plain, ())
-    for knob in every:
-        reference: RunAnswers | None = None
+    settings = knobs(mapping)
+    default, default_s = answered(mapping, ())
+
+    def row(knob, level, run, reference):
+        answers, processor_s = run
+        figures = {
+            "knob": knob,
+            "level": level,
+            "default": int(answers is default),
+            "processor_s": processor_s,
+        }
+        errors = differences(answers, reference)
+        return figures | errors | {"from_truth_km": answers.from_truth["impact_km"]}
+
+    for knob in settings:
+        reference = None
         for level in knob.levels if not only or knob.name in only else ():
-            default = is_default(plain, level)
-            found, took = (own, own_s) if default else answered(plain, level)
-            reference = reference or found
-            text = ", ".join(shown(each) for each in level)
-            yield row_of(knob.name, text or "as named", default, took, found, reference)
+            run = answered(mapping, level)
+            if is_default(mapping, level):
+                run = (default, default_s)
+            reference = reference or run[0]
+            name = ", ".join(map(shown_override, level)) or "as named"
+            yield row(knob.name, name, run, reference)
     if not only or ALL in only:
-        tuned = [every[0], *knobs_of(opir.scene_from_mapping(plain))]
-        exact, exact_s = answered(plain, overrides_at(tuned, [0] * len(tuned)))
-        yield row_of(ALL, "exact", False, exact_s, exact, exact)
-        yield row_of(ALL, "defaults", True, own_s, own, exact)
+        tuned = [settings[0], *knobs_of(opir.scene_from_mapping(mapping))]
+        exact = answered(mapping, overrides_at(tuned, [0] * len(tuned)))
+        yield row(ALL, "exact", exact, exact[0])
+        yield row(ALL, "defaults", (default, default_s), exact[0])
 
 
-def main() -> None:
-    """Measure and write the results, or draw page and plot again."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+def rows_of(scenes, raid, only, duration_s):
+    """Yield the rows of all scenes."""
+    for name in scenes:
+        launches = raid if name == "raid" else SCENES[name]
+        knob_names = only or (RAID if name == "raid" else ())
+        for row in scene_rows(scene(launches, duration_s), knob_names):
+            yield {"scene": name, "launches": launches, "duration_s": duration_s, **row}
+
+
+def page(table):
+    """Return the page."""
+    defaults = table.where(knob=ALL, level="defaults")
+    exact = table.where(knob=ALL, level="exact")
+    counts = {row["scene"]: row["launches"] for row in table}
+    lines = [
+        (words, *(f"{abs(row[key]):.2g}" for row in defaults), f"{bar:g}" if bar else "–")
+        for key, words, bar in SETTINGS["bars"]
+    ]
+    for words, rows in (
+        ("processor time, defaults, s", defaults),
+        ("the same, most exact, s", exact),
+    ):
+        lines.append((words, *(f"{row['processor_s']:.1f}" for row in rows), "–"))
+    not_run = [name for name in ERRORS if name not in table.names("knob")]
+    head = [f"{row['scene']} ({counts[row['scene']]})" for row in defaults]
+    truth = [f"{shown(row['from_truth_km'], '.0f')} km ({row['scene']})" for row in defaults]
+    return PAGE.format(
+        answer=answer(table, defaults),
+        not_run=f" Not run for this page: {', '.join(not_run)}." if not_run else "",
+        scenes=", ".join(
+            f"{name} ({count} launch{'es' if count != 1 else ''})" for name, count in counts.items()
+        ),
+        duration=table[0]["duration_s"],
+        table=markdown_table(("error of defaults", *head, "bar"), lines),
+        truth=", ".join(truth) or "–",
     )
-    parser.add_argument("--scenes", nargs="+", choices=tuple(SCENES), default=tuple(SCENES))
-    parser.add_argument("--raid", type=int, default=SCENES["raid"], help="launches of the raid")
-    parser.add_argument("--knobs", nargs="+", default=(), help="these settings, or `all settings`")
-    parser.add_argument(
-        "--duration", type=float, default=300.0, help="scene time, s; a burn takes about 240"
+
+
+def answer(table, defaults):
+    """Return which bars are met or missed, and which defaults are off the knee."""
+    if not defaults:
+        return "The rows of all settings together were not run."
+    missed = [
+        f"{words} {row[key]:.2g} in `{row['scene']}` (bar {bar:g})"
+        for row in defaults
+        for key, words, bar in SETTINGS["bars"]
+        if bar is not None and abs(row[key]) > bar
+    ]
+    bars = (
+        f"Defaults miss a bar: {'; '.join(missed)}." if missed else "All defaults meet their bars."
     )
-    parser.add_argument("--write", type=Path, metavar="FOLDER")
-    parser.add_argument("--from-csv", type=Path, metavar="FOLDER")
-    parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.child:
-        child(json.loads(Path(given.child[0]).read_text(encoding="utf-8")), given.child[1])
+    levels = list(dict.fromkeys(off_the_knee(table)))
+    if not levels:
+        return (
+            f"{bars}\nNo other level is both faster by a fifth and as exact as a default: all are"
+            " on the curve."
+        )
+    return (
+        f"{bars}\nLevels that are faster by a fifth and no less exact than a default:"
+        f" {'; '.join(levels)}."
+    )
+
+
+def off_the_knee(table):
+    """Return the levels that beat a default in time by a fifth with no larger error."""
+    levels = []
+    for default in table:
+        if default["default"] != 1 or default["knob"] not in ERRORS:
+            continue
+        column = ERRORS[default["knob"]][0]
+        for row in table:
+            is_rival = (row["scene"], row["knob"]) == (default["scene"], default["knob"])
+            if not is_rival or row is default:
+                continue
+            is_exact = abs(row[column]) <= abs(default[column]) + 1e-12
+            if is_exact and row["processor_s"] < 0.8 * default["processor_s"]:
+                levels.append(f"{default['knob']} {row['level']} in `{default['scene']}`")
+    return levels
+
+
+def draw(path, table):
+    """Draw error against time, a panel for each setting, the default ringed."""
+    names = [name for name in ERRORS if name in table.names("knob")]
+    lines = max(1, -(-len(names) // COLUMNS))
+    with svg_plot(path, lines, COLUMNS, figsize=(13.0, 3.0 * lines), squeeze=False) as (_, axes):
+        for panel in axes.flat[len(names) :]:
+            panel.set_visible(False)
+        for panel, name in zip(axes.flat, names, strict=False):
+            column, label = ERRORS[name]
+            rows = [row for row in table.where(knob=name) if row[column] != ""]
+            positive = [abs(row[column]) for row in rows if 0.0 < abs(row[column]) < np.inf]
+            least = 0.3 * min(positive, default=1.0)
+            for colour, scene_name in zip(COLOURS, SCENES, strict=False):
+                points = [
+                    (row["processor_s"], max(abs(row[column]), least), row["default"])
+                    for row in rows
+                    if row["scene"] == scene_name and abs(row[column]) < np.inf
+                ]
+                times, errors, defaults = np.array(points).reshape(-1, 3).T
+                panel.loglog(times, errors, "o-", markersize=4, color=colour, label=scene_name)
+                ringed = defaults == 1
+                panel.plot(times[ringed], errors[ringed], "ko", markersize=10, fillstyle="none")
+            panel.set_title(name, fontsize=9)
+            panel.set_ylabel(label, fontsize=8)
+            panel.set_xlabel("processor time, s", fontsize=8)
+
+
+def main():
+    """Measure and write."""
+    options = options_of(
+        __doc__,
+        scenes=tuple(SCENES),
+        raid=SCENES["raid"],
+        knobs=tuple(dict.fromkeys([*ERRORS, ALL])),
+        duration=300.0,
+        child=Path,
+        answers=Path,
+    )
+    if options.child:
+        child(json.loads(options.child.read_text(encoding="utf-8")), options.answers)
         return
-    if given.from_csv:
-        write_page(given.from_csv)
-        return
-    table = []
-    for name in given.scenes:
-        launches = given.raid if name == "raid" else SCENES[name]
-        for row in rows(
-            scene(launches, given.duration), given.knobs or (RAID if name == "raid" else ())
-        ):
-            table.append(
-                {
-                    "scene": name,
-                    "launches": str(launches),
-                    "duration_s": f"{given.duration:g}",
-                    **row,
-                }
-            )
-            print(",".join(table[-1].values()), flush=True)
-    if given.write:
-        write_csv(given.write / "end_to_end.csv", table)
-        write_page(given.write)
+    only = () if len(options.knobs) > len(ERRORS) else options.knobs
+    rows = rows_of(options.scenes, options.raid, only, options.duration)
+    publish(options, page, draw, end_to_end=rows)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ import csv
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 Figures = dict[str, float]
@@ -19,38 +18,38 @@ _NUMBER = re.compile(r"[-+−]?\d+(?: \d{3})*(?:\.\d+)?(?:[eE][-+]?\d+)?(?=$|[ %
 _RULE = re.compile(r"^\|[-:| ]+\|$")
 
 
-def keep(name: str, value: float, unit: str = "") -> None:
+def keep(name, value, unit=""):
     """Keep a figure for the suite that runs this script, if one does."""
-    place = os.environ.get("OPIR_BENCHMARK_FIGURES")
-    if place:
-        with Path(place).open("a", encoding="utf-8") as file:
+    path = os.environ.get("OPIR_BENCHMARK_FIGURES")
+    if path:
+        with Path(path).open("a", encoding="utf-8") as file:
             file.write(json.dumps([f"{name}, {unit}" if unit else name, float(value)]) + "\n")
 
 
-def kept_figures(path: Path) -> Figures:
+def kept_figures(path):
     """Return the figures that a script kept."""
     lines = path.read_text("utf-8").splitlines() if path.exists() else []
     return dict(json.loads(line) for line in lines)
 
 
-def figures_in(folder: Path) -> Figures:
+def figures_in(folder):
     """Return the figures of the CSV files in a folder, or else of the tables of its pages, by file,
     row and column.
     """
-    found: Figures = {}
+    figures = {}
     for path in sorted(folder.glob("*.csv")):
         lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
-        found |= table_figures(path.stem, list(csv.reader(lines)))
-    if not found:
+        figures |= table_figures(path.stem, list(csv.reader(lines)))
+    if not figures:
         for path in sorted(folder.glob("*.md")):
             for table in markdown_tables(path.read_text("utf-8")):
-                found |= table_figures(path.stem, table)
-    return found
+                figures |= table_figures(path.stem, table)
+    return figures
 
 
-def markdown_tables(text: str) -> Iterator[list[list[str]]]:
+def markdown_tables(text):
     """Yield the tables of a page, each its header and rows."""
-    table: list[list[str]] = []
+    table = []
     for line in [*text.splitlines(), ""]:
         if not line.startswith("|"):
             if table:
@@ -60,35 +59,35 @@ def markdown_tables(text: str) -> Iterator[list[list[str]]]:
             table.append([cell.strip(" *") for cell in line.strip("|").split("|")])
 
 
-def table_figures(title: str, table: Sequence[Sequence[str]]) -> Figures:
+def table_figures(title, table):
     """Return the numbers of a table, named by the text of their row, the first number if need be,
     and the column.
     """
     head, *rows = table
     numbers = [
-        {n: number for n, cell in enumerate(row) if (number := number_of(cell)) is not None}
+        {n: value for n, cell in enumerate(row) if (value := number_of(cell)) is not None}
         for row in rows
     ]
-    both = list(zip(rows, numbers, strict=True))
-    text = [" ".join(cell for n, cell in enumerate(row) if n not in found) for row, found in both]
-    first = [
-        f"{name} {row[min(found, default=0)]}".strip()
-        for name, (row, found) in zip(text, both, strict=True)
+    labels = [
+        " ".join(cell for n, cell in enumerate(row) if n not in cells)
+        for row, cells in zip(rows, numbers, strict=True)
     ]
-    labels = text if len({*text}) == len(text) and all(text) else first
-    found: Figures = {}
-    for place, (label, row) in enumerate(zip(labels, numbers, strict=True)):
-        again = f" ({place})" if label in labels[:place] else ""
-        found |= {f"{title}: {label}{again}: {head[n]}": number for n, number in row.items()}
-    return found
+    if len({*labels}) < len(labels) or not all(labels):
+        first = [row[min(cells, default=0)] for row, cells in zip(rows, numbers, strict=True)]
+        labels = [f"{label} {cell}".strip() for label, cell in zip(labels, first, strict=True)]
+    figures = {}
+    for place, (label, cells) in enumerate(zip(labels, numbers, strict=True)):
+        number = f" ({place})" if label in labels[:place] else ""
+        figures |= {f"{title}: {label}{number}: {head[n]}": value for n, value in cells.items()}
+    return figures
 
 
-def number_of(cell: str) -> float | None:
-    """Return the number that a cell begins with, none if there is none."""
-    found = _NUMBER.match(cell.strip())
-    return float(found[0].replace(" ", "").replace("−", "-")) if found else None
+def number_of(cell):
+    """Return the number that a cell begins with, None without one."""
+    match = _NUMBER.match(cell.strip())
+    return float(match[0].replace(" ", "").replace("−", "-")) if match else None
 
 
-def ratios(now: Mapping[str, float], then: Mapping[str, float]) -> dict[str, float]:
-    """Return new over old of all figures that both have and that are not zero."""
-    return {name: now[name] / then[name] for name in now if then.get(name)}
+def ratios(figures, reference):
+    """Return the ratios to all reference figures of the same name that are not zero."""
+    return {name: value / reference[name] for name, value in figures.items() if reference.get(name)}

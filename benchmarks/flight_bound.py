@@ -6,11 +6,9 @@ parameters, and the bound of a state or an impact at any time follows by their s
 this is the posterior (van Trees) bound. Biases of sensors are further parameters.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from opir_scoring.bound import DetectedLooks
 
 from opir_core.arrays import FloatArray
 from opir_core.estimation import tangent_axes
@@ -25,27 +23,25 @@ class KnownValues(NamedTuple):
     row: FloatArray
 
 
-def central_slopes(
-    values: Callable[[FloatArray], FloatArray], parameters: FloatArray, step: FloatArray
-) -> FloatArray:
+def central_slopes(values, parameters, step):
     """Return the slopes (..., p) of values by parameters (p,), by central differences with steps
     (p,).
 
     `values` takes rows (m, p) of parameters and returns (m, ...) values.
     """
     shift = np.diag(step)
-    there = values(np.concatenate([parameters + shift, parameters - shift]))
+    place = values(np.concatenate([parameters + shift, parameters - shift]))
     count = len(step)
-    return np.moveaxis(there[:count] - there[count:], 0, -1) / (2.0 * step)
+    return np.moveaxis(place[:count] - place[count:], 0, -1) / (2.0 * step)
 
 
 def parameter_bound(
-    tick_s: FloatArray,
-    detected: DetectedLooks,
-    slope: FloatArray,
-    prior_sigma: FloatArray,
-    known: KnownValues | None = None,
-) -> FloatArray:
+    tick_s,
+    detected,
+    slope,
+    prior_sigma,
+    known=None,
+):
     """Return the bound's covariances (ticks, p, p) of parameters, given the looks before each tick.
 
     `slope` (n, 3, p) are the slopes of the target's ECEF position at the looks by the parameters,
@@ -78,7 +74,7 @@ def parameter_bound(
     return bounds
 
 
-def bound_of(bounds: FloatArray, slope: FloatArray) -> FloatArray:
+def bound_of(bounds, slope):
     """Return the bound's covariances (n, k, k) of values with slopes (n, k, p) by parameters of
     bounds (n, p, p).
     """

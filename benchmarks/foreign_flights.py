@@ -6,10 +6,8 @@ gravity, no drag. Numbers of stages, burn times, accelerations, gaps and pitch-o
 wider than any preset of opir.
 """
 
-from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import field, frozen
@@ -19,105 +17,121 @@ MU = 3.986004418e14
 SPIN = 7.292115e-5
 RADIUS_M = 6378137.0
 FLATTENING = 1.0 / 298.257223563
+ECCENTRICITY_SQUARED = FLATTENING * (2.0 - FLATTENING)
 STEP_S = 0.5
 PITCH_OVER_S = 10.0
 AXIS = np.array([0.0, 0.0, SPIN])
 
 
+class Leg(NamedTuple):
+    """A part of a boost: start, end and ignition of its stage, s, burn time, s, first acceleration
+    (0 in the dark), m/s², and growth of it.
+    """
+
+    start_s: float
+    end_s: float
+    ignition_s: float
+    burn_s: float
+    first: float
+    growth: float
+
+    def acceleration(self, time_s):
+        """Return the thrust over mass at a time."""
+        share = min((time_s - self.ignition_s) / self.burn_s, 1.0)
+        return self.first / (1.0 - (1.0 - 1.0 / self.growth) * share)
+
+
 @frozen(eq=False)
 class ForeignFlight:
-    """A flight: its boost, rows of time since ignition, ECEF state and burning; burns, impact (lat,
-    lon in rad, s).
+    """A flight: its boost, rows (n, 8) of time since ignition, ECEF state and burning; burns, s,
+    and impact (latitude, longitude, rad, time, s). `solutions` are those of the legs.
     """
 
     boost: "Boost"
     table: np.ndarray
     burns_s: tuple[tuple[float, float], ...]
-    launch: tuple[float, float]
     impact: tuple[float, float, float]
     range_km: float
-    free: Any
+    solutions: list[tuple[Leg, Any]]
 
     @property
-    def burnout_s(self) -> float:
-        """Return the time of the last burnout since ignition, s."""
+    def burnout_s(self):
+        """The time of the last burnout since ignition, s."""
         return self.burns_s[-1][1]
 
-    def state(self, time_s: float) -> np.ndarray:
-        """Return the ECEF state (6,) at a time since ignition, on the ground before."""
-        return np.asarray(self.free(time_s))
-
-    def write(self, path: Path, burn_only: bool = True) -> None:
-        """Write the table."""
-        rows = self.table[self.table[:, 0] <= self.burnout_s] if burn_only else self.table
-        head = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is_burning"
-        np.savetxt(
-            path,
-            rows,
-            delimiter=",",
-            header=head,
-            comments="",
-            fmt=["%.6f"] + ["%.4f"] * 3 + ["%.6f"] * 3 + ["%d"],
-        )
+    def state(self, time_s):
+        """Return the ECEF state (6,) at a time since ignition, nan outside the flight."""
+        for leg, solution in self.solutions:
+            if leg.start_s <= time_s <= leg.end_s:
+                return np.asarray(solution(time_s))
+        return np.full(6, np.nan)
 
 
-def ecef(latitude: float, longitude: float) -> np.ndarray:
+def ecef(latitude, longitude):
     """Return the ECEF position of a point on WGS 84."""
-    e2 = FLATTENING * (2.0 - FLATTENING)
-    n = RADIUS_M / np.sqrt(1.0 - e2 * np.sin(latitude) ** 2)
-    return np.array(
-        [
-            n * np.cos(latitude) * np.cos(longitude),
-            n * np.cos(latitude) * np.sin(longitude),
-            n * (1 - e2) * np.sin(latitude),
-        ]
-    )
+    n = RADIUS_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * np.sin(latitude) ** 2)
+    level = n * np.cos(latitude)
+    north = n * (1.0 - ECCENTRICITY_SQUARED) * np.sin(latitude)
+    return np.array([level * np.cos(longitude), level * np.sin(longitude), north])
 
 
-def geodetic(place: np.ndarray) -> tuple[float, float, float]:
+def geodetic(place):
     """Return latitude, longitude and height of an ECEF position, by fixed-point iteration."""
-    e2 = FLATTENING * (2.0 - FLATTENING)
-    out = float(np.hypot(place[0], place[1]))
-    latitude = np.arctan2(place[2], out * (1 - e2))
+    x, y, z = place.tolist()
+    level = float(np.hypot(x, y))
+    latitude = np.arctan2(z, level * (1.0 - ECCENTRICITY_SQUARED))
     height = 0.0
     for _ in range(8):
-        n = RADIUS_M / np.sqrt(1.0 - e2 * np.sin(latitude) ** 2)
-        height = (
-            out * np.cos(latitude)
-            + place[2] * np.sin(latitude)
-            - n * (1.0 - e2 * np.sin(latitude) ** 2)
-        )
-        latitude = np.arctan2(place[2], out * (1 - e2 * n / (n + height)))
-    return float(latitude), float(np.arctan2(place[1], place[0])), float(height)
+        root = 1.0 - ECCENTRICITY_SQUARED * np.sin(latitude) ** 2
+        n = RADIUS_M / np.sqrt(root)
+        height = level * np.cos(latitude) + z * np.sin(latitude) - n * root
+        latitude = np.arctan2(z, level * (1.0 - ECCENTRICITY_SQUARED * n / (n + height)))
+    return float(latitude), float(np.arctan2(y, x)), float(height)
 
 
-def drawn_flight(
-    stages: int, gaps: bool, rng: np.random.Generator, gap_s: tuple[float, float] = (2.0, 12.0)
-) -> ForeignFlight:
+def distance_m(start, end):
+    """Return the distance of two points, rad, along a sphere."""
+    a = ecef(*start)
+    b = ecef(*end)
+    return RADIUS_M * float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def drawn_flight(stages, gaps, rng, gap_s=(2.0, 12.0)):
     """Return a random flight with a number of stages, dark for some time of `gap_s` between them if
     `gaps`.
     """
+    burns_s = {1: (45.0, 110.0), 2: (40.0, 85.0), 3: (40.0, 70.0)}
     while True:
-        burn = rng.uniform(*{1: (45.0, 110.0), 2: (40.0, 85.0), 3: (40.0, 70.0)}[stages], stages)
-        first = np.concatenate([rng.uniform(14.0, 28.0, 1), rng.uniform(12.0, 30.0, stages - 1)])
+        burn_s = rng.uniform(*burns_s[stages], stages)
+        first = np.append(rng.uniform(14.0, 28.0, 1), rng.uniform(12.0, 30.0, stages - 1))
         growth = rng.uniform(1.8, 4.5, stages)
-        gap = np.append(rng.uniform(*gap_s, stages - 1) if gaps else np.zeros(stages - 1), 0.0)
-        rise = rng.uniform(4.0, 10.0)
+        dark_s = rng.uniform(*gap_s, stages - 1) if gaps else np.zeros(stages - 1)
+        rise_s = rng.uniform(4.0, 10.0)
         kick = np.radians(rng.uniform(4.0, 24.0))
-        place = np.arcsin(rng.uniform(-0.85, 0.85)), rng.uniform(-np.pi, np.pi)
-        flight = _flown(
-            Boost(burn, first, growth, gap, rise, kick, place, rng.uniform(0.0, 2.0 * np.pi))
-        )
+        launch = float(np.arcsin(rng.uniform(-0.85, 0.85))), float(rng.uniform(-np.pi, np.pi))
+        azimuth = rng.uniform(0.0, 2.0 * np.pi)
+        boost = Boost(burn_s, first, growth, np.append(dark_s, 0.0), rise_s, kick, launch, azimuth)
+        flight = flown(boost)
         if flight is not None and 150.0 < flight.range_km < 12000.0:
             return flight
 
 
-def directions(launch: tuple[float, float], azimuth: float) -> tuple[np.ndarray, np.ndarray]:
+def directions(launch, azimuth):
     """Return up and the horizontal direction of an azimuth, rad, at a place."""
-    flat = np.cos(launch[0])
-    up = np.array([flat * np.cos(launch[1]), flat * np.sin(launch[1]), np.sin(launch[0])])
-    east = np.array([-np.sin(launch[1]), np.cos(launch[1]), 0.0])
+    latitude, longitude = launch
+    level = np.cos(latitude)
+    up = np.array([level * np.cos(longitude), level * np.sin(longitude), np.sin(latitude)])
+    east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
     return up, np.sin(azimuth) * east + np.cos(azimuth) * np.cross(up, east)
+
+
+def free_rates(state):
+    """Return the rates (6,) of a state in the rotating frame under central gravity."""
+    x, y, z, u, v, w = state.tolist()
+    pull = -MU / (x * x + y * y + z * z) ** 1.5
+    across = pull + SPIN * SPIN
+    acceleration = (across * x + 2.0 * SPIN * v, across * y - 2.0 * SPIN * u, pull * z)
+    return np.array([u, v, w, *acceleration])
 
 
 @frozen(eq=False)
@@ -135,125 +149,103 @@ class Boost:
     launch: tuple[float, float]
     azimuth: float
     up: np.ndarray = field(init=False)
-    ahead: np.ndarray = field(init=False)
+    along: np.ndarray = field(init=False)
 
-    def __attrs_post_init__(self) -> None:
-        up, ahead = directions(self.launch, self.azimuth)
+    def __attrs_post_init__(self):
+        up, along = directions(self.launch, self.azimuth)
         object.__setattr__(self, "up", up)
-        object.__setattr__(self, "ahead", ahead)
+        object.__setattr__(self, "along", along)
 
-    def rates(
-        self,
-        time_s: float,
-        state: np.ndarray,
-        start_s: float,
-        length_s: float,
-        first: float,
-        growth: float,
-    ) -> np.ndarray:
-        """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in
-        the dark.
-        """
-        size = (
-            first / (1.0 - (1.0 - 1.0 / growth) * min((time_s - start_s) / length_s, 1.0))
-            if first
-            else 0.0
-        )
-        unit = self.up if time_s < self.rise_s else state[3:] / np.linalg.norm(state[3:])
-        if self.rise_s <= time_s < self.rise_s + PITCH_OVER_S:
-            lead = self.kick * np.sin(np.pi * (time_s - self.rise_s) / PITCH_OVER_S) ** 2
-            unit = np.cos(lead) * unit + np.sin(lead) * self.ahead
-            unit /= np.linalg.norm(unit)
-        central = -MU / np.linalg.norm(state[:3]) ** 3 * state[:3]
-        turning = -2.0 * np.cross(AXIS, state[3:]) - np.cross(AXIS, np.cross(AXIS, state[:3]))
-        return np.concatenate([state[3:], central + turning + size * unit])
+    @property
+    def end_s(self):
+        """The last burnout, s after ignition."""
+        return float(self.burn_s.sum() + self.gap_s.sum())
 
-    def legs(self) -> Iterator[tuple[float, float, float, float, float, float]]:
-        """Yield start, end, ignition, burn time, first acceleration (0 in the dark) and growth of
-        each leg.
-        """
-        now = 0.0
-        for length, first, growth, dark in zip(
-            self.burn_s, self.acceleration_m_s2, self.growth, self.gap_s, strict=True
-        ):
-            for begin, end, size in (
-                (now, now + length, first),
-                (now + length, now + length + dark, 0.0),
-            ):
-                turns = (
-                    edge for edge in (self.rise_s, self.rise_s + PITCH_OVER_S) if begin < edge < end
-                )
-                for one, two in pairwise(sorted({begin, end, *turns})):
-                    yield one, two, now, length, size, growth
-            now += length + dark
+    def rates(self, time_s, state, leg):
+        """Return the rates (6,) of a state in the rotating frame."""
+        rates = free_rates(state)
+        if leg.first:
+            rates[3:] += leg.acceleration(time_s) * self.thrust_axis(time_s, state, leg)
+        return rates
+
+    def thrust_axis(self, time_s, state, _leg):
+        """Return the direction of the thrust."""
+        if time_s < self.rise_s:
+            return self.up
+        axis = state[3:] / np.linalg.norm(state[3:])
+        turn = (time_s - self.rise_s) / PITCH_OVER_S
+        if turn < 1.0:
+            lead = self.kick * np.sin(np.pi * turn) ** 2
+            axis = np.cos(lead) * axis + np.sin(lead) * self.along
+            axis /= np.linalg.norm(axis)
+        return np.asarray(axis)
+
+    def legs(self):
+        """Yield the legs: burns, split where the thrust turns, and gaps."""
+        start_s = 0.0
+        stages = (self.burn_s, self.acceleration_m_s2, self.growth, self.gap_s)
+        for burn_s, first, growth, gap_s in zip(*(stage.tolist() for stage in stages), strict=True):
+            end_s = start_s + burn_s
+            edges = (self.rise_s, self.rise_s + PITCH_OVER_S)
+            for size, lower_s, upper_s in ((first, start_s, end_s), (0.0, end_s, end_s + gap_s)):
+                turns = [edge for edge in edges if lower_s < edge < upper_s]
+                for begin, end in pairwise(sorted({lower_s, upper_s, *turns})):
+                    yield Leg(begin, end, start_s, burn_s, size, growth)
+            start_s = end_s + gap_s
 
 
-def _landed(time_s: float, state: np.ndarray, start_s: float, *_: float) -> float:
-    return geodetic(state[:3])[2] if time_s > start_s + 20.0 else 1.0
+def dark_leg(start_s, duration_s):
+    """Return a leg of free flight."""
+    return Leg(start_s, start_s + duration_s, start_s, 1.0, 0.0, 1.0)
 
 
-_landed.terminal = True
-_landed.direction = -1.0  # type: ignore[attr-defined]
+def ground(_time_s, state, _leg):
+    """Return the height, m: an integration ends where it falls below zero."""
+    return geodetic(state[:3])[2]
 
 
-def _flown(boost: Boost) -> ForeignFlight | None:
-    launch = boost.launch
-    legs = []
-    state = np.concatenate([ecef(*launch), np.zeros(3)])
-    now = 0.0
-    exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-6, "dense_output": True}
-    for one, two, *stage in boost.legs():
-        leg = solve_ivp(boost.rates, (one, two), state, args=tuple(stage), **exact)
-        legs.append((one, two, bool(stage[2]), leg.sol))
-        state = leg.y[:, -1]
-        now = two
-        if geodetic(state[:3])[2] < 0.0 and now > 5.0:
+ground.terminal = True
+ground.direction = -1.0
+
+
+def flown(boost):
+    """Return the flight of a boost; None where it hits the ground early or does not come down."""
+    exact = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-6, "dense_output": True}
+    solutions = []
+    state = np.concatenate([ecef(*boost.launch), np.zeros(3)])
+    for leg in boost.legs():
+        flight = solve_ivp(boost.rates, (leg.start_s, leg.end_s), state, args=(leg,), **exact)
+        solutions.append((leg, flight.sol))
+        state = flight.y[:, -1]
+        if leg.end_s > 5.0 and geodetic(state[:3])[2] < 0.0:
             return None
-    if np.linalg.norm(state[3:]) > 7300.0 or now > 260.0:
+    if np.linalg.norm(state[3:]) > 7300.0 or boost.end_s > 260.0:
         return None
-    fall = solve_ivp(
-        boost.rates, (now, now + 6000.0), state, args=(now, 1.0, 0.0, 1.0), events=_landed, **exact
-    )
+    dark = dark_leg(boost.end_s, 6000.0)
+    span = (dark.start_s, dark.end_s)
+    fall = solve_ivp(boost.rates, span, state, args=(dark,), events=ground, **exact)
     if not len(fall.t_events[0]):
         return None
-    legs.append((now, float(fall.t_events[0][0]), False, fall.sol))
-    latitude, longitude, _ = geodetic(fall.y_events[0][0][:3])
-    one = ecef(*launch)
-    two = ecef(latitude, longitude)
-    angle = float(np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two))
-    burns = np.cumsum(boost.burn_s + boost.gap_s)
-    return ForeignFlight(
-        boost,
-        _table(legs, now + 60.0, boost.up),
-        tuple(
-            zip(
-                (burns - boost.burn_s - boost.gap_s).tolist(),
-                (burns - boost.gap_s).tolist(),
-                strict=True,
-            )
-        ),
-        launch,
-        (latitude, longitude, float(fall.t_events[0][0])),
-        angle * 6371.0,
-        lambda time_s: _state(legs, time_s),
-    )
+    landed_s = float(fall.t_events[0][0])
+    solutions.append((dark._replace(end_s=landed_s), fall.sol))
+    place = geodetic(fall.y_events[0][0][:3])[:2]
+    ends = np.cumsum(boost.burn_s + boost.gap_s) - boost.gap_s
+    burns = zip((ends - boost.burn_s).tolist(), ends.tolist(), strict=True)
+    range_km = distance_m(boost.launch, place) / 1e3
+    rows = table_rows(solutions, boost)
+    return ForeignFlight(boost, rows, tuple(burns), (*place, landed_s), range_km, solutions)
 
 
-def _state(legs: list[Any], time_s: float) -> np.ndarray:
-    for begin, end, _, solution in legs:
-        if begin <= time_s <= end:
-            return np.asarray(solution(time_s))
-    return np.full(6, np.nan)
-
-
-def _table(legs: list[Any], until_s: float, up: np.ndarray) -> np.ndarray:
+def table_rows(solutions, boost):
+    """Return rows (n, 8) of legs, up to a minute after the last burnout."""
     rows = []
-    for begin, end, is_burning, solution in legs:
-        times = np.linspace(
-            begin, min(end, until_s), int(np.ceil((min(end, until_s) - begin) / STEP_S)) + 1
-        )
-        rows.append(np.column_stack([times, solution(times).T, np.full(len(times), is_burning)]))
+    for leg, solution in solutions:
+        end_s = min(leg.end_s, boost.end_s + 60.0)
+        steps = int(np.ceil((end_s - leg.start_s) / STEP_S))
+        times = np.linspace(leg.start_s, end_s, steps + 1)
+        is_burning = np.full(len(times), leg.first > 0.0)
+        rows.append(np.column_stack([times, solution(times).T, is_burning]))
     table = np.concatenate(rows)
     # A start exactly at rest has no direction.
-    table[0, 4:7] = 1e-3 * up
+    table[0, 4:7] = 1e-3 * boost.up
     return table

@@ -1,9 +1,6 @@
 """Throughput of the Kafka sink: events per second, beside Kafka's Java producer, confluent-kafka
 and bare aiokafka.
 
-    python benchmarks/kafka.py [--events 200000] [--partitions 6] [--repeats 5] [--write
-    docs/benchmarks]
-
 The broker is Apache Kafka, one node, where Java and Maven are; else librdkafka's mock cluster,
 without the Java producer; or the one that KAFKA_BOOTSTRAP names. Each way sends the same events
 into a topic of its own, with the same acks, idempotence, compression and size of batches, and is
@@ -22,7 +19,6 @@ timed until the last is acknowledged:
 The methods alternate; figures are medians, ratios medians of the ratios within each repetition.
 """
 
-import argparse
 import asyncio
 import os
 import re
@@ -31,11 +27,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import confluent_kafka
 from aiokafka import AIOKafkaProducer
@@ -43,6 +38,7 @@ from aiokafka.partitioner import DefaultPartitioner
 from opir_kafka.connection import connector
 from opir_kafka.settings import KafkaConfig
 from opir_kafka.transport import KafkaTransport
+from pages import markdown_table, options_of
 
 from opir_core import Host
 from opir_core.output import ForgeEncoder
@@ -64,65 +60,57 @@ KEYS = [sensor.id.encode() for sensor in SENSORS]
 RENDERER, RENDER = chosen_renderer(Host.discover())
 #: The encoder as a run has it.
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=0, render=RENDER))
-#: How many times the events the Java producer sends, and how many of them its file has at most.
+#: How many times the events the Java producer sends.
 JAVA_TIMES = 5
-JAVA_LINES = 50_000
 REPORT = re.compile(r"(\d+) records sent, ([\d.]+) records/sec")
 JAVA = "Java producer, warm"
 COLD = "Java producer, with its first 5 s"
 
 PAGE = """# Throughput of the Kafka sink
 
-How many events per second does the Kafka sink deliver, and how many Kafka's own producer? {plain} uncompressed, {zstd}
-with zstd; with a spool on disk {spooled} and {spooled_zstd}.
+How many events per second does the Kafka sink deliver, and how many Kafka's own producer? {plain}
+uncompressed, {zstd} with zstd; with a spool on disk {spooled} and {spooled_zstd}.
 
-| compression | method | events/s | ratio to {reference} | processor time, µs an event |
-|---|---|---|---|---|
-{rows}
+{table}
 
-{events} events of {size} bytes, {partitions} partitions; `acks=all`, idempotent, 128 KiB batches; broker: {broker}.
-Producers and broker share two cores with other work, so that processor times are steadier than rates. Times end at the
-last acknowledgement; the sink's include encoding ({renderer} renderer), keys and headers, the Java producer's do not;
-its processor time includes the start of the JVM. Medians of {repeats} repetitions: `python benchmarks/kafka.py`.
+{events} events of {size} bytes, {partitions} partitions; `acks=all`, idempotent, 128 KiB batches;
+broker: {broker}. Producers and broker share two cores with other work, so that processor times
+are steadier than rates. Times end at the last acknowledgement; the sink's include encoding
+({renderer} renderer), keys and headers, the Java producer's do not; its processor time includes
+the start of the JVM. Medians of {repeats} repetitions: `python benchmarks/kafka.py`.
 
-What limits the sink is Python's lock: one thread encodes, another hands message after message to aiokafka, and both run
-in turn. Each event costs {sink_us} µs of one core, of which the bare producer (`aiokafka, batches`) has {bare_us}.
-The Java producer spreads over both cores.
+What limits the sink is Python's lock: one thread encodes, another hands message after message to
+aiokafka, and both run in turn. Each event costs {sink_us} µs of one core, of which the bare
+producer (`aiokafka, batches`) has {bare_us}. The Java producer spreads over both cores.
 """
 
 Messages = list[tuple[bytes, bytes]]
-#: How long a way took, and the processor time that it took, s.
+#: Wall and processor time of a way, s.
 Times = tuple[float, float]
 Way = Callable[[KafkaConfig], Mapping[str, float]]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--events", type=int, default=200_000)
-    parser.add_argument("--partitions", type=int, default=6)
-    parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument(
-        "--write", type=Path, metavar="FOLDER", help="write the table to FOLDER/kafka.md"
-    )
-    options = parser.parse_args()
+def main():
+    """Measure and print; write the page where asked."""
+    options = options_of(__doc__, events=200_000, partitions=6, repeats=5)
     with tempfile.TemporaryDirectory() as scratch, broker_of(Path(scratch)) as (broker, name):
-        took = {
+        times = {
             compression: turns(broker, options, compression, Path(scratch))
             for compression in ("none", "zstd")
         }
-    page = table(took, options, name)
-    print(page)
+    text = page(times, options, name)
+    print(text)
     if options.write:
-        (options.write / "kafka.md").write_text(page, encoding="utf-8")
+        (options.write / "kafka.md").write_text(text, encoding="utf-8")
 
 
-def has_java() -> bool:
-    """Return whether there is an Apache Kafka to start, and none that is named."""
+def has_java():
+    """Whether there is an Apache Kafka to start, and no broker is named."""
     return not kafka_broker.BOOTSTRAP and not kafka_cluster.why_absent()
 
 
 @contextmanager
-def broker_of(scratch: Path) -> Iterator[tuple[Any, str]]:
+def broker_of(scratch):
     """Yield a broker and its name."""
     if has_java():
         with kafka_cluster.cluster(scratch / "cluster") as cluster:
@@ -132,46 +120,43 @@ def broker_of(scratch: Path) -> Iterator[tuple[Any, str]]:
             yield broker, kafka_broker.BOOTSTRAP or "librdkafka's mock cluster, own process"
 
 
-def processor_s() -> float:
-    """Return the processor time of this process and of those that it has waited for, s."""
-    used = os.times()
-    return used.user + used.system + used.children_user + used.children_system
-
-
-def turns(
-    broker: Any, options: argparse.Namespace, compression: str, scratch: Path
-) -> dict[str, list[Times]]:
-    """Return each way's time and processor time, s, turn by turn; the first turn is left out."""
+def turns(broker, options, compression, scratch):
+    """Return each way's times, turn by turn; the first turn is left out."""
     windows = [window(WINDOW_EVENTS, first) for first in range(0, options.events, WINDOW_EVENTS)]
-    lines = [line for each in windows for line in ENCODER.encode(each).splitlines()]
+    lines = [line for batch in windows for line in ENCODER.encode(batch).splitlines()]
     messages = [(KEYS[number % len(KEYS)], line) for number, line in enumerate(lines)]
     file = scratch / "events.jsonl"
-    file.write_bytes(b"\n".join(lines[:JAVA_LINES]))
-    ways: list[Way] = [partial(java_producer, file=file, events=len(lines))] if has_java() else []
+    file.write_bytes(b"\n".join(lines[:50_000]))
+
+    def spooled(config):
+        return through_the_sink(config, windows, tempfile.mkdtemp(dir=scratch))
+
+    ways = [partial(java_producer, file=file, events=len(lines))] if has_java() else []
     ways += [
-        lambda given: {"confluent-kafka": by_confluent_kafka(given, messages)},
-        lambda given: {"aiokafka, batches": asyncio.run(in_batches(given, messages))},
-        lambda given: {"kafka": through_the_sink(given, windows, None)},
-        lambda given: {
-            "kafka, spooled": through_the_sink(given, windows, tempfile.mkdtemp(dir=scratch))
-        },
+        lambda config: {"confluent-kafka": by_confluent_kafka(config, messages)},
+        lambda config: {"aiokafka, batches": asyncio.run(in_batches(config, messages))},
+        lambda config: {"kafka": through_the_sink(config, windows, None)},
+        lambda config: {"kafka, spooled": spooled(config)},
     ]
-    took: dict[str, list[Times]] = {}
+    times = {}
     for turn in range(options.repeats + 1):
         for way in ways:
-            place = {"bootstrap_servers": broker.address, "topic": broker.topic(options.partitions)}
-            config = KafkaConfig(**place, compression=compression)
-            before_s = processor_s()
-            found = way(config)
-            used_s = (processor_s() - before_s) / (JAVA_TIMES if JAVA in found else 1)
-            for name, time_s in found.items():
-                took.setdefault(name, []).extend([(time_s, used_s)] if turn else [])
-    return took
+            config = KafkaConfig(
+                bootstrap_servers=broker.address,
+                topic=broker.topic(options.partitions),
+                compression=compression,
+            )
+            start_s = sum(os.times()[:4])
+            walls = way(config)
+            used_s = (sum(os.times()[:4]) - start_s) / (JAVA_TIMES if JAVA in walls else 1)
+            for name, wall_s in walls.items():
+                times.setdefault(name, []).extend([(wall_s, used_s)] if turn else [])
+    return times
 
 
-def java_producer(config: KafkaConfig, file: Path, events: int) -> dict[str, float]:
-    """Return the times that Kafka's own producer takes for so many events, with and without its
-    first report.
+def java_producer(config, file, events):
+    """Return the times of Kafka's own producer for so many events, with and without its first
+    report.
     """
     producer = {
         "bootstrap.servers": config.bootstrap_servers,
@@ -180,28 +165,21 @@ def java_producer(config: KafkaConfig, file: Path, events: int) -> dict[str, flo
         "batch.size": config.batch_bytes,
         "compression.type": config.compression,
     }
-    count = JAVA_TIMES * events
-    words = [
-        "--topic",
-        config.topic,
-        "--num-records",
-        str(count),
-        "--throughput",
-        "-1",
-        "--payload-file",
-        str(file),
-    ]
-    words += ["--producer-props", *(f"{key}={value}" for key, value in producer.items())]
-    main_class = "org.apache.kafka.tools.ProducerPerformance"
-    command = ["java", "-Xmx512m", "-cp", kafka_cluster.classpath(), main_class, *words]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    *first, (sent, rate) = [(int(sent), float(rate)) for sent, rate in REPORT.findall(printed)]
-    compiling, compiling_s = (first[0][0], first[0][0] / first[0][1]) if first else (0, 0.0)
+    command = ["java", "-Xmx512m", "-cp", kafka_cluster.classpath()]
+    command += ["org.apache.kafka.tools.ProducerPerformance", "--topic", config.topic]
+    command += ["--num-records", str(JAVA_TIMES * events), "--throughput", "-1"]
+    command += ["--payload-file", str(file), "--producer-props"]
+    command += [f"{key}={value}" for key, value in producer.items()]
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    *reports, (sent, rate) = [(int(sent), float(rate)) for sent, rate in REPORT.findall(output)]
+    compiling = reports[0][0] if reports else 0
+    compiling_s = compiling / reports[0][1] if reports else 0.0
     warm_rate = (sent - compiling) / (sent / rate - compiling_s)
     return {JAVA: events / warm_rate, COLD: events / rate}
 
 
-def by_confluent_kafka(config: KafkaConfig, messages: Messages) -> float:
+def by_confluent_kafka(config, messages):
+    """Return the time of confluent-kafka, s."""
     settings = {
         "bootstrap.servers": config.bootstrap_servers,
         "acks": "all",
@@ -213,15 +191,16 @@ def by_confluent_kafka(config: KafkaConfig, messages: Messages) -> float:
     }
     producer = confluent_kafka.Producer(settings)
     producer.list_topics(config.topic)
-    began = time.perf_counter()
+    start_s = time.perf_counter()
     for key, value in messages:
         producer.produce(config.topic, value, key, headers=HEADERS)
     producer.flush()
-    return time.perf_counter() - began
+    return time.perf_counter() - start_s
 
 
-def producer_like_the_sink_s(config: KafkaConfig) -> AIOKafkaProducer:
-    return AIOKafkaProducer(
+async def in_batches(config, messages):
+    """Return the time of bare aiokafka with the settings of the sink, s."""
+    producer = AIOKafkaProducer(
         bootstrap_servers=list(config.servers),
         acks="all",
         enable_idempotence=True,
@@ -229,96 +208,78 @@ def producer_like_the_sink_s(config: KafkaConfig) -> AIOKafkaProducer:
         max_batch_size=config.batch_bytes,
         request_timeout_ms=round(config.request_timeout_s * 1000),
     )
-
-
-async def in_batches(config: KafkaConfig, messages: Messages) -> float:
-    producer = producer_like_the_sink_s(config)
     await producer.start()
     partitions = sorted(await producer.partitions_for(config.topic))
-    choose = DefaultPartitioner()
-    of_key = {key: choose(key, partitions, partitions) for key in KEYS}
-    began = time.perf_counter()
-    queues: dict[int, Messages] = {partition: [] for partition in partitions}
+    partitioner = DefaultPartitioner()
+    partition_of = {key: partitioner(key, partitions, partitions) for key in KEYS}
+    start_s = time.perf_counter()
+    queues = {partition: [] for partition in partitions}
     for key, value in messages:
-        queues[of_key[key]].append((key, value))
+        queues[partition_of[key]].append((key, value))
 
-    async def send(partition: int) -> None:
-        queue = queues[partition]
-        at = 0
-        while at < len(queue):
+    async def send(partition):
+        queue = queues[partition][::-1]
+        while queue:
             batch = producer.create_batch()
-            while at < len(queue):
-                key, value = queue[at]
+            while queue:
+                key, value = queue[-1]
                 if batch.append(timestamp=None, key=key, value=value, headers=HEADERS) is None:
                     break
-                at += 1
+                queue.pop()
             await (await producer.send_batch(batch, config.topic, partition=partition))
 
     await asyncio.gather(*(send(partition) for partition in partitions))
-    took = time.perf_counter() - began
+    taken_s = time.perf_counter() - start_s
     await producer.stop()
-    return took
+    return taken_s
 
 
-def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None) -> float:
+def through_the_sink(config, windows, folder):
+    """Return the time of the sink, s, with a spool in a folder, if given."""
     backlog = MemoryBacklog(1 << 30) if folder is None else Journal(f"{folder}/spool", 1 << 30)
     carrier = KafkaTransport(config, connector(config))
     while carrier.trouble is not None:
         time.sleep(0.001)
     sink = TransportSink("kafka", carrier, backlog, EncodedBatcher(ENCODER, SENSORS), Policy())
-    events = sum(len(each.detections) for each in windows)
-    began = time.perf_counter()
-    for each in windows:
-        sink.write(each)
+    events = sum(len(batch.detections) for batch in windows)
+    start_s = time.perf_counter()
+    for batch in windows:
+        sink.write(batch)
     while sink.delivery_so_far().delivered < events:
         time.sleep(0.001)
-    took = time.perf_counter() - began
+    taken_s = time.perf_counter() - start_s
     sink.close()
-    return took
+    return taken_s
 
 
-def table(
-    took: Mapping[str, Mapping[str, list[Times]]], options: argparse.Namespace, broker: str
-) -> str:
+def page(times, options, broker):
     """Return the page."""
     reference = JAVA if has_java() else "confluent-kafka"
-    rows = []
-    rate = dict[tuple[str, str], str]()
-    used = dict[tuple[str, str], str]()
-    for compression, ways in took.items():
-        for name, times in ways.items():
-            ratios = [
-                one / other for (one, _), (other, _) in zip(ways[reference], times, strict=True)
-            ]
-            rate[compression, name] = spaced(
-                options.events / statistics.median(time_s for time_s, _ in times)
-            )
-            used_us = statistics.median(used_s for _, used_s in times) / options.events * 1e6
-            used[compression, name] = f"{used_us:.1f}"
-            ratio = f"{statistics.median(ratios):.2f}"
-            cells = (compression, name, rate[compression, name], ratio, used[compression, name])
-            rows.append(f"| {' | '.join(cells)} |")
+    lines = {}
+    for compression, ways in times.items():
+        for name, turns in ways.items():
+            walls_s, used_s = zip(*turns, strict=True)
+            rate = f"{options.events / statistics.median(walls_s):,.0f}".replace(",", " ")
+            pairs = zip(ways[reference], walls_s, strict=True)
+            ratio = statistics.median(reference_s / wall_s for (reference_s, _), wall_s in pairs)
+            used_us = 1e6 * statistics.median(used_s) / options.events
+            lines[compression, name] = (compression, name, rate, f"{ratio:.2f}", f"{used_us:.1f}")
+    head = ("compression", "method", "events/s", f"ratio to {reference}")
     return PAGE.format(
-        plain=rate["none", "kafka"],
-        zstd=rate["zstd", "kafka"],
-        spooled=rate["none", "kafka, spooled"],
-        spooled_zstd=rate["zstd", "kafka, spooled"],
-        reference=reference,
-        events=spaced(options.events),
+        plain=lines["none", "kafka"][2],
+        zstd=lines["zstd", "kafka"][2],
+        spooled=lines["none", "kafka, spooled"][2],
+        spooled_zstd=lines["zstd", "kafka, spooled"][2],
+        table=markdown_table((*head, "processor time, µs an event"), lines.values()),
+        events=f"{options.events:,}".replace(",", " "),
         size=len(ENCODER.encode(window(WINDOW_EVENTS))) // WINDOW_EVENTS,
         partitions=options.partitions,
         broker=broker,
         renderer=RENDERER,
         repeats=options.repeats,
-        rows="\n".join(rows),
-        sink_us=used["none", "kafka"],
-        bare_us=used["none", "aiokafka, batches"],
+        sink_us=lines["none", "kafka"][4],
+        bare_us=lines["none", "aiokafka, batches"][4],
     )
-
-
-def spaced(rate: float) -> str:
-    """Return a rate as text, with spaces between the thousands."""
-    return f"{rate:,.0f}".replace(",", " ")
 
 
 if __name__ == "__main__":

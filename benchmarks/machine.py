@@ -1,4 +1,4 @@
-"""What a result was measured with: processor, load, versions; and how busy the machine was."""
+"""Conditions of a measurement: processor, load, versions."""
 
 import os
 import platform
@@ -6,16 +6,17 @@ import subprocess
 import time
 from importlib.metadata import distributions
 from pathlib import Path
-from typing import Any
 
-#: Distributions whose versions change times or results.
-_TOLD = {
-    "aiokafka", "boinor", "dask", "filterpy", "heyoka", "litestar", "matplotlib", "mpmath", "msgspec", "numba", "numpy",
-    "pyarrow", "pykep", "scipy", "stonesoup", "uvicorn",
-}  # fmt: skip
+#: Distributions whose versions change times or results, beside those of opir.
+MEASURED_WITH = frozenset(
+    {
+        *("aiokafka", "boinor", "dask", "filterpy", "heyoka", "litestar", "matplotlib", "mpmath"),
+        *("msgspec", "numba", "numpy", "pyarrow", "pykep", "scipy", "stonesoup", "uvicorn"),
+    }
+)
 
 
-def machine() -> dict[str, Any]:
+def machine():
     """Return the machine and the versions."""
     return {
         "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -25,21 +26,23 @@ def machine() -> dict[str, Any]:
         "system": platform.platform(terse=True),
         "python": platform.python_version(),
         "commit": commit(),
-        "versions": dict(sorted(versions().items())),
+        "versions": versions(),
     }
 
 
-def versions() -> dict[str, str]:
+def versions():
     """Return the versions of opir, its plugins and what it is compared with."""
-    found = {each.name.lower(): each.version for each in distributions()}
+    installed = {
+        distribution.name.lower(): distribution.version for distribution in distributions()
+    }
     return {
-        name: version
-        for name, version in found.items()
-        if name in _TOLD or name.startswith("opir-")
+        name: installed[name]
+        for name in sorted(installed)
+        if name in MEASURED_WITH or name.startswith("opir-")
     }
 
 
-def processor() -> str:
+def processor():
     """Return the name of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -49,13 +52,9 @@ def processor() -> str:
     return next(names, platform.machine())
 
 
-def commit() -> str:
+def commit():
     """Return the commit of the checkout, with a + if it has changes, or nothing."""
-    done = subprocess.run(
-        ["git", "describe", "--always", "--dirty=+"],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return done.stdout.strip()
+    command = ["git", "describe", "--always", "--dirty=+"]
+    folder = Path(__file__).parent
+    output = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return output.stdout.strip()

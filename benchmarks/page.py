@@ -1,9 +1,6 @@
 """Frames per second of the page for a raid of 1 000 launches, at rest and while the globe turns, in
 headless Chromium.
 
-    python benchmarks/page.py [--launches 1000] [--seconds 15] [--tracker kepler-arc] [--write
-    docs/benchmarks]
-
 The launches of ten seconds from a thousand notional sites in the open ocean are tracked from DSP.
 Service, tracker and browser share the machine; the browser draws without a graphics processor. The
 page counts a frame when it has drawn the map. A pan turns the globe by 2 pixels in each frame, so
@@ -12,34 +9,24 @@ main thread, per frame, is the same on a busy machine. Dropped windows and frame
 service counts.
 """
 
-import argparse
-import http.client
-import json
 import os
 import random
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import yaml
-from playwright.sync_api import CDPSession, Page, sync_playwright
+from pages import markdown_table, options_of
+from playwright.sync_api import sync_playwright
+from service import running, status
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-FIRST_S = 2.0
-LAST_S = 12.0
-DURATION_S = 600
 #: Longest time, s, until most launches have tracks.
 PATIENCE_S = 240.0
-#: Latitudes and longitudes of the launches, and the difference to their aim points, degrees.
-LATITUDES = (-35.0, 40.0)
-LONGITUDES = (-175.0, -125.0)
-RANGES = {"ICBM": 55.0, "IRBM": 22.0, "SRBM": 4.5}
+#: Difference in latitude from the launch to the aim point by class, degrees.
+RANGES_DEG = {"ICBM": 55.0, "IRBM": 22.0, "SRBM": 4.5}
 
 PAGE = """# The page under a raid
 
@@ -47,11 +34,13 @@ How many frames per second does the page of `opir serve` draw with {launches} la
 
 {table}
 
-{tracks} tracks are on the map and in the table; service, tracker `{tracker}` and headless Chromium {version} (no
-graphics processor) share {cores} cores with other work: the load average is {load:.0f}. Times are those between two
-frames; the last column is the processor time of the page's main thread for a frame. {windows} windows are dropped, and
-{frames} frames of the stream. The run has {detections} detections by then.
+{tracks} tracks are on the map and in the table; service, tracker `{tracker}` and headless
+Chromium {version} (no graphics processor) share {cores} cores with other work: the load average
+is {load:.0f}. Times are those between two frames; the last column is the processor time of the
+page's main thread for a frame. {windows} windows are dropped, and {frames} frames of the stream.
+The run has {detections} detections by then.
 """
+HEAD = ("view", "frames/s", "median, ms", "95 %, ms", "slowest, ms", "processor, ms")
 
 COUNT = """async ({seconds, isTurning}) => {
   const times = [], before = opirMap.frames, began = performance.now();
@@ -70,35 +59,28 @@ COUNT = """async ({seconds, isTurning}) => {
 }"""
 
 
-class Rate(NamedTuple):
-    """Frames per second; median, 95 % and longest times between two frames; the page's processor
-    time a frame; ms.
-    """
-
-    view: str
-    per_s: float
-    median_ms: float
-    late_ms: float
-    longest_ms: float
-    processor_ms: float
-
-
-def scene_of(launches: int, tracker: str) -> dict[str, Any]:
-    """Return a scene with a number of launches."""
-    rng = random.Random(launches)  # the same scene every time
+def scene_of(launches, tracker):
+    """Return a scene with a number of launches from 2 to 12 s, the same every time."""
+    rng = random.Random(launches)
     targets = []
     for number in range(launches):
-        kind = rng.choice(list(RANGES))
-        lat = rng.uniform(*LATITUDES)
-        lon = rng.uniform(*LONGITUDES)
-        time_s = FIRST_S + (LAST_S - FIRST_S) * number / launches
-        launch = {"lat_deg": round(lat, 3), "lon_deg": round(lon, 3), "time_s": round(time_s, 3)}
-        aim = {"lat_deg": round(lat - RANGES[kind], 3), "lon_deg": round(lon + 2.0, 3)}
+        kind = rng.choice(list(RANGES_DEG))
+        lat_deg = rng.uniform(-35.0, 40.0)
+        lon_deg = rng.uniform(-175.0, -125.0)
+        launch = {
+            "lat_deg": round(lat_deg, 3),
+            "lon_deg": round(lon_deg, 3),
+            "time_s": round(2.0 + 10.0 * number / launches, 3),
+        }
+        aim = {
+            "lat_deg": round(lat_deg - RANGES_DEG[kind], 3),
+            "lon_deg": round(lon_deg + 2.0, 3),
+        }
         targets.append({"id": f"R{number:04}", "type": kind, "launch": launch, "aim": aim})
     return {
         "scene": f"raid-{launches}",
         "epoch": "2026-04-01T12:00:00Z",
-        "duration_s": DURATION_S,
+        "duration_s": 600,
         "seed": 1,
         "sensors": [{"constellation": "DSP"}],
         "tracker": tracker,
@@ -107,31 +89,8 @@ def scene_of(launches: int, tracker: str) -> dict[str, Any]:
     }
 
 
-@contextmanager
-def served(scene: Path, launches: int) -> Iterator[int]:
-    """Serve a scene with the `opir` of this interpreter; yield its port."""
-    code = "import sys; from opir_core.cli.main import main; sys.exit(main(sys.argv[1:]))"
-    words = ["serve", str(scene), "--port", "0", "--max-targets", str(launches)]
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert process.stdout is not None
-        yield int(process.stdout.readline().rpartition(":")[2])
-    finally:
-        process.terminate()
-        process.communicate(timeout=30.0)
-
-
-def status(port: int) -> Any:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
-    connection.request("GET", "/status")
-    answer = json.loads(connection.getresponse().read())
-    connection.close()
-    return answer
-
-
-def rate(page: Page, view: str, seconds: float, *, is_turning: bool) -> Rate:
+def rate(page, view, seconds, *, is_turning):
+    """Return a line of the table."""
     page.wait_for_timeout(1500)
     session = page.context.new_cdp_session(page)
     session.send("Performance.enable", {"timeDomain": "threadTicks"})
@@ -139,88 +98,78 @@ def rate(page: Page, view: str, seconds: float, *, is_turning: bool) -> Rate:
     frames, passed_s, *gaps = page.evaluate(COUNT, {"seconds": seconds, "isTurning": is_turning})
     used_ms = 1000.0 * (busy_s(session) - before_s)
     session.detach()
-    return Rate(view, frames / passed_s, *gaps, used_ms / max(frames, 1))
+    gap_cells = [f"{gap:.0f}" for gap in gaps]
+    return [view, f"{frames / passed_s:.1f}", *gap_cells, f"{used_ms / max(frames, 1):.1f}"]
 
 
-def busy_s(session: CDPSession) -> float:
-    """Return the processor time of the page's main thread, s: scripts, layout and painting
-    commands.
-    """
+def busy_s(session):
+    """Return the processor time of the page's main thread: scripts, layout, painting commands."""
     metrics = session.send("Performance.getMetrics")["metrics"]
-    return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
+    return float(next(row["value"] for row in metrics if row["name"] == "TaskDuration"))
 
 
-def measured(page: Page, seconds: float) -> list[Rate]:
-    rates = [rate(page, "map, at rest", seconds, is_turning=False)]
-    rates.append(rate(page, "map, panned", seconds, is_turning=True))
+def rates(page, seconds):
+    """Return the lines of the table."""
+    lines = [rate(page, "map, at rest", seconds, is_turning=False)]
+    lines.append(rate(page, "map, panned", seconds, is_turning=True))
     page.evaluate("document.getElementById('to-globe').click()")
-    rates.append(rate(page, "globe, at rest", seconds, is_turning=False))
-    rates.append(rate(page, "globe, turning", seconds, is_turning=True))
-    return rates
+    lines.append(rate(page, "globe, at rest", seconds, is_turning=False))
+    lines.append(rate(page, "globe, turning", seconds, is_turning=True))
+    return lines
 
 
-def table(rates: list[Rate]) -> str:
-    rows = [
-        "| view | frames/s | median, ms | 95 %, ms | slowest, ms | processor, ms |",
-        "|---|---|---|---|---|---|",
-    ]
-    for one in rates:
-        gaps = " | ".join(f"{gap:.0f}" for gap in (one.median_ms, one.late_ms, one.longest_ms))
-        rows.append(f"| {one.view} | {one.per_s:.1f} | {gaps} | {one.processor_ms:.1f} |")
-    return "\n".join(rows)
-
-
-def until_tracked(port: int, launches: int) -> None:
+def wait_for_tracks(port, launches):
     """Wait until most launches have tracks, or for `PATIENCE_S` where the tracker is slower."""
     end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        now = status(port)
-        if now["counts"]["tracks"] >= 0.95 * launches:
-            return
+    while time.monotonic() < end and status(port)["counts"]["tracks"] < 0.95 * launches:
         time.sleep(1.0)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+def measured(port, launches, tracker, seconds, picture):
+    """Return the page about a service; write a picture of it where asked."""
+    executable = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
+        view = browser.new_page(viewport={"width": 1600, "height": 900})
+        view.goto(f"http://127.0.0.1:{port}/")
+        wait_for_tracks(port, launches)
+        table = markdown_table(HEAD, rates(view, seconds))
+        if picture:
+            view.screenshot(path=str(picture))
+        version = browser.version.partition(".")[0]
+        browser.close()
+    state = status(port)
+    return PAGE.format(
+        launches=launches,
+        tracks=state["counts"]["tracks"],
+        tracker=tracker,
+        version=version,
+        cores=os.cpu_count(),
+        load=os.getloadavg()[0],
+        table=table,
+        windows=state["viewers"]["dropped_windows"],
+        frames=state["viewers"]["dropped_frames"],
+        detections=state["counts"]["detections"],
     )
-    parser.add_argument("--launches", type=int, default=1000)
-    parser.add_argument("--seconds", type=float, default=15.0, help="time for each count")
-    parser.add_argument("--tracker", default="kepler-arc")
-    parser.add_argument("--screenshot", type=Path, help="write a picture of the page here")
-    parser.add_argument("--write", type=Path, help="write the page here")
-    arguments = parser.parse_args()
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+
+
+def main():
+    """Measure and print; write the page where asked."""
+    options = options_of(
+        __doc__, launches=1000, seconds=15.0, tracker="kepler-arc", screenshot=Path
+    )
+    with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder) / "raid.yaml"
-        scene.write_text(
-            yaml.safe_dump(scene_of(arguments.launches, arguments.tracker)), encoding="utf-8"
-        )
-        with served(scene, arguments.launches) as port:
-            browser = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
-            page = browser.new_page(viewport={"width": 1600, "height": 900})
-            page.goto(f"http://127.0.0.1:{port}/")
-            until_tracked(port, arguments.launches)
-            rates = measured(page, arguments.seconds)
-            now = status(port)
-            if arguments.screenshot:
-                page.screenshot(path=str(arguments.screenshot))
-            text = PAGE.format(
-                launches=arguments.launches,
-                tracks=now["counts"]["tracks"],
-                tracker=arguments.tracker,
-                version=browser.version.partition(".")[0],
-                cores=os.cpu_count(),
-                load=os.getloadavg()[0],
-                table=table(rates),
-                windows=now["viewers"]["dropped_windows"],
-                frames=now["viewers"]["dropped_frames"],
-                detections=now["counts"]["detections"],
+        mapping = scene_of(options.launches, options.tracker)
+        scene.write_text(yaml.safe_dump(mapping), encoding="utf-8")
+        words = ["serve", str(scene), "--port", "0", "--max-targets", str(options.launches)]
+        with running(sys.executable, "-m", "opir_core", *words) as port:
+            text = measured(
+                port, options.launches, options.tracker, options.seconds, options.screenshot
             )
-            browser.close()
-    sys.stdout.write(text)
-    if arguments.write:
-        (arguments.write / "page.md").write_text(text, encoding="utf-8")
+    print(text)
+    if options.write:
+        (options.write / "page.md").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

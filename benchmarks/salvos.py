@@ -1,9 +1,6 @@
 """Does `imm` separate the launches of a salvo? Twenty launches from a small field, two or three
 sensors.
 
-    python benchmarks/salvos.py [--runs 10] [--halves 0.5 1.5 5] [--sensors 2] [--parallel] [--write
-    docs/benchmarks]
-
 Twenty staged gravity turns of one class rise within ten seconds from a square of ± `half` km,
 towards aims that fan out by ± 8°, or with `--parallel` lie as the launch points do. When a launch
 is at 95 % of the time from ignition to the last burnout, tracks are assigned to the launches that
@@ -15,90 +12,96 @@ wrong where each scan is assigned with the true directions, one to one: targets 
 error of a look cannot be resolved. Nothing was tuned on these seeds.
 """
 
-import argparse
 import os
-from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from opir_scoring import RunEvidence, evidence_of_run, ownership
+from opir_scoring import evidence_of_run, ownership
 from opir_scoring.containments import proportion
 from opir_scoring.evidence import true_states_ecef
-from result_files import BLUE, ORANGE, number, read_csv, svg_plot, write_csv
+from pages import COLOURS, markdown_table, options_of, publish, svg_plot
 from scipy.optimize import linear_sum_assignment
+from scipy.stats import chi2
 
 import opir_core as opir
-from opir_core.interfaces.records import Detections
 
 LAUNCHES = 20
-HALVES_KM = (0.5, 1.5, 5.0)
-SECONDS = 10.0
-FAN_DEG = 8.0
-#: Where sensors are, relative to the launches, degrees of longitude.
+#: Positions of sensors, relative to the launches, degrees of longitude.
 SLOTS_DEG = (-35.0, 30.0, -5.0)
-#: The share of a burn at which tracks are compared with the truth, and the 95 % quantile of
-#: chi-squared with 6 degrees.
+#: The share of a burn at which tracks are compared with the truth.
 MARK = 0.95
-WITHIN = 12.592
 #: The time before the mark over which pairings are judged, s.
-LATELY_S = 20.0
-FIRST_SEED = 24_000
-KM_PER_DEGREE = 111.2
-#: Time that light takes from a launch to a sensor, s, about.
-LIGHT_S = 0.125
-#: Ends of the names of a share and of its interval.
-ENDS = ("", "_low95", "_high95")
+PAIRED_S = 20.0
+
+PAGE = """# Salvos
+
+Does `imm` separate the launches of a salvo, and do its covariances show when it cannot? {launches}
+launches of one class within ten seconds, aims that fan out by ± 8°, {sensors} SBIRS-GEO at default
+settings.
+
+![Share of held states, and wrong labels, by size of the field](salvos.svg)
+
+{table}
+
+At {mark:.0%} of the burn, {count} launches a row. *Paired right*: most detections in the last
+{paired:.0f} s are of the same launch in every sensor. *Wrong labels*: of the second half of
+burns; the last column is what remains if each scan is assigned with the true directions: targets
+closer than the error of a look, 0.7 km for 20 µrad from 37 000 km, cannot be resolved. [How
+detections become tracks](../explanation/association.md). All figures with intervals:
+[salvos.csv](salvos.csv).
+"""
+HEAD = (
+    "field",
+    "median error",
+    "state held",
+    "paired right",
+    "wrong labels",
+    "with true directions",
+)
 
 
 class Salvo(NamedTuple):
-    """What became of the launches of one run: errors, m, which are held and paired right, and
-    labels.
-
-    `wrong` and `labels` count detections of the second half of burns; `oracle` is the share that
-    true directions leave wrong; `tracks` are those at the first mark.
+    """Results of one run: errors (launches,), m, held and correctly paired ones; counts of labels
+    in the second half of burns, and of wrong ones; the share that true directions leave wrong;
+    tracks at the first mark.
     """
 
     error_m: np.ndarray
-    is_held: np.ndarray
-    is_paired: np.ndarray
+    held: np.ndarray
+    paired: np.ndarray
+    tracks: int
     wrong: int
     labels: int
     oracle: float
-    tracks: int
 
 
-def scene_of(half_km: float, seed: int, sensors: int, fan_deg: float) -> opir.Scene:
+def scene_of(half_km, seed, sensors, fan_deg):
     """Return a scene with a salvo."""
     rng = np.random.default_rng([seed, round(1e3 * half_km)])
     lat_deg = rng.uniform(20.0, 50.0)
     lon_deg = rng.uniform(-150.0, 150.0)
-    shift = rng.uniform(-half_km, half_km, (LAUNCHES, 2)) / KM_PER_DEGREE
-    times_s = 10.0 + rng.uniform(0.0, SECONDS, LAUNCHES)
-    aims = shift + rng.uniform(-fan_deg, fan_deg, (LAUNCHES, 2))
+    launch_deg = rng.uniform(-half_km, half_km, (LAUNCHES, 2)) / 111.2
+    times_s = rng.uniform(10.0, 20.0, LAUNCHES).tolist()
+    aim_deg = launch_deg + rng.uniform(-fan_deg, fan_deg, (LAUNCHES, 2))
+
+    def place(lat, lon, shift):
+        east, north = shift.tolist()
+        return {"lat_deg": lat + north, "lon_deg": lon + east / np.cos(np.radians(lat))}
+
     targets = [
         {
             "id": f"T{row}",
             "model": "gravity-turn",
             "type": "IRBM",
-            "launch": {
-                "lat_deg": float(lat_deg + shift[row, 1]),
-                "lon_deg": float(lon_deg + shift[row, 0] / np.cos(np.radians(lat_deg))),
-                "time_s": float(times_s[row]),
-            },
-            "aim": {
-                "lat_deg": float(lat_deg - 15.0 + aims[row, 1]),
-                "lon_deg": float(
-                    lon_deg + 15.0 + aims[row, 0] / np.cos(np.radians(lat_deg - 15.0))
-                ),
-            },
+            "launch": {**place(lat_deg, lon_deg, launch_deg[row]), "time_s": times_s[row]},
+            "aim": place(lat_deg - 15.0, lon_deg + 15.0, aim_deg[row]),
         }
         for row in range(LAUNCHES)
     ]
-    slots = [(lon_deg + away + 540.0) % 360.0 - 180.0 for away in SLOTS_DEG[:sensors]]
+    slots_deg = [(lon_deg + slot_deg + 540.0) % 360.0 - 180.0 for slot_deg in SLOTS_DEG[:sensors]]
     return opir.scene_from_mapping(
         {
             "scene": "salvo",
@@ -106,8 +109,8 @@ def scene_of(half_km: float, seed: int, sensors: int, fan_deg: float) -> opir.Sc
             "duration_s": 125.0,
             "seed": seed,
             "sensors": [
-                {"model": "SBIRS-GEO", "id": f"S{row}", "orbital_slot_deg": slot}
-                for row, slot in enumerate(slots)
+                {"model": "SBIRS-GEO", "id": f"S{row}", "orbital_slot_deg": slot_deg}
+                for row, slot_deg in enumerate(slots_deg)
             ],
             "targets": targets,
             "tracker": {"model": "imm", "regions_every_s": 600.0},
@@ -115,199 +118,161 @@ def scene_of(half_km: float, seed: int, sensors: int, fan_deg: float) -> opir.Sc
     )
 
 
-def salvo(half_km: float, seed: int, sensors: int, fan_deg: float) -> Salvo:
-    """Return what became of a salvo."""
-    evidence = evidence_of_run(
-        run := opir.simulate(scene_of(half_km, seed, sensors, fan_deg)), run.plan
-    )
-    states = at_marks(evidence, run.detections.sensor, sensors)
-    return Salvo(*states[:3], *labels(evidence), oracle(evidence, run.detections), states[3])
+def salvo(half_km, seed, sensors, fan_deg):
+    """Return the results of a salvo."""
+    run = opir.simulate(scene_of(half_km, seed, sensors, fan_deg))
+    evidence = evidence_of_run(run, run.plan)
+    sensor = run.detections.sensor
+    states = states_at_marks(evidence, sensor)
+    return Salvo(*states, *labels(evidence), oracle(evidence, run.detections))
 
 
-def at_marks(
-    evidence: RunEvidence, sensor: np.ndarray, sensors: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+def states_at_marks(evidence, sensor):
     """Return errors, m, which launches are held, which are paired right, and the number of tracks
     at the first mark.
     """
     targets = evidence.plan.targets
-    tracks = evidence.tracks
     mark_s = np.rint(targets.ignition_s + MARK * (targets.burnout_s - targets.ignition_s))
     error_m = np.full(LAUNCHES, np.nan)
     held = np.zeros(LAUNCHES, bool)
     paired = np.zeros(LAUNCHES, bool)
     for tick_s in np.unique(mark_s):
-        now = tracks.take(np.flatnonzero(tracks.tick_s == tick_s))
-        burning = np.flatnonzero(
-            (targets.ignition_s < tick_s - 5.0) & (targets.burnout_s > tick_s - LATELY_S)
-        )
-        truth = true_states_ecef(
-            evidence.plan, burning.astype(np.int32), np.full(len(burning), tick_s)
-        )
-        distance_m = np.nan_to_num(
-            np.linalg.norm(truth[:, None, :3] - now.state[None, :, :3], axis=2), nan=1e9
-        )
-        for place, row in zip(*linear_sum_assignment(distance_m), strict=True):
-            launch = burning[place]
+        tracks = evidence.tracks.take(np.flatnonzero(evidence.tracks.tick_s == tick_s))
+        is_burning = (targets.ignition_s < tick_s - 5.0) & (targets.burnout_s > tick_s - PAIRED_S)
+        burning = np.flatnonzero(is_burning).astype(np.int32)
+        truth = true_states_ecef(evidence.plan, burning, np.full(len(burning), tick_s))
+        distance_m = np.linalg.norm(truth[:, None, :3] - tracks.state[None, :, :3], axis=2)
+        pairs = linear_sum_assignment(np.nan_to_num(distance_m, nan=1e9))
+        for number, row in zip(*pairs, strict=True):
+            launch = burning[number]
             if mark_s[launch] == tick_s:
-                away = now.state[row] - truth[place]
-                error_m[launch] = distance_m[place, row]
-                held[launch] = away @ np.linalg.solve(now.state_covariance[row], away) <= WITHIN
-                paired[launch] = is_paired(evidence, sensor, sensors, int(now.track[row]), tick_s)
-    return error_m, held, paired, int(np.count_nonzero(tracks.tick_s == mark_s.min()))
+                error = tracks.state[row] - truth[number]
+                nees = error @ np.linalg.solve(tracks.state_covariance[row], error)
+                error_m[launch] = distance_m[number, row]
+                held[launch] = nees <= chi2.ppf(0.95, 6)
+                paired[launch] = is_paired(evidence, sensor, int(tracks.track[row]), tick_s)
+    first = evidence.tracks.tick_s == mark_s.min()
+    return error_m, held, paired, int(np.count_nonzero(first))
 
 
-def is_paired(
-    evidence: RunEvidence, sensor: np.ndarray, sensors: int, track: int, tick_s: float
-) -> bool:
-    """Return whether most of a track's recent detections are of one launch in every sensor."""
-    lately = (
-        (evidence.track == track)
-        & (evidence.time_s > tick_s - LATELY_S)
-        & (evidence.time_s <= tick_s)
-    )
-    lately &= evidence.target >= 0
-    seen = [evidence.target[lately & (sensor == one)] for one in range(sensors)]
-    return (
-        all(len(each) for each in seen)
-        and len({int(np.bincount(each).argmax()) for each in seen}) == 1
-    )
+def is_paired(evidence, sensor, track, tick_s):
+    """Whether most of a track's recent detections are of one launch in every sensor."""
+    age_s = tick_s - evidence.time_s
+    recent = (evidence.track == track) & (age_s >= 0.0) & (age_s < PAIRED_S)
+    recent &= evidence.target >= 0
+    launches = [evidence.target[recent & (sensor == number)] for number in np.unique(sensor)]
+    if not all(len(numbers) for numbers in launches):
+        return False
+    return len({int(np.bincount(numbers).argmax()) for numbers in launches}) == 1
 
 
-def oracle(evidence: RunEvidence, detections: Detections) -> float:
+def oracle(evidence, detections):
     """Return the share of wrong labels in the second half of burns where scans are assigned by the
     true directions.
     """
     targets = evidence.plan.targets
+    half_s = 0.5 * (targets.ignition_s + targets.burnout_s)
     wrong = 0
     total = 0
-    half_s = 0.5 * (targets.ignition_s + targets.burnout_s)
     for sensor in np.unique(detections.sensor):
-        mine = np.flatnonzero((detections.sensor == sensor) & (evidence.target >= 0))
-        for scan in np.unique(detections.scan[mine])[::7]:
-            rows = mine[detections.scan[mine] == scan]
-            time_s = float(detections.time_s[rows[0]]) - LIGHT_S
-            there = np.flatnonzero(targets.ignition_s < time_s).astype(np.int32)
-            off = (
-                targets.position_ecef_m(there, np.full(len(there), time_s))
-                - detections.sensor_ecef_m[rows[0]]
-            )
-            off /= np.linalg.norm(off, axis=1)[:, None]
-            apart = np.sum((detections.line_of_sight_ecef[rows][:, None] - off) ** 2, axis=2)
-            look, place = linear_sum_assignment(np.nan_to_num(apart, nan=1.0))
+        seen = np.flatnonzero((detections.sensor == sensor) & (evidence.target >= 0))
+        for scan in np.unique(detections.scan[seen])[::7]:
+            rows = seen[detections.scan[seen] == scan]
+            # Light takes about 0.125 s from a launch to a sensor.
+            time_s = float(detections.time_s[rows[0]]) - 0.125
+            lit = np.flatnonzero(targets.ignition_s < time_s).astype(np.int32)
+            line = targets.position_ecef_m(lit, np.full(len(lit), time_s))
+            line -= detections.sensor_ecef_m[rows[0]]
+            line /= np.linalg.norm(line, axis=1)[:, None]
+            square = np.sum((detections.line_of_sight_ecef[rows][:, None] - line) ** 2, axis=2)
+            look, number = linear_sum_assignment(np.nan_to_num(square, nan=1.0))
             truth = evidence.target[rows[look]]
-            late = time_s > half_s[truth]
-            wrong = wrong + np.count_nonzero((there[place] != truth) & late)
-            total = total + np.count_nonzero(late)
+            counted = time_s > half_s[truth]
+            wrong += np.count_nonzero((lit[number] != truth) & counted)
+            total += np.count_nonzero(counted)
     return wrong / max(total, 1)
 
 
-def labels(evidence: RunEvidence) -> tuple[int, int]:
-    """Return how many detections of the second half of a burn are on another launch's track, and
-    how many there are.
+def labels(evidence):
+    """Return the numbers of detections of the second half of a burn on another launch's track, and
+    of all.
     """
     targets = evidence.plan.targets
     owners = ownership(evidence)
     target = evidence.target
-    half_s = 0.5 * (targets.ignition_s + targets.burnout_s)
-    late = (target >= 0) & (evidence.track >= 0) & (evidence.time_s > half_s[np.maximum(target, 0)])
-    owner = owners.target[np.searchsorted(owners.track, evidence.track[late])]
-    return int(np.count_nonzero(owner != target[late])), int(np.count_nonzero(late))
+    half_s = 0.5 * (targets.ignition_s + targets.burnout_s)[np.maximum(target, 0)]
+    counted = (target >= 0) & (evidence.track >= 0) & (evidence.time_s > half_s)
+    owner = owners.target[np.searchsorted(owners.track, evidence.track[counted])]
+    return int(np.count_nonzero(owner != target[counted])), int(np.count_nonzero(counted))
 
 
-def rows_of(
-    halves_km: Sequence[float], runs: int, sensors: int, fan_deg: float
-) -> Iterator[dict[str, str]]:
+def rows_of(options):
     """Yield a row of figures for each size of the field."""
-    for half_km in halves_km:
-        found = [salvo(half_km, FIRST_SEED + 2 * run, sensors, fan_deg) for run in range(runs)]
-        row = {"half_km": f"{half_km:g}", "sensors": str(sensors), "launches": str(LAUNCHES * runs)}
-        for name, values in (
-            ("held", np.concatenate([each.is_held for each in found])),
-            ("paired", np.concatenate([each.is_paired for each in found])),
-        ):
-            figures = proportion(int(np.count_nonzero(values)), len(values))
-            row |= {
-                f"{name}{end}": f"{100.0 * figure:.0f}"
-                for end, figure in zip(ENDS, figures, strict=True)
-            }
-        row["median_error_m"] = (
-            f"{np.nanmedian(np.concatenate([each.error_m for each in found])):.0f}"
+    fan_deg = 0.0 if options.parallel else 8.0
+    for half_km in options.halves:
+        runs = [
+            salvo(half_km, 24_000 + 2 * run, options.sensors, fan_deg)
+            for run in range(options.runs)
+        ]
+        error_m, held, paired = (
+            np.concatenate(column) for column in [*zip(*runs, strict=True)][:3]
         )
-        row["wrong_labels"] = (
-            f"{100.0 * sum(each.wrong for each in found) / max(sum(each.labels for each in found), 1):.1f}"
-        )
-        row["oracle"] = f"{100.0 * np.mean([each.oracle for each in found]):.1f}"
-        row["tracks"] = f"{np.mean([each.tracks for each in found]):.1f}"
-        print(row, flush=True)
-        yield row
+        row = {
+            "half_km": half_km,
+            "sensors": options.sensors,
+            "launches": len(held),
+        }
+        for name, values in (("held", held), ("paired", paired)):
+            shares = proportion(int(np.count_nonzero(values)), len(values))
+            names = (name, f"{name}_low95", f"{name}_high95")
+            row |= dict(zip(names, (round(100.0 * share) for share in shares), strict=True))
+        wrong = sum(run.wrong for run in runs) / max(sum(run.labels for run in runs), 1)
+        yield row | {
+            "median_error_m": round(float(np.nanmedian(error_m))),
+            "wrong_labels": round(100.0 * wrong, 1),
+            "oracle": round(100.0 * float(np.mean([run.oracle for run in runs])), 1),
+            "tracks": float(np.mean([run.tracks for run in runs])),
+        }
 
 
-def page(rows: Sequence[dict[str, str]]) -> str:
+def page(table):
     """Return the page."""
-    lines = "\n".join(
-        f"| ± {row['half_km']} km | {row['median_error_m']} m | {row['held']} % | {row['paired']} %"
-        f" |"
-        f" {row['wrong_labels']} % | {row['oracle']} % |"
-        for row in rows
+    columns = ("held", "paired", "wrong_labels", "oracle")
+    lines = [
+        (
+            f"± {row['half_km']} km",
+            f"{row['median_error_m']} m",
+            *(f"{row[name]} %" for name in columns),
+        )
+        for row in table
+    ]
+    return PAGE.format(
+        launches=LAUNCHES,
+        sensors=table[0]["sensors"],
+        table=markdown_table(HEAD, lines),
+        mark=MARK,
+        count=table[0]["launches"],
+        paired=PAIRED_S,
     )
-    return f"""# Salvos
-
-Does `imm` separate the launches of a salvo, and do its covariances show when it cannot? {LAUNCHES} launches of one
-class within ten seconds, aims that fan out by ± 8°, {rows[0]["sensors"]} SBIRS-GEO at default settings.
-
-![Share of launches whose track holds the true state, and wrong labels, by size of the field](salvos.svg)
-
-| field | median error | state held | paired right | wrong labels | with true directions |
-|---|---|---|---|---|---|
-{lines}
-
-At {MARK:.0%} of the burn, {rows[0]["launches"]} launches a row. *Paired right*: most detections in the last
-{LATELY_S:.0f} s are of the same launch in every sensor. *Wrong labels*: of the second half of burns; the last column is
-what remains if each scan is assigned with the true directions: targets closer than the error of a look, 0.7 km for
-20 µrad from 37 000 km, cannot be resolved.
-[How detections become tracks](../explanation/association.md). All figures with intervals: [salvos.csv](salvos.csv).
-"""
 
 
-def plot(rows: Sequence[dict[str, str]], path: Path) -> None:
+def draw(path, table):
     """Draw the shares against the size of the field."""
     with svg_plot(path, figsize=(6.4, 3.6)) as (_, axes):
-        half = [number(row["half_km"]) for row in rows]
-        for name, colour, label in (
-            ("held", BLUE, "state in its 95 % ellipsoid"),
-            ("wrong_labels", ORANGE, "wrong labels"),
-        ):
-            axes.plot(half, [number(row[name]) for row in rows], "o-", color=colour, label=label)
-        low, high = ([number(row[f"held_{edge}95"]) for row in rows] for edge in ("low", "high"))
-        axes.fill_between(half, low, high, color=BLUE, alpha=0.2, linewidth=0)
-        axes.set(
-            xscale="log", xlabel="half the side of the field, km", ylabel="share, %", ylim=(0, 100)
-        )
-        axes.legend()
+        half_km = table.column("half_km")
+        series = {"held": "state in its 95 % ellipsoid", "wrong_labels": "wrong labels"}
+        for colour, (name, label) in zip(COLOURS, series.items(), strict=False):
+            axes.plot(half_km, table.column(name), "o-", color=colour, label=label)
+        low = table.column("held_low95")
+        axes.fill_between(half_km, low, table.column("held_high95"), alpha=0.2, linewidth=0)
+        axes.set(xscale="log", xlabel="half the side of the field, km", ylabel="share, %")
+        axes.set_ylim(0, 100)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--runs", type=int, default=10)
-    parser.add_argument("--halves", type=float, nargs="+", default=HALVES_KM)
-    parser.add_argument("--sensors", type=int, default=2, choices=(2, 3))
-    parser.add_argument(
-        "--parallel", action="store_true", help="aims that lie as the launch points do"
-    )
-    parser.add_argument("--write", type=Path, help="folder for the page, the plot and the data")
-    parser.add_argument("--from-csv", type=Path, help="folder with the data of an earlier run")
-    arguments = parser.parse_args()
-    folder = arguments.from_csv or arguments.write
-    fan_deg = 0.0 if arguments.parallel else FAN_DEG
-    fresh = rows_of(arguments.halves, arguments.runs, arguments.sensors, fan_deg)
-    rows = read_csv(folder / "salvos.csv") if arguments.from_csv else list(fresh)
-    if folder is not None:
-        write_csv(folder / "salvos.csv", rows)
-        (folder / "salvos.md").write_text(page(rows), encoding="utf-8")
-        plot(rows, folder / "salvos.svg")
+def main():
+    """Measure and write."""
+    options = options_of(__doc__, runs=10, halves=(0.5, 1.5, 5.0), sensors=2, parallel=False)
+    publish(options, page, draw, salvos=rows_of(options))
 
 
 if __name__ == "__main__":

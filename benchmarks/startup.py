@@ -1,66 +1,55 @@
-"""What starting costs: processor time and modules of whole processes of a few commands, over bare
-Python.
+"""What does starting cost: processor time and modules of a few commands, above bare Python?"""
 
-python benchmarks/startup.py [--repeat 9]
-"""
-
-import argparse
-import statistics
+import os
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
 
 from figures import keep
+from pages import options_of
 
-ROOT = Path(__file__).resolve().parent.parent
+EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "first_light.yaml"
 COMMANDS = {
     "bare python": ["-c", "pass"],
     "import numpy": ["-c", "import numpy"],
     "opir --version": ["-m", "opir_core", "--version"],
     "opir plugins": ["-m", "opir_core", "plugins"],
-    "opir run first_light": ["-m", "opir_core", "run", str(ROOT / "examples" / "first_light.yaml")],
+    "opir run first_light": ["-m", "opir_core", "run", str(EXAMPLE)],
 }
 
 
-def seconds(arguments: list[str], folder: str) -> float:
-    """Return the processor time of one process, of the user and the system."""
-    before = getrusage(RUSAGE_CHILDREN)
-    subprocess.run([sys.executable, *arguments], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-    after = getrusage(RUSAGE_CHILDREN)
-    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+def process_s(command, folder):
+    """Return the processor time of a whole process in a folder."""
+    before = os.times()
+    subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    after = os.times()
+    used = after.children_user + after.children_system
+    return used - before.children_user - before.children_system
 
 
-def modules(arguments: list[str], folder: str) -> int:
-    """Return how many modules a process imports."""
-    done = subprocess.run(
-        [sys.executable, "-X", "importtime", *arguments],
-        cwd=folder,
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return sum(line.startswith("import time:") for line in done.stderr.splitlines()) - 1
+def modules(arguments, folder):
+    """Return the number of modules that a process imports."""
+    command = [sys.executable, "-X", "importtime", *arguments]
+    process = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    return process.stderr.count("import time:") - 1
 
 
-def main() -> None:
+def main():
     """Measure in turn, so that a slow spell of the machine meets all alike, and print medians."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--repeat", type=int, default=9)
-    repeat = parser.parse_args().repeat
+    repeat = options_of(__doc__, repeat=9).repeat
     with tempfile.TemporaryDirectory() as folder:
-        times = {name: [] for name in COMMANDS}
-        for _ in range(repeat):
-            for name, arguments in COMMANDS.items():
-                times[name].append(seconds(arguments, folder))
-        bare = statistics.median(times["bare python"])
+        turns = [
+            [process_s([sys.executable, *words], folder) for words in COMMANDS.values()]
+            for _ in range(repeat)
+        ]
+        medians = [sorted(times)[repeat // 2] for times in zip(*turns, strict=True)]
         print(f"{'':22} {'ms':>7} {'over bare':>10} {'modules':>8}")
-        for name, arguments in COMMANDS.items():
-            taken = statistics.median(times[name])
-            imported = modules(arguments, folder)
-            print(f"{name:22} {taken * 1e3:7.0f} {(taken - bare) * 1e3:+10.0f} {imported:8d}")
-            keep(name, taken * 1e3, "ms")
+        for (name, words), taken_s in zip(COMMANDS.items(), medians, strict=True):
+            over_ms = (taken_s - medians[0]) * 1e3
+            imported = modules(words, folder)
+            print(f"{name:22} {taken_s * 1e3:7.0f} {over_ms:+10.0f} {imported:8d}")
+            keep(name, taken_s * 1e3, "ms")
             keep(name, imported, "modules")
 
 

@@ -3,9 +3,7 @@ was left out.
 """
 
 import os
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
 
 import peer_libraries
 import pytest
@@ -42,13 +40,13 @@ IS_CHOSEN_QUICK = pytest.StashKey[Callable[[str], bool]]()
 PEERS_REQUIRED = os.environ.get("OPIR_PEERS") == "required"
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure(config):
     """Read which third of the slow tests is to be run, and which of the quick ones."""
     config.stash[IS_CHOSEN] = thirds.chooser(os.environ.get(thirds.SLOW, ""), thirds.SLOW)
     config.stash[IS_CHOSEN_QUICK] = thirds.chooser(os.environ.get(thirds.QUICK, ""), thirds.QUICK)
 
 
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+def pytest_ignore_collect(collection_path, config):
     """Leave out a file that imports a library of the extra `peers` which is not installed."""
     if PEERS_REQUIRED or collection_path.suffix != ".py" or not peer_libraries.missing():
         return None
@@ -59,14 +57,14 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return None
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
+def pytest_collection_finish(session):
     """Give the files left out to the process that started this worker, if this is one."""
     if hasattr(session.config, "workeroutput"):
         session.config.workeroutput["files"] = session.config.stash.get(FILES, [])
         session.config.workeroutput["absent"] = session.config.stash.get(ABSENT, [])
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config, items):
     """Mark the tests that need other libraries; give long tests more time, and leave out those of
     other thirds.
     """
@@ -93,7 +91,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+def pytest_xdist_auto_num_workers(config):
     """Return the worker processes of `-n auto`: one more than cores for all tests, none if the
     command names tests.
     """
@@ -105,12 +103,12 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return min(cores + 1, MOST_WORKERS)
 
 
-def arguments_of(config: pytest.Config) -> list[str]:
+def arguments_of(config):
     """Return the files, folders and tests that the command names."""
     return [] if config.args_source is not pytest.Config.ArgsSource.ARGS else list(config.args)
 
 
-def pytest_deselected(items: Sequence[pytest.Item]) -> None:
+def pytest_deselected(items):
     """Count the slow tests that the expression of `-m` leaves out."""
     config = items[0].config
     slow = sum(item.get_closest_marker("slow") is not None for item in items)
@@ -120,7 +118,7 @@ def pytest_deselected(items: Sequence[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: object) -> None:
+def pytest_testnodedown(node):
     """Take over what a worker left out: each worker collects all tests."""
     config = getattr(node, "config", None)
     output = getattr(node, "workeroutput", {})
@@ -130,7 +128,7 @@ def pytest_testnodedown(node: object) -> None:
         config.stash[LEFT_OUT] = max(config.stash.get(LEFT_OUT, 0), output.get(LEFT_OUT_NAME, 0))
 
 
-def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+def pytest_terminal_summary(terminalreporter, config):
     """Print how many tests and files were left out, why, and how to run them."""
     if files := set(config.stash.get(FILES, [])):
         names = ", ".join(sorted(set(config.stash[ABSENT])))

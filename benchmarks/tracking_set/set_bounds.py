@@ -15,20 +15,15 @@ from typing import NamedTuple
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
-from flight_bound import KnownValues, bound_of, parameter_bound
+from flight_bound import KnownValues, bound_of, central_slopes, parameter_bound
 from opir_scoring import energy_scores
 from opir_scoring.bound import DetectedLooks, free_bound, position_and_velocity
-from set_cases import WIDE, Launch, SetScene
+from set_cases import WIDE
 from set_flights import burns, flown, prior_sigma
-from set_sights import Sights, Truth, horizon_axes
+from set_sights import horizon_axes
 
 #: Step of the flights whose differences are the slopes, s.
 FLIGHT_STEP_S = 1.0
-#: Steps of the central differences, as shares of the standard deviations of the laws, and in metres
-#: for the launch.
-STEP_SHARE = 1e-4
-STEP_M = 10.0
-STEP_S = 1e-3
 
 
 class Bounds(NamedTuple):
@@ -47,21 +42,21 @@ class Bounds(NamedTuple):
     free_velocity_m_s: np.ndarray
 
 
-def bounds_of(scene: SetScene, truth: Truth, sights: Sights, number: int) -> Bounds:
+def bounds_of(scene, truth, sights, number):
     """Return the bounds of a launch."""
     launch = scene.launches[number]
     tick_s = truth.tick_s[truth.is_scored[number]]
-    mine = np.flatnonzero(sights.launch == number)
+    rows = np.flatnonzero(sights.launch == number)
     if not len(tick_s):
         return Bounds(*[np.empty(0)] * 7)
-    looks = _looks(scene, sights, mine)
+    looks = _looks(scene, sights, rows)
     times = np.concatenate([looks.look_s, tick_s])
     prior = prior_sigma(launch.stages, launch.has_gaps)
     slope = _slopes(launch, prior, times)
     known = parameter_bound(
-        tick_s, looks, slope[: len(mine), :3], prior, _edges(launch, prior, looks.look_s)
+        tick_s, looks, slope[: len(rows), :3], prior, _edges(launch, prior, looks.look_s)
     )
-    covariance = bound_of(known, slope[len(mine) :])
+    covariance = bound_of(known, slope[len(rows) :])
     free = position_and_velocity(free_bound(tick_s, looks))
     drawn = energy_scores(np.zeros((len(tick_s), 3)), 2.0 * covariance[:, :3, :3])
     return Bounds(
@@ -75,39 +70,38 @@ def bounds_of(scene: SetScene, truth: Truth, sights: Sights, number: int) -> Bou
     )
 
 
-def _slopes(launch: Launch, prior: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+def _slopes(launch, prior, time_s):
     """Return the slopes (n, 6, p) of ECEF states at times (n,) by the parameters."""
-    step = _steps(prior)
-    shift = np.diag(step)
-    rows = np.concatenate([launch.row + shift, launch.row - shift])
-    there = flown(rows, launch.stages, float(time_s.max()) + 1.0, FLIGHT_STEP_S).states(time_s)
-    count = len(step)
-    return np.moveaxis(there[:count] - there[count:], 0, -1) / (2.0 * step)
+    end_s = float(time_s.max()) + 1.0
+
+    def states(rows):
+        return flown(rows, launch.stages, end_s, FLIGHT_STEP_S).states(time_s)
+
+    return central_slopes(states, launch.row, _steps(prior))
 
 
-def _steps(prior: np.ndarray) -> np.ndarray:
-    return np.concatenate([[STEP_M / 6.4e6] * 2, [1e-6, STEP_S], STEP_SHARE * prior[4:]])
+def _steps(prior):
+    """Return steps of differences: 10 m of the launch, 1 µrad, 1 ms, and small shares of laws."""
+    return np.concatenate([[10.0 / 6.4e6] * 2, [1e-6, 1e-3], 1e-4 * prior[4:]])
 
 
-def _edges(launch: Launch, prior: np.ndarray, look_s: np.ndarray) -> KnownValues:
+def _edges(launch, prior, look_s):
     """Return the times at which a launch lights or goes dark as values that become known one
     detection later.
     """
     gap_s = (look_s[-1] - look_s[0]) / max(len(look_s) - 1, 1)
 
-    def edges(row: np.ndarray) -> np.ndarray:
-        both = burns(row, launch.stages)
+    def edges(rows):
+        both = np.array([burns(row, launch.stages).ravel() for row in rows])
         # Between stages without a gap nothing goes dark.
-        return both.ravel() if launch.has_gaps else np.array([both[0, 0], both[-1, 1]])
+        return both if launch.has_gaps else both[:, [0, -1]]
 
-    step = _steps(prior)
-    slope = np.stack(
-        [(edges(launch.row + d) - edges(launch.row - d)) for d in np.diag(step)], axis=1
-    ) / (2.0 * step)
-    return KnownValues(edges(launch.row) + gap_s, slope * np.sqrt(12.0) / gap_s)
+    slope = central_slopes(edges, launch.row, _steps(prior))
+    time_s = edges(launch.row[None])[0] + gap_s
+    return KnownValues(time_s, slope * np.sqrt(12.0) / gap_s)
 
 
-def _looks(scene: SetScene, sights: Sights, rows: np.ndarray) -> DetectedLooks:
+def _looks(scene, sights, rows):
     """Return the looks that detected a launch, with the noise and the biases that they truly
     have.
     """
@@ -124,7 +118,7 @@ def _looks(scene: SetScene, sights: Sights, rows: np.ndarray) -> DetectedLooks:
     return DetectedLooks(sights.time_s[rows], sights.target_m[rows], place, sigma, turns)
 
 
-def efficient_sigma(wide_share: float) -> float:
+def efficient_sigma(wide_share):
     """Return the standard deviation with the Fisher information of the mixture of both noises, 1
     for no wide one.
 

@@ -5,10 +5,13 @@ seed.
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from set_flights import MU, RADIUS_M, SPIN, drawn_vehicle, is_fit
+import yaml
+from foreign_flights import MU, RADIUS_M, SPIN
+from set_flights import drawn_vehicle, is_fit
 
 #: Published seeds; odd ones are free to tune on.
 SEEDS = (2, 4)
@@ -16,7 +19,6 @@ IGNITION_S = 10.0
 TAIL_S = 25.0
 GEO_ALTITUDE_M = (MU / SPIN**2) ** (1.0 / 3.0) - RADIUS_M
 LEO_ALTITUDE_M = 1200e3
-METRES_PER_RADIAN = 6371e3
 
 
 class Sensor(NamedTuple):
@@ -38,7 +40,7 @@ class Sensor(NamedTuple):
     detection_probability: float
     clutter_per_look: float
 
-    def position_m(self, time_s: np.ndarray) -> np.ndarray:
+    def position_m(self, time_s):
         """Return the ECEF positions (n, 3) at times (n,) since the epoch."""
         radius = RADIUS_M + self.altitude_m
         angle = np.radians(self.argument_deg) + np.sqrt(MU / radius**3) * time_s
@@ -81,51 +83,10 @@ WIDE = 3.0
 CLUTTER_KM = 200.0
 
 CASES: Mapping[str, Case] = {
-    "one-launch": Case("one stage, two sensors: the simplest scene", {1: 1}),
-    "stages": Case("three stages without gaps", {3: 1}),
-    "gaps": Case("three stages, dark between them for 4 to 15 s", {3: 1}, has_gaps=True),
-    "one-sensor": Case("two stages, one sensor: no triangulation", {2: 1}, orbits="G"),
-    "slow-scanners": Case("two stages, a look every 10 s", {2: 1}, period_s=10.0),
-    "low-orbits": Case(
-        "two stages, three sensors in low orbit", {2: 1}, orbits="LLL", sigma_urad=60.0
-    ),
-    "high-and-low": Case("two stages, a sensor in high and one in low orbit", {2: 1}, orbits="GL"),
-    "salvo-10km": Case(
-        "six launches of one vehicle within 10 km", {1: 6}, spread_km=5.0, is_salvo=True
-    ),
-    "salvo-1km": Case(
-        "six launches of one vehicle within 1 km",
-        {2: 6},
-        spread_km=0.5,
-        is_salvo=True,
-        period_s=2.0,
-    ),
-    "clutter": Case(
-        "three launches, 5 000 clutter detections a look and steradian",
-        {1: 1, 2: 1, 3: 1},
-        spread_km=100.0,
-        period_s=2.0,
-        clutter_per_look=0.5,
-    ),
-    "bias-stated": Case("three launches, a bias of 60 µrad, stated", {1: 1, 2: 2}, bias_urad=60.0),
-    "bias-unstated": Case(
-        "three launches, a bias of 60 µrad, not stated",
-        {1: 1, 2: 2},
-        bias_urad=60.0,
-        is_bias_stated=False,
-    ),
-    "wrong-noise": Case(
-        "three launches, 30 % of looks with 3 × the stated noise", {1: 2, 2: 1}, wide_share=0.3
-    ),
-    "raid": Case(
-        "nine launches in 30 s, three sensors, clutter",
-        {1: 4, 2: 3, 3: 2},
-        orbits="GGG",
-        spread_km=600.0,
-        interval_s=30.0,
-        period_s=2.0,
-        clutter_per_look=0.1,
-    ),
+    name: Case(**fields)
+    for name, fields in yaml.safe_load(
+        Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8")
+    ).items()
 }
 
 
@@ -150,7 +111,7 @@ class SetScene(NamedTuple):
     rng: np.random.Generator
 
 
-def scene_of(name: str, seed: int) -> SetScene:
+def scene_of(name, seed):
     """Return the scene of a case with a seed."""
     case = CASES[name]
     rng = np.random.Generator(np.random.Philox(key=[list(CASES).index(name) + 1, seed]))
@@ -161,13 +122,11 @@ def scene_of(name: str, seed: int) -> SetScene:
     return SetScene(f"{name}-{seed}", case, sensors, _launches(case, middle, rng), middle, rng)
 
 
-def _launches(
-    case: Case, middle: tuple[float, float], rng: np.random.Generator
-) -> tuple[Launch, ...]:
+def _launches(case, middle, rng):
     """Return the launches of a scene: at random places, in a salvo of one vehicle at much the same
     time.
     """
-    found: list[Launch] = []
+    launches = []
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     for stages, count in case.launches.items():
         vehicle = _vehicle(stages, case.has_gaps, middle, rng)
@@ -183,13 +142,11 @@ def _launches(
                 azimuth + (rng.uniform(-0.1, 0.1) if case.is_salvo else 0.0),
                 IGNITION_S + delay_s,
             )
-            found.append(Launch(stages, case.has_gaps, np.round(row, 9)))
-    return tuple(found)
+            launches.append(Launch(stages, case.has_gaps, np.round(row, 9)))
+    return tuple(launches)
 
 
-def _vehicle(
-    stages: int, has_gaps: bool, place: tuple[float, float], rng: np.random.Generator
-) -> np.ndarray:
+def _vehicle(stages, has_gaps, place, rng):
     """Return the parameters of a drawn vehicle that flies from a place, whichever way."""
     while True:
         row = drawn_vehicle(stages, has_gaps, rng)
@@ -198,19 +155,15 @@ def _vehicle(
             return row
 
 
-def _place(
-    middle: tuple[float, float], spread_km: float, rng: np.random.Generator
-) -> tuple[float, float]:
+def _place(middle, spread_km, rng):
     """Return a random point within a distance from the middle, on a sphere."""
-    away = 1e3 * spread_km * np.sqrt(rng.uniform()) / METRES_PER_RADIAN
+    distance = 1e3 * spread_km * np.sqrt(rng.uniform()) / 6371e3
     turn = rng.uniform(0.0, 2.0 * np.pi)
-    latitude = middle[0] + away * np.cos(turn)
-    return float(latitude), float(middle[1] + away * np.sin(turn) / np.cos(middle[0]))
+    latitude = middle[0] + distance * np.cos(turn)
+    return float(latitude), float(middle[1] + distance * np.sin(turn) / np.cos(middle[0]))
 
 
-def _sensor(
-    case: Case, kind: str, number: int, middle: tuple[float, float], rng: np.random.Generator
-) -> Sensor:
+def _sensor(case, kind, number, middle, rng):
     """Return a sensor that sees the middle: over the equator on alternate sides of it, or passing
     it in low orbit.
     """
@@ -233,22 +186,20 @@ def _sensor(
     )
 
 
-def _passing_orbit(
-    middle: tuple[float, float], number: int, rng: np.random.Generator
-) -> tuple[float, float, float, float]:
+def _passing_orbit(middle, number, rng):
     """Return a low orbit's altitude, inclination, node and argument: near the middle 100 s after
     the epoch.
     """
-    away = rng.uniform(0.1, 0.2)
+    distance = rng.uniform(0.1, 0.2)
     bearing = rng.uniform(0.0, 0.6) + 2.1 * number
-    latitude = middle[0] + away * np.cos(bearing)
-    longitude = middle[1] + away * np.sin(bearing) / np.cos(middle[0]) + SPIN * 100.0
+    latitude = middle[0] + distance * np.cos(bearing)
+    longitude = middle[1] + distance * np.sin(bearing) / np.cos(middle[0]) + SPIN * 100.0
     heading = rng.uniform(0.0, 2.0 * np.pi)
     flat = np.cos(latitude)
     place = np.array([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)])
     east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
-    ahead = np.sin(heading) * east + np.cos(heading) * np.cross(place, east)
-    normal = np.cross(place, ahead)
+    along = np.sin(heading) * east + np.cos(heading) * np.cross(place, east)
+    normal = np.cross(place, along)
     tilt = np.arccos(normal[2])
     node = np.arctan2(normal[0], -normal[1])
     ascending = np.array([np.cos(node), np.sin(node), 0.0])

@@ -9,16 +9,15 @@ import csv
 import hashlib
 import io
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from set_bounds import Bounds, bounds_of
-from set_cases import CASES, SEEDS, Launch, SetScene, scene_of
+from opir_scoring.benchmark_tables import STATE
+from set_bounds import bounds_of
+from set_cases import CASES, SEEDS, scene_of
 from set_flights import burns
-from set_sights import TICK_S, Sights, Truth, clutter_half_angle_rad, middle_m, observed
+from set_sights import TICK_S, clutter_half_angle_rad, middle_m, observed
 
 VERSION = "1.0"
 EPOCH = datetime(2026, 1, 1)
@@ -26,32 +25,17 @@ LICENCE = "CC0-1.0"
 #: The cut-off distance of GOSPA over the median bound of position at the scored ticks of a scene.
 CUTOFF_OF_BOUND = 10.0
 
-STATE = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 COLUMNS = {
     "lines_of_sight": (
-        *(
-            "scene",
-            "detection",
-            "time_utc",
-            "time_s",
-            "sensor",
-            "sensor_x_m",
-            "sensor_y_m",
-            "sensor_z_m",
-        ),
+        *("scene", "detection", "time_utc", "time_s", "sensor"),
+        *("sensor_x_m", "sensor_y_m", "sensor_z_m"),
         *("direction_x", "direction_y", "direction_z", "sigma_urad"),
     ),
     "truth": ("scene", "launch", "time_s", *STATE, "is_burning", "is_scored"),
     "origins": ("scene", "detection", "launch"),
     "launches": (
-        "scene",
-        "launch",
-        "stages",
-        "ignition_s",
-        "burnout_s",
-        "lat_deg",
-        "lon_deg",
-        "azimuth_deg",
+        *("scene", "launch", "stages", "ignition_s", "burnout_s"),
+        *("lat_deg", "lon_deg", "azimuth_deg"),
     ),
     "bounds": (
         *("scene", "launch", "time_s", "position_m", "velocity_m_s", "log_det", "energy_m"),
@@ -61,28 +45,31 @@ COLUMNS = {
 
 README = """# Boost-phase tracking by line of sight, version {version}
 
-{scenes} scenes in {cases} cases. Licence: CC0 1.0 (public domain, https://creativecommons.org/publicdomain/zero/1.0/).
-All figures are notional.
+{scenes} scenes in {cases} cases. Licence: CC0 1.0 (public domain,
+https://creativecommons.org/publicdomain/zero/1.0/). All figures are notional.
 
-- `lines_of_sight.csv` is what a tracker gets: the direction (unit vector) from a sensor to something hot. ECEF
-  (WGS 84), metres, seconds since the epoch {epoch}Z; `sigma_urad` is the stated standard deviation per axis across the
-  line. Light takes no time. A detection is a launch or clutter.
-- `set.json` is what a tracker may know: of each sensor its orbit, its looks (every `period_s` from `phase_s`, at the
-  whole Earth below it), its P_d for burning targets (dark ones are not detected), the stated standard deviation of its
-  bias (two constant angles about east and north at the sensor) and its clutter (mean number a look, uniform in a cone).
-- `truth.csv`, `launches.csv`, `origins.csv` (which detection is whose) and `bounds.csv` are not for trackers.
+- `lines_of_sight.csv` is what a tracker gets: the direction (unit vector) from a sensor to
+  something hot. ECEF (WGS 84), metres, seconds since the epoch {epoch}Z; `sigma_urad` is the
+  stated standard deviation per axis across the line. Light takes no time. A detection is a launch
+  or clutter.
+- `set.json` is what a tracker may know: of each sensor its orbit, its looks (every `period_s` from
+  `phase_s`, at the whole Earth below it), its P_d for burning targets (dark ones are not
+  detected), the stated standard deviation of its bias (two constant angles about east and north at
+  the sensor) and its clutter (mean number a look, uniform in a cone).
+- `truth.csv`, `launches.csv`, `origins.csv` (which detection is whose) and `bounds.csv` are not
+  for trackers.
 - Every table is there as Parquet too.
 """
 
 
-class Made(NamedTuple):
+class SceneTables(NamedTuple):
     """A scene's rows of each table, its bounds, and its description in `set.json`."""
 
     rows: dict[str, list[list[str]]]
     description: dict[str, Any]
 
 
-def made(name: str, seed: int) -> Made:
+def tables_of(name, seed):
     """Return the tables and the description of a scene."""
     scene = scene_of(name, seed)
     truth, sights = observed(scene)
@@ -92,14 +79,16 @@ def made(name: str, seed: int) -> Made:
         [scene.name, str(row), _launch_name(owner) if owner >= 0 else ""]
         for row, owner in enumerate(sights.launch.tolist())
     ]
-    rows["launches"] = [list(_launch_row(scene.name, *each)) for each in enumerate(scene.launches)]
+    rows["launches"] = [
+        list(_launch_row(scene.name, *launch)) for launch in enumerate(scene.launches)
+    ]
     rows["bounds"] = [
         row for number, own in enumerate(bounds) for row in _bound_rows(scene, number, own)
     ]
-    return Made(rows, _description(scene, name, seed, truth, bounds))
+    return SceneTables(rows, _description(scene, name, seed, truth, bounds))
 
 
-def observed_rows(scene: SetScene, truth: Truth, sights: Sights) -> dict[str, list[list[str]]]:
+def observed_rows(scene, truth, sights):
     """Return the rows of lines of sight and of truth."""
     return {
         "lines_of_sight": list(_sight_rows(scene, sights)),
@@ -107,11 +96,11 @@ def observed_rows(scene: SetScene, truth: Truth, sights: Sights) -> dict[str, li
     }
 
 
-def _launch_name(number: int) -> str:
+def _launch_name(number):
     return f"L{number + 1}"
 
 
-def _sight_rows(scene: SetScene, sights: Sights) -> Iterator[list[str]]:
+def _sight_rows(scene, sights):
     for row, time_s in enumerate(sights.time_s.tolist()):
         sensor = int(sights.sensor[row])
         place = sights.sensor_m[row].tolist()
@@ -124,14 +113,14 @@ def _sight_rows(scene: SetScene, sights: Sights) -> Iterator[list[str]]:
         ]
 
 
-def utc(time_s: float) -> str:
+def utc(time_s):
     """Return a time since the epoch as text in UTC, to the microsecond."""
     return (EPOCH + timedelta(microseconds=round(1e6 * time_s))).isoformat(
         timespec="microseconds"
     ) + "Z"
 
 
-def _truth_rows(scene: SetScene, truth: Truth) -> Iterator[list[str]]:
+def _truth_rows(scene, truth):
     for number, path in enumerate(truth.paths):
         burns_s = truth.burns_s[number]
         flying = np.flatnonzero(truth.tick_s >= burns_s[0, 0])
@@ -147,7 +136,7 @@ def _truth_rows(scene: SetScene, truth: Truth) -> Iterator[list[str]]:
             ]
 
 
-def _launch_row(scene: str, number: int, launch: Launch) -> Iterator[str]:
+def _launch_row(scene, number, launch):
     both = burns(launch.row, launch.stages)
     yield from (
         scene,
@@ -159,7 +148,7 @@ def _launch_row(scene: str, number: int, launch: Launch) -> Iterator[str]:
     yield from (f"{np.degrees(angle):.7f}" for angle in launch.row[:3])
 
 
-def _bound_rows(scene: SetScene, number: int, bounds: Bounds) -> Iterator[list[str]]:
+def _bound_rows(scene, number, bounds):
     for time_s, *values in zip(*(column.tolist() for column in bounds), strict=True):
         # To four digits: linear algebra differs by machine in the last ones of sixteen.
         yield [
@@ -170,9 +159,7 @@ def _bound_rows(scene: SetScene, number: int, bounds: Bounds) -> Iterator[list[s
         ]
 
 
-def _description(
-    scene: SetScene, name: str, seed: int, truth: Truth, bounds: Sequence[Bounds]
-) -> dict[str, Any]:
+def _description(scene, name, seed, truth, bounds):
     bound_m = float(np.median(np.concatenate([own.position_m for own in bounds])))
     middle = middle_m(scene)
     return {
@@ -203,12 +190,10 @@ def _description(
     }
 
 
-def write_set(
-    folder: Path, cases: Sequence[str] = tuple(CASES), seeds: Sequence[int] = SEEDS
-) -> dict[str, dict[str, str]]:
+def write_set(folder, cases=tuple(CASES), seeds=SEEDS):
     """Write the set into a folder; return the digests of its tables, and of those of each scene."""
     folder.mkdir(parents=True, exist_ok=True)
-    scenes = [made(name, seed) for name in cases for seed in seeds]
+    scenes = [tables_of(name, seed) for name in cases for seed in seeds]
     digests = {}
     for table, columns in COLUMNS.items():
         text = table_text(columns, (row for scene in scenes for row in scene.rows[table]))
@@ -238,17 +223,17 @@ def write_set(
     }
 
 
-def digest(text: bytes) -> str:
+def digest(text):
     """Return the SHA-256 digest of a text."""
     return hashlib.sha256(text).hexdigest()
 
 
-def scene_digest(rows: Mapping[str, list[list[str]]]) -> str:
+def scene_digest(rows):
     """Return the digest of a scene's lines of sight and truth."""
     return digest(b"".join(table_text((), rows[name]) for name in ("lines_of_sight", "truth")))
 
 
-def table_text(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> bytes:
+def table_text(columns, rows):
     """Return a CSV table as UTF-8."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -257,7 +242,7 @@ def table_text(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> bytes:
     return text.getvalue().encode()
 
 
-def _write_parquet(path: Path) -> None:
+def _write_parquet(path):
     """Write the Parquet table of a CSV table; where no library does, there is none."""
     try:
         from pyarrow import csv as arrow_csv, parquet

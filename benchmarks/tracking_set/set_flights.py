@@ -4,43 +4,23 @@ Kutta.
 Point masses of notional parameters: constant thrust and mass flow, so thrust over mass grows
 through a stage; a vertical rise, a pitch-over, then thrust along the velocity relative to the
 rotating Earth, in upper stages off it by a constant angle of steering; an exponential atmosphere,
-central gravity, WGS 84. Only NumPy is used, nothing of opir.
+central gravity, WGS 84. Nothing of opir is used.
 """
 
-from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import yaml
+from foreign_flights import FLATTENING, MU, PITCH_OVER_S, RADIUS_M, SPIN
 
-MU = 3.986004418e14
-SPIN = 7.292115e-5
-RADIUS_M = 6378137.0
-FLATTENING = 1.0 / 298.257223563
-PITCH_OVER_S = 10.0
 STEP_S = 0.5
 SEA_LEVEL_KG_M3 = 1.225
 SCALE_HEIGHT_M = 7500.0
 
-#: Uniform laws of the parameters: of rise, kick and drag, and of each first and later stage by the
-#: number of stages.
-RISE_S = (4.0, 10.0)
-KICK_RAD = (0.07, 0.42)
-DRAG_M2_KG = (5e-5, 3e-4)
-BURN_S = {1: (50.0, 110.0), 2: (40.0, 85.0), 3: (40.0, 70.0)}
-FIRST_M_S2 = (14.0, 28.0)
-LATER_M_S2 = (12.0, 30.0)
-GROWTH = (1.8, 4.5)
-STEER_RAD = (-0.14, 0.14)
-#: Least and greatest dark time between stages, s.
-GAP_S = (4.0, 15.0)
-
-#: What a flight must reach at the last burnout: height, m, angle of climb, rad, and at most this
-#: speed, m/s.
-LEAST_HEIGHT_M = 20e3
-LEAST_CLIMB_RAD = 0.1
-MOST_SPEED_M_S = 7300.0
-MOST_BURN_S = 240.0
+#: Laws of the parameters and limits of the flights, with their units.
+LAWS = yaml.safe_load(Path(__file__).with_name("flight_laws.yaml").read_text(encoding="utf-8"))
 
 #: Columns of a flight's parameters before those of its stages.
 PLACE = 7
@@ -54,7 +34,7 @@ class Paths(NamedTuple):
     time_s: np.ndarray
     state: np.ndarray
 
-    def states(self, time_s: np.ndarray) -> np.ndarray:
+    def states(self, time_s):
         """Return the states (f, n, 6) at times (n,): cubic Hermite interpolation of position and
         its slope.
         """
@@ -63,7 +43,7 @@ class Paths(NamedTuple):
         )
 
 
-def _interpolated(times: np.ndarray, states: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+def _interpolated(times, states, time_s):
     at = np.clip(np.searchsorted(times, time_s, side="right") - 1, 0, len(times) - 2)
     step = np.maximum(times[at + 1] - times[at], 1e-9)[:, None]
     share = (time_s[:, None] - times[at, None]) / step
@@ -94,41 +74,43 @@ class Leg(NamedTuple):
     is_turning: bool
 
 
-def width(stages: int, has_gaps: bool) -> int:
+def width(stages, has_gaps):
     """Return the number of parameters of a flight."""
     return PLACE + 3 * stages + (stages - 1) * (1 + has_gaps)
 
 
-def drawn_vehicle(stages: int, has_gaps: bool, rng: np.random.Generator) -> np.ndarray:
+def drawn_vehicle(stages, has_gaps, rng):
     """Return drawn parameters (p,) of a flight from latitude, longitude, azimuth and ignition 0."""
     later = stages - 1
     parts = [
         np.zeros(4),
-        rng.uniform(*RISE_S, 1),
-        rng.uniform(*KICK_RAD, 1),
-        rng.uniform(*DRAG_M2_KG, 1),
-        rng.uniform(*BURN_S[stages], stages),
-        rng.uniform(*FIRST_M_S2, 1),
-        rng.uniform(*LATER_M_S2, later),
-        rng.uniform(*GROWTH, stages),
-        rng.uniform(*STEER_RAD, later),
-        rng.uniform(*GAP_S, later if has_gaps else 0),
+        rng.uniform(*LAWS["rise_s"], 1),
+        rng.uniform(*LAWS["kick_rad"], 1),
+        rng.uniform(*LAWS["drag_m2_kg"], 1),
+        rng.uniform(*LAWS["burn_s"][stages], stages),
+        rng.uniform(*LAWS["first_m_s2"], 1),
+        rng.uniform(*LAWS["later_m_s2"], later),
+        rng.uniform(*LAWS["growth"], stages),
+        rng.uniform(*LAWS["steer_rad"], later),
+        rng.uniform(*LAWS["gap_s"], later if has_gaps else 0),
     ]
     return np.concatenate(parts)
 
 
-def prior_sigma(stages: int, has_gaps: bool) -> np.ndarray:
+def prior_sigma(stages, has_gaps):
     """Return the standard deviations (p,) of the laws of parameters; launch and ignition are as
     good as unknown.
     """
     later = stages - 1
-    laws = [(-0.2, 0.2), (-0.2, 0.2), (-np.pi, np.pi), (-1e3, 1e3), RISE_S, KICK_RAD, DRAG_M2_KG]
-    laws += [BURN_S[stages]] * stages + [FIRST_M_S2] + [LATER_M_S2] * later + [GROWTH] * stages
-    laws += [STEER_RAD] * later + [GAP_S] * (later if has_gaps else 0)
+    names = ["rise_s", "kick_rad", "drag_m2_kg"]
+    laws = [(-0.2, 0.2), (-0.2, 0.2), (-np.pi, np.pi), (-1e3, 1e3), *(LAWS[name] for name in names)]
+    laws += [LAWS["burn_s"][stages]] * stages
+    laws += [LAWS["first_m_s2"]] + [LAWS["later_m_s2"]] * later + [LAWS["growth"]] * stages
+    laws += [LAWS["steer_rad"]] * later + [LAWS["gap_s"]] * (later if has_gaps else 0)
     return np.array([high - low for low, high in laws]) / np.sqrt(12.0)
 
 
-def burns(row: np.ndarray, stages: int) -> np.ndarray:
+def burns(row, stages):
     """Return the starts and ends (stages, 2) of a flight's burns, s."""
     burn = row[PLACE : PLACE + stages]
     gap = row[PLACE + 4 * stages - 1 :] if len(row) > width(stages, False) else np.zeros(stages - 1)
@@ -136,7 +118,7 @@ def burns(row: np.ndarray, stages: int) -> np.ndarray:
     return np.stack([end - burn, end], axis=1)
 
 
-def ecef(latitude: np.ndarray, longitude: np.ndarray) -> np.ndarray:
+def ecef(latitude, longitude):
     """Return the ECEF positions (f, 3) of points (f,) on WGS 84."""
     squared = FLATTENING * (2.0 - FLATTENING)
     normal = RADIUS_M / np.sqrt(1.0 - squared * np.sin(latitude) ** 2)
@@ -145,9 +127,7 @@ def ecef(latitude: np.ndarray, longitude: np.ndarray) -> np.ndarray:
     return np.stack([flat * np.cos(longitude), flat * np.sin(longitude), high], axis=1)
 
 
-def directions(
-    latitude: np.ndarray, longitude: np.ndarray, azimuth: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def directions(latitude, longitude, azimuth):
     """Return up (f, 3), and the horizontal directions (f, 3) of azimuths, at points (f,)."""
     level = np.cos(latitude)
     up = np.stack([level * np.cos(longitude), level * np.sin(longitude), np.sin(latitude)], axis=1)
@@ -156,11 +136,11 @@ def directions(
     return up, np.sin(azimuth)[:, None] * east + np.cos(azimuth)[:, None] * north
 
 
-def flown(rows: np.ndarray, stages: int, until_s: float, step_s: float = STEP_S) -> Paths:
+def flown(rows, stages, until_s, step_s=STEP_S):
     """Return flights with parameters (f, p), up to a time after their last burnouts, in steps of at
     most `step_s`.
     """
-    up, ahead = directions(rows[:, 0], rows[:, 1], rows[:, 2])
+    up, forward = directions(rows[:, 0], rows[:, 1], rows[:, 2])
     state = np.concatenate([ecef(rows[:, 0], rows[:, 1]), np.zeros((len(rows), 3))], axis=1)
     times = [rows[:, 3]]
     states = [state]
@@ -169,12 +149,12 @@ def flown(rows: np.ndarray, stages: int, until_s: float, step_s: float = STEP_S)
         step = (leg.end_s - leg.start_s) / count
         for number in range(count):
             now = leg.start_s + step * number
-            states.append(_stepped(now, step, states[-1], leg, rows, up, ahead))
+            states.append(_stepped(now, step, states[-1], leg, rows, up, forward))
             times.append(now + step)
     return Paths(np.array(times).T, np.array(states).transpose(1, 0, 2))
 
 
-def _legs(rows: np.ndarray, stages: int, until_s: float) -> Iterator[Leg]:
+def _legs(rows, stages, until_s):
     """Yield the legs of flights: rise, pitch-over, the rest of the burns, the dark times and the
     free flight.
     """
@@ -199,31 +179,31 @@ def _legs(rows: np.ndarray, stages: int, until_s: float) -> Iterator[Leg]:
 
 
 def _stepped(
-    now: np.ndarray,
-    step: np.ndarray,
-    state: np.ndarray,
-    leg: Leg,
-    rows: np.ndarray,
-    up: np.ndarray,
-    ahead: np.ndarray,
-) -> np.ndarray:
+    now,
+    step,
+    state,
+    leg,
+    rows,
+    up,
+    forward,
+):
     """Return states (f, 6) one step later, by the classical method of Runge and Kutta."""
     long = step[:, None]
-    k1 = rates(now, state, leg, rows, up, ahead)
-    k2 = rates(now + 0.5 * step, state + 0.5 * long * k1, leg, rows, up, ahead)
-    k3 = rates(now + 0.5 * step, state + 0.5 * long * k2, leg, rows, up, ahead)
-    k4 = rates(now + step, state + long * k3, leg, rows, up, ahead)
+    k1 = rates(now, state, leg, rows, up, forward)
+    k2 = rates(now + 0.5 * step, state + 0.5 * long * k1, leg, rows, up, forward)
+    k3 = rates(now + 0.5 * step, state + 0.5 * long * k2, leg, rows, up, forward)
+    k4 = rates(now + step, state + long * k3, leg, rows, up, forward)
     return state + long / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
 
 
 def rates(
-    now: np.ndarray,
-    state: np.ndarray,
-    leg: Leg,
-    rows: np.ndarray,
-    up: np.ndarray,
-    ahead: np.ndarray,
-) -> np.ndarray:
+    now,
+    state,
+    leg,
+    rows,
+    up,
+    forward,
+):
     """Return the rates (f, 6) of states (f, 6) in the rotating frame."""
     place = state[:, :3]
     speed = state[:, 3:]
@@ -247,21 +227,21 @@ def rates(
     )
     pull = turning - MU * place / radius[:, None] ** 3 - drag[:, None] * speed
     pull += size[:, None] * _thrust_axis(
-        now, place / radius[:, None], speed, pace, leg, rows, up, ahead
+        now, place / radius[:, None], speed, pace, leg, rows, up, forward
     )
     return np.concatenate([speed, pull], axis=1)
 
 
 def _thrust_axis(
-    now: np.ndarray,
-    outward: np.ndarray,
-    speed: np.ndarray,
-    pace: np.ndarray,
-    leg: Leg,
-    rows: np.ndarray,
-    up: np.ndarray,
-    ahead: np.ndarray,
-) -> np.ndarray:
+    now,
+    outward,
+    speed,
+    pace,
+    leg,
+    rows,
+    up,
+    forward,
+):
     """Return the unit vectors (f, 3) of thrust."""
     if leg.is_rising:
         return up
@@ -269,7 +249,7 @@ def _thrust_axis(
     if leg.is_turning:
         over = np.clip((now - rows[:, 3] - rows[:, 4]) / PITCH_OVER_S, 0.0, 1.0)
         lead = (rows[:, 5] * np.sin(np.pi * over) ** 2)[:, None]
-        turned = np.cos(lead) * axis + np.sin(lead) * ahead
+        turned = np.cos(lead) * axis + np.sin(lead) * forward
         return turned / np.sqrt(np.sum(turned * turned, axis=1, keepdims=True))
     # Across the velocity, in its vertical plane, upward.
     lift = outward - np.sum(outward * axis, axis=1, keepdims=True) * axis
@@ -277,12 +257,12 @@ def _thrust_axis(
     return np.cos(leg.steer)[:, None] * axis + np.sin(leg.steer)[:, None] * lift
 
 
-def is_fit(row: np.ndarray, stages: int) -> bool:
+def is_fit(row, stages):
     """Return whether a flight stays above the ground while it burns, and what it is at its last
     burnout.
     """
     end_s = float(burns(row, stages)[-1, 1])
-    if end_s - row[3] > MOST_BURN_S:
+    if end_s - row[3] > LAWS["most_burn_s"]:
         return False
     state = flown(row[None], stages, end_s).state[0]
     radius = np.sqrt(np.sum(state[:, :3] ** 2, axis=1))
@@ -291,7 +271,7 @@ def is_fit(row: np.ndarray, stages: int) -> bool:
     climb = np.arcsin(np.sum(state[-1, :3] * state[-1, 3:]) / (radius[-1] * speed))
     return bool(
         height.min() > -30.0
-        and height[-1] > LEAST_HEIGHT_M
-        and climb > LEAST_CLIMB_RAD
-        and speed < MOST_SPEED_M_S
+        and height[-1] > LAWS["least_height_m"]
+        and climb > LAWS["least_climb_rad"]
+        and speed < LAWS["most_speed_m_s"]
     )

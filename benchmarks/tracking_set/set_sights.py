@@ -10,7 +10,7 @@ within a cone about the middle of the launches.
 from typing import NamedTuple
 
 import numpy as np
-from set_cases import CLUTTER_KM, WIDE, Sensor, SetScene
+from set_cases import CLUTTER_KM, WIDE
 from set_flights import Paths, burns, directions, flown
 
 #: Detections needed before a target is scored, and how long it is after its last burnout, s.
@@ -46,13 +46,13 @@ class Truth(NamedTuple):
     is_scored: np.ndarray
 
 
-def end_s(scene: SetScene) -> float:
+def end_s(scene):
     """Return the end of a scene: a whole tick after the last one that may be scored."""
     last = max(burns(launch.row, launch.stages)[-1, 1] for launch in scene.launches)
     return float(TICK_S * (np.ceil((last + SCORED_S) / TICK_S) + 1))
 
 
-def observed(scene: SetScene) -> tuple[Truth, Sights]:
+def observed(scene):
     """Return the flights of a scene and what its sensors detect."""
     until_s = end_s(scene)
     paths = tuple(flown(launch.row[None], launch.stages, until_s) for launch in scene.launches)
@@ -72,7 +72,7 @@ def observed(scene: SetScene) -> tuple[Truth, Sights]:
     return Truth(paths, burning, tick_s, scored), sights
 
 
-def _scored(seen_s: np.ndarray, burns_s: np.ndarray, tick_s: np.ndarray) -> np.ndarray:
+def _scored(seen_s, burns_s, tick_s):
     """Return at which ticks (k,) a launch is scored, given the times of its detections."""
     if len(seen_s) < NEEDED:
         return np.zeros(len(tick_s), dtype=np.bool_)
@@ -80,13 +80,13 @@ def _scored(seen_s: np.ndarray, burns_s: np.ndarray, tick_s: np.ndarray) -> np.n
 
 
 def _sights_of(
-    scene: SetScene,
-    number: int,
-    sensor: Sensor,
-    time_s: np.ndarray,
-    paths: tuple[Paths, ...],
-    burning: tuple[np.ndarray, ...],
-) -> Sights:
+    scene,
+    number,
+    sensor,
+    time_s,
+    paths,
+    burning,
+):
     """Return the detections of one sensor, launch by launch and then the clutter."""
     rng = scene.rng
     place = sensor.position_m(time_s)
@@ -124,14 +124,14 @@ def _sights_of(
     )
 
 
-def _noisy(axis: np.ndarray, sigma_rad: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _noisy(axis, sigma_rad, rng):
     """Return directions (n, 3) with normal errors, isotropic across them."""
     error = rng.normal(size=(len(axis), 3)) * sigma_rad[:, None]
     moved = axis + error - np.sum(error * axis, axis=1, keepdims=True) * axis
     return moved / np.sqrt(np.sum(moved * moved, axis=1, keepdims=True))
 
 
-def horizon_axes(place_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def horizon_axes(place_m):
     """Return the unit vectors (n, 3) east and north at positions (n, 3), on a sphere."""
     east = np.stack([-place_m[:, 1], place_m[:, 0], np.zeros(len(place_m))], axis=1)
     east /= np.sqrt(np.sum(east * east, axis=1, keepdims=True))
@@ -139,7 +139,7 @@ def horizon_axes(place_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return east, north / np.sqrt(np.sum(north * north, axis=1, keepdims=True))
 
 
-def turned(direction: np.ndarray, place_m: np.ndarray, bias_rad: np.ndarray) -> np.ndarray:
+def turned(direction, place_m, bias_rad):
     """Return directions (n, 3) of sensors at positions (n, 3), turned by angles (2,) about east and
     north there.
     """
@@ -148,23 +148,21 @@ def turned(direction: np.ndarray, place_m: np.ndarray, bias_rad: np.ndarray) -> 
     return moved / np.sqrt(np.sum(moved * moved, axis=1, keepdims=True))
 
 
-def clutter_half_angle_rad(scene: SetScene, sensor: Sensor) -> float:
+def clutter_half_angle_rad(scene, sensor):
     """Return the half angle of the cone that a sensor has clutter in, from its position at the
     epoch.
     """
-    away = middle_m(scene) - sensor.position_m(np.zeros(1))[0]
-    return float(np.arctan(1e3 * CLUTTER_KM / np.sqrt(np.sum(away * away))))
+    offset = middle_m(scene) - sensor.position_m(np.zeros(1))[0]
+    return float(np.arctan(1e3 * CLUTTER_KM / np.sqrt(np.sum(offset * offset))))
 
 
-def middle_m(scene: SetScene) -> np.ndarray:
+def middle_m(scene):
     """Return the ECEF position (3,) of the middle of the launches, on a sphere."""
     latitude, longitude = (np.array([angle]) for angle in scene.middle)
     return np.asarray(6371e3 * directions(latitude, longitude, np.zeros(1))[0][0])
 
 
-def _clutter(
-    scene: SetScene, sensor: Sensor, place: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def _clutter(scene, sensor, place, rng):
     """Return the looks (n,) and directions (n, 3) of clutter."""
     when = np.repeat(np.arange(len(place)), rng.poisson(sensor.clutter_per_look, len(place)))
     line = middle_m(scene) - place[when]

@@ -13,9 +13,9 @@ WAVELENGTHS_UM = np.linspace(1.0, 30.0, 300)
 @pytest.mark.parametrize("temperature_k", [150.0, 300.0, 1500.0, 6000.0])
 def test_spectral_radiance(temperature_k):
     body = BlackBody(temperature_k * u.K, scale=1.0 * u.W / (u.m**2 * u.sr * u.um))
-    theirs = body(WAVELENGTHS_UM * u.um)
+    reference = body(WAVELENGTHS_UM * u.um)
     np.testing.assert_allclose(
-        planck_radiance(temperature_k, WAVELENGTHS_UM), theirs.value, rtol=1e-12
+        planck_radiance(temperature_k, WAVELENGTHS_UM), reference.value, rtol=1e-12
     )
 
 

@@ -66,9 +66,9 @@ def theirs(frame):
     rates = CartesianDifferential(VELOCITY_M_S.T * units.m / units.s)
     states = CartesianRepresentation(PLACE_M.T * units.m, differentials=rates)
     kinds = {"TEME": TEME(states, obstime=times), "EME2000": GCRS(states, obstime=times)}
-    here = EarthLocation.from_geocentric(0, 0, 0, unit=units.m)
-    kinds["TOD"] = TETE(states, obstime=times, location=here)
-    kinds["CIRS"] = CIRS(states, obstime=times, location=here)
+    position = EarthLocation.from_geocentric(0, 0, 0, unit=units.m)
+    kinds["TOD"] = TETE(states, obstime=times, location=position)
+    kinds["CIRS"] = CIRS(states, obstime=times, location=position)
     # The mean axes of date, by erfa's precession of 1976, which that of J2000 is in.
     turns = [erfa.pmat76(2400000.5, mjd) for mjd in times.tt.mjd]
     mean = (
@@ -80,8 +80,8 @@ def theirs(frame):
     )
     equinox = CartesianRepresentation(*place, differentials=CartesianDifferential(*rate))
     kinds["MOD"] = GCRS(equinox, obstime=times)
-    found = kinds[frame].transform_to(ITRS(obstime=times))
-    return found.cartesian.xyz.to_value(units.m).T, found.velocity.d_xyz.to_value(
+    result = kinds[frame].transform_to(ITRS(obstime=times))
+    return result.cartesian.xyz.to_value(units.m).T, result.velocity.d_xyz.to_value(
         units.m / units.s
     ).T
 

@@ -31,7 +31,7 @@ def _bundled_earth_orientation():
         yield
 
 
-def ours_and_theirs(number: str) -> tuple[np.ndarray, np.ndarray, Time]:
+def ours_and_theirs(number):
     """Return positions by opir and by astropy, m, and their times."""
     satellite = satellite_of_tle(TLE[number])
     epoch_us, _ = epoch_of(satellite)
@@ -39,34 +39,38 @@ def ours_and_theirs(number: str) -> tuple[np.ndarray, np.ndarray, Time]:
     times = Time(str(np.datetime64(epoch_us, "us")), scale="utc") + time_s * units.s
     teme_m = Sgp4Motion(satellite, epoch_us).position_teme_m(time_s)
     frame = TEME(CartesianRepresentation(teme_m.T * units.m), obstime=times)
-    theirs = frame.transform_to(ITRS(obstime=times)).cartesian.xyz.to_value(units.m).T
-    return orbit_of(OrbitConfig(tle=TLE[number]), epoch_us).position_ecef_m(time_s), theirs, times
+    reference = frame.transform_to(ITRS(obstime=times)).cartesian.xyz.to_value(units.m).T
+    return (
+        orbit_of(OrbitConfig(tle=TLE[number]), epoch_us).position_ecef_m(time_s),
+        reference,
+        times,
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", KINDS.values(), ids=KINDS.keys())
 def test_with_ut1_and_the_pole_put_in_nothing_is_left(number):
-    ours, theirs, times = ours_and_theirs(number)
+    result, reference, times = ours_and_theirs(number)
     late_rad = EARTH_ROTATION_RAD_S * 1.0000000001 * times.delta_ut1_utc
     cosine = np.cos(late_rad)
     sine = np.sin(late_rad)
     turned = np.stack(
         [
-            cosine * ours[:, 0] + sine * ours[:, 1],
-            cosine * ours[:, 1] - sine * ours[:, 0],
-            ours[:, 2],
+            cosine * result[:, 0] + sine * result[:, 1],
+            cosine * result[:, 1] - sine * result[:, 0],
+            result[:, 2],
         ],
         1,
     )
     corrected = np.einsum("nij,nj->ni", erfa.pom00(*get_polar_motion(times), 0.0), turned)
     # Fitted to 1 mm; a double of a Julian date, in two parts, costs no more.
-    assert np.linalg.norm(corrected - theirs, axis=1).max() <= 2e-3
+    assert np.linalg.norm(corrected - reference, axis=1).max() <= 2e-3
 
 
 @pytest.mark.parametrize("number", KINDS.values(), ids=KINDS.keys())
 def test_without_them_the_difference_is_within_the_stated_bound(number):
-    ours, theirs, _ = ours_and_theirs(number)
-    miss = np.linalg.norm(ours - theirs, axis=1)
-    bound = (EARTH_ROTATION_RAD_S * MOST_UT1_S + MOST_POLE_RAD) * np.linalg.norm(theirs, axis=1)
+    result, reference, _ = ours_and_theirs(number)
+    miss = np.linalg.norm(result - reference, axis=1)
+    bound = (EARTH_ROTATION_RAD_S * MOST_UT1_S + MOST_POLE_RAD) * np.linalg.norm(reference, axis=1)
     assert (miss <= bound).all()
     assert miss.max() > 1.0

@@ -222,14 +222,14 @@ def geometry(request):
 
 def test_eclipses_begin_and_end_when_they_should(geometry):
     sensor, epoch, stop_s, states = geometry
-    found = eclipse_intervals(sensor.orbit, epoch, 0.0, stop_s)
-    outer = np.append(found.start_s, found.stop_s)
-    inner = np.append(found.umbra_start_s, found.umbra_stop_s)
+    result = eclipse_intervals(sensor.orbit, epoch, 0.0, stop_s)
+    outer = np.append(result.start_s, result.stop_s)
+    inner = np.append(result.umbra_start_s, result.umbra_stop_s)
     penumbra = events(lambda time_s: hidden_limb(*states(time_s)) > 0.0, stop_s)
     umbra = events(lambda time_s: hidden_limb(*states(time_s)) == 1.0, stop_s)
     assert inside(outer, stop_s) == pytest.approx(penumbra, abs=TOLERANCE_S)
     assert inside(inner, stop_s) == pytest.approx(umbra, abs=TOLERANCE_S)
-    for before, after in pairwise(np.stack([found.start_s, found.stop_s], axis=1)):
+    for before, after in pairwise(np.stack([result.start_s, result.stop_s], axis=1)):
         assert before[1] < after[0]
 
 
@@ -246,9 +246,9 @@ def test_outages_begin_and_end_when_they_should(geometry):
         near = angle < sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
         return near & (hidden_limb(position, sun) < 1.0)
 
-    found = outage_intervals(sensor, epoch, 0.0, stop_s)
+    result = outage_intervals(sensor, epoch, 0.0, stop_s)
     expected = events(is_blind, stop_s)
-    assert inside(np.concatenate([found.start_s, found.stop_s]), stop_s) == pytest.approx(
+    assert inside(np.concatenate([result.start_s, result.stop_s]), stop_s) == pytest.approx(
         expected, abs=TOLERANCE_S
     )
 

@@ -41,8 +41,8 @@ def test_detector_noise_is_that_of_electrons():
     bench = Bench.of_model("SBIRS-GEO").changed(
         sensor__focal_plane={**plane, "subframes": 9, "optics_temperature_k": 260}
     )
-    found = noise_budget(bench, Poses.of())
-    named = {each.name: each.sigma_w_m2 for each in found.terms}
+    result = noise_budget(bench, Poses.of())
+    named = {term.name: term.sigma_w_m2 for term in result.terms}
     cone = math.pi / (4.0 * 2.0**2 + 1.0)
     pitch_m = 28e-6 * 2.0 * 0.5
     warm = [
@@ -57,16 +57,16 @@ def test_detector_noise_is_that_of_electrons():
         named["warm optics"] / read, np.sqrt(np.array(warm) * 0.020 / (9 * 80.0**2)), rtol=1e-4
     )
     assert np.allclose(named["conversion"] / read, 2e7 / 2**16 / math.sqrt(12.0) / 80.0, rtol=1e-6)
-    whole = np.sqrt(sum(np.square(each.sigma_w_m2) for each in found.terms))
-    assert np.allclose(whole, found.whole_w_m2, rtol=1e-9)
+    total = np.sqrt(sum(np.square(term.sigma_w_m2) for term in result.terms))
+    assert np.allclose(total, result.whole_w_m2, rtol=1e-9)
 
 
 def test_terms_add_up_where_drift_alone_decorrelates_frames():
     bench = Bench.of_model("SBIRS-GEO").with_planes(drift_urad_s=50.0, registration_urad=30.0)
-    found = noise_budget(bench, Poses.of())
-    whole = np.sqrt(sum(np.square(each.sigma_w_m2) for each in found.terms))
-    assert np.allclose(whole, found.whole_w_m2, rtol=1e-9)
-    assert {each.name for each in found.terms} >= {
+    result = noise_budget(bench, Poses.of())
+    total = np.sqrt(sum(np.square(term.sigma_w_m2) for term in result.terms))
+    assert np.allclose(total, result.whole_w_m2, rtol=1e-9)
+    assert {term.name for term in result.terms} >= {
         "clutter by frame registration",
         "clutter by drift",
     }
@@ -74,9 +74,9 @@ def test_terms_add_up_where_drift_alone_decorrelates_frames():
 
 def test_a_stated_noise_is_that_of_the_detector():
     bench = Bench.of_model("SBIRS-GEO").changed(sensor__nei_w_m2=3e-13)
-    found = noise_budget(bench, Poses.of())
-    assert found.terms[0].name == "detector (stated or calibrated NEI)"
-    assert found.terms[0].sigma_w_m2 == pytest.approx(np.full(2, 3e-13))
+    result = noise_budget(bench, Poses.of())
+    assert result.terms[0].name == "detector (stated or calibrated NEI)"
+    assert result.terms[0].sigma_w_m2 == pytest.approx(np.full(2, 3e-13))
 
 
 def airy_share(radius_rad, wavelength_um, aperture_m):
@@ -98,9 +98,9 @@ def long_wave(**changes):
 
 def photon_noise(bench):
     """Return the photon noise of a bench's first band, W/m²."""
-    found = noise_budget(bench, Poses.of())
+    result = noise_budget(bench, Poses.of())
     return next(
-        each.sigma_w_m2[0] for each in found.terms if each.name == "photons of the background"
+        term.sigma_w_m2[0] for term in result.terms if term.name == "photons of the background"
     )
 
 
@@ -110,7 +110,7 @@ def test_photon_noise_is_poisson():
     """
     bench = long_wave(sensor__focal_plane=None, sensor__nei_w_m2=4e-12)
     sensor = bench.sensor
-    found = noise_budget(bench, Poses.of())
+    result = noise_budget(bench, Poses.of())
     sigma = photon_noise(bench)
     low = sensor.bands[0].lower_um
     high = sensor.bands[0].upper_um
@@ -120,8 +120,8 @@ def test_photon_noise_is_poisson():
     )
     assert planck(200.0, low, high) < radiance < planck(330.0, low, high)
     slope = (planck(300.01, low, high) - planck(299.99, low, high)) / 0.02
-    assert found.nedt_k[0] == pytest.approx(
-        found.whole_w_m2[0] / (slope * sensor.radiometer.ifov_rad**2), rel=1e-3
+    assert result.nedt_k[0] == pytest.approx(
+        result.whole_w_m2[0] / (slope * sensor.radiometer.ifov_rad**2), rel=1e-3
     )
 
 
@@ -151,12 +151,12 @@ def test_photon_noise_of_a_focal_plane_is_that_of_its_pixels_and_frames():
 
 
 def test_the_waterfall_ends_at_the_margin():
-    found = noise_budget(Bench.of_model("SBIRS-GEO"), Poses.of())
-    steps = waterfall(found, 1, 5.0)
+    result = noise_budget(Bench.of_model("SBIRS-GEO"), Poses.of())
+    steps = waterfall(result, 1, 5.0)
     assert 10.0 ** (steps[-1].level_db / 10.0) == pytest.approx(
-        found.signals.snr[0, 1] / 5.0, rel=1e-9
+        result.signals.snr[0, 1] / 5.0, rel=1e-9
     )
-    assert sum(each.gain_db for each in steps) == pytest.approx(steps[-1].level_db)
+    assert sum(step.gain_db for step in steps) == pytest.approx(steps[-1].level_db)
 
 
 def test_a_frame_difference_leaves_nothing_of_a_target_that_stands_still():
@@ -165,11 +165,11 @@ def test_a_frame_difference_leaves_nothing_of_a_target_that_stands_still():
     """
     bench = Bench.of_model("SBIRS-GEO").with_planes(registration_urad=0.0, drift_urad_s=0.0)
     single = bench.with_planes(temporal_filter="none").signals(Poses.of()).irradiance_w_m2[0]
-    for speed, left in ((0.0, 0.0), (5000.0, 1.0)):
-        found = noise_budget(bench, Poses.of(speed_m_s=speed))
-        assert found.light_w_m2 == pytest.approx(single, rel=1e-9)
-        assert found.signals.irradiance_w_m2[0] == pytest.approx(
-            left * single, rel=1e-9, abs=1e-3 * float(single.min())
+    for speed, share in ((0.0, 0.0), (5000.0, 1.0)):
+        result = noise_budget(bench, Poses.of(speed_m_s=speed))
+        assert result.light_w_m2 == pytest.approx(single, rel=1e-9)
+        assert result.signals.irradiance_w_m2[0] == pytest.approx(
+            share * single, rel=1e-9, abs=1e-3 * float(single.min())
         )
 
 
@@ -184,30 +184,30 @@ def test_the_least_intensity_is_that_of_the_closed_form():
     bench = bare().changed(sensor__nei_w_m2=4e-12)
     height_m = 30e3
     elevation = math.radians(35.0)
-    found = bench.signals(Poses.of(height_m=height_m, elevation_rad=elevation))
+    result = bench.signals(Poses.of(height_m=height_m, elevation_rad=elevation))
     near = 6371008.8 + height_m
     far = 42164170.0
     range_m = math.sqrt(far**2 - (near * math.cos(elevation)) ** 2) - near * math.sin(elevation)
     expected = bench.sensor.radiometer.threshold * 4e-12 * range_m**2
-    assert least_intensities_w_sr(bench, found)[0, 0] == pytest.approx(expected, rel=3e-3)
+    assert least_intensities_w_sr(bench, result)[0, 0] == pytest.approx(expected, rel=3e-3)
 
 
 def test_the_least_intensity_in_a_band_is_what_that_band_alone_needs():
     """Of summed bands that of a sensor with this band alone; of compared ones that of coincidence
     in all but one.
     """
-    both = Bench.of_model("SBIRS-GEO")
+    bench = Bench.of_model("SBIRS-GEO")
     poses = Poses.of(height_m=30e3)
-    found = least_intensities_w_sr(both, both.signals(poses))[0]
-    for place, band in enumerate(both.sensor.bands):
+    result = least_intensities_w_sr(bench, bench.signals(poses))[0]
+    for place, band in enumerate(bench.sensor.bands):
         edges = {band.name: [band.lower_um, band.upper_um]}
-        alone = both.changed(sensor__bands=edges, sensor__reference_band=band.name)
+        alone = bench.changed(sensor__bands=edges, sensor__reference_band=band.name)
         assert least_intensities_w_sr(alone, alone.signals(poses))[0, 0] == pytest.approx(
-            found[place], rel=1e-9
+            result[place], rel=1e-9
         )
-    gates = both.changed(sensor__spectral_discrimination="dual-band-ratio")
+    gates = bench.changed(sensor__spectral_discrimination="dual-band-ratio")
     needed = least_intensities_w_sr(gates, gates.signals(poses))[0]
-    assert (needed / found) == pytest.approx([2.0 / 5.5, 1.0], rel=1e-9)
+    assert (needed / result) == pytest.approx([2.0 / 5.5, 1.0], rel=1e-9)
 
 
 def test_p_d_and_the_operating_characteristic_are_those_of_gaussian_noise():
@@ -217,8 +217,8 @@ def test_p_d_and_the_operating_characteristic_are_those_of_gaussian_noise():
     bench = bare().changed(sensor__nei_w_m2=4e-12)
     poses = Poses.of("ICBM", height_m=40e3)
     snr = float(bench.signals(poses).snr[0, 0])
-    found = operating_characteristic(bench, poses, (4.0, 5.0, 6.0))
-    assert [row[2] for row in found.rows] == pytest.approx(
+    result = operating_characteristic(bench, poses, (4.0, 5.0, 6.0))
+    assert [row[2] for row in result.rows] == pytest.approx(
         [float(ndtr(snr - t)) for t in (4.0, 5.0, 6.0)], abs=1e-9
     )
     cells = 4.0 * math.pi * math.sin(0.5 * math.radians(10.0)) ** 2 / 56e-6**2
@@ -235,17 +235,17 @@ def test_lines_of_sight_are_as_sharp_as_the_signal():
     poses = Poses.of(height_m=np.array([20e3, 60e3]))
     model, looks = bench.model(poses)
     snr = bench.signals(poses).snr[:, 0]
-    found = model.line_of_sight_sigma_rad(model.response(looks), looks.sensor)
-    assert found == pytest.approx(
+    result = model.line_of_sight_sigma_rad(model.response(looks), looks.sensor)
+    assert result == pytest.approx(
         np.hypot(bench.sensor.line_of_sight_sigma_rad, 56e-6 / snr), rel=1e-9
     )
 
 
 def test_curves_are_of_the_conditions_that_they_name():
-    found = curve(
+    result = curve(
         [Bench.of_model("SBIRS-GEO")], "least-intensity", "height", ["ICBM"], {}, (0.0, 10.0, 100.0)
     )
-    low, middle, high = (row[1] for row in found.rows)
+    low, middle, high = (row[1] for row in result.rows)
     assert low > middle > high
     clouds = curve(
         [Bench.of_model("SBIRS-GEO")], "pd", "cloud", ["ICBM"], {"height_m": 5e3}, (2.0, 8.0)
@@ -281,20 +281,22 @@ def test_a_frame_holds_the_electrons_of_its_target_and_the_noise_of_its_backgrou
     noise = {"read_noise_e": 90.0, "well_capacity_e": 3e7, "bits": 16}
     bench = Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane={**plane, **times, **noise})
     poses = Poses.of("ICBM", speed_m_s=0.0)
-    made = frame(bench, poses, 96, 3)
+    image = frame(bench, poses, 96, 3)
     area = math.pi / 4.0 * 0.5**2 * 0.8 * 0.6 * 0.95
     single = bench.changed(
         sensor__focal_plane={**plane, **times, **noise, "temporal_filter": "none"}
     )
     photons = single.signals(poses).irradiance_w_m2[0, 0] * area * 0.012 / (H_C / 2.75e-6)
-    assert made.target.sum() == pytest.approx(photons, rel=1e-6)
-    assert made.mask[48, 48]
-    assert made.mask.sum() < 40
-    mean = made.background + 4e7 * 0.012
-    away = ~made.mask
-    left = made.electrons[away] - (mean + made.target)[away]
+    assert image.target.sum() == pytest.approx(photons, rel=1e-6)
+    assert image.mask[48, 48]
+    assert image.mask.sum() < 40
+    mean = image.background + 4e7 * 0.012
+    offset = ~image.mask
+    residual = image.electrons[offset] - (mean + image.target)[offset]
     reading = 20 * (90.0**2 + (3e7 / 2**16) ** 2 / 12.0)
-    assert np.std(left) == pytest.approx(math.sqrt(np.mean(mean + made.target) + reading), rel=0.03)
+    assert np.std(residual) == pytest.approx(
+        math.sqrt(np.mean(mean + image.target) + reading), rel=0.03
+    )
 
 
 def test_the_spot_of_a_frame_is_the_airy_pattern():
@@ -302,10 +304,10 @@ def test_the_spot_of_a_frame_is_the_airy_pattern():
     pixels.
     """
     plane = {"aperture_m": 0.2, "blur_urad": 0.5, "jitter_urad": 0.0}
-    made = frame(
+    image = frame(
         Bench.of_model("SBIRS-GEO").changed(sensor__focal_plane=plane), Poses.of("ICBM"), 64
     )
-    spot = made.target / made.target.sum()
+    spot = image.target / image.target.sum()
     for half in (0.5, 1.5, 3.5):
         side = slice(32 - int(half), 33 + int(half))
         inner, outer = (
@@ -330,55 +332,55 @@ def rule_07_electrons_per_s(cutoff_um, kelvin, pitch_m):
     return density_a_cm2 * (100.0 * pitch_m) ** 2 / 1.602176634e-19
 
 
+#: 81 pixels hold all light; dark current, warm optics and reads are counted.
+WARM_PLANE = {
+    "aperture_m": 0.6,
+    "f_number": 2.0,
+    "integration_time_ms": 10.0,
+    "subframes": 1,
+    "read_noise_e": 2000.0,
+    "optics_transmission": 0.7,
+    "optics_temperature_k": 290.0,
+    "fill_factor": 1.0,
+    "bits": 32,
+    "quantum_efficiency": 0.8,
+    "detector_temperature_k": 120.0,
+    "well_capacity_e": 1e12,
+    "blur_urad": 1.0,
+    "spatial_filter": "sum",
+    "core_pixels": 9,
+    "temporal_filter": "none",
+    "jitter_urad": 0.0,
+}
+
+
+def snr_of_band(light_w_m2, low_um, high_um, ifov_rad):
+    """Return the SNR of 81 pixels of the warm plane."""
+    per_s = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.5e-6 * (low_um + high_um) / H_C
+    pitch_m = ifov_rad * 2.0 * 0.6
+    cone_sr = math.pi / (4.0 * 2.0**2 + 1.0)
+    warm = 0.3 * photons_per_s(290.0, low_um, high_um) * cone_sr * pitch_m**2 * 0.8
+    dark = rule_07_electrons_per_s(high_um, 120.0, pitch_m)
+    return light_w_m2 * per_s * 0.01 / math.sqrt(81.0 * ((warm + dark) * 0.01 + 2000.0**2))
+
+
 def test_the_best_band_is_that_of_a_script_and_false_alarms_are_equal():
-    """81 pixels hold all light; dark current, warm optics and reads are counted. In vacuum before a
-    dark sky.
-    """
-    plane = {
-        "aperture_m": 0.6,
-        "f_number": 2.0,
-        "integration_time_ms": 10.0,
-        "subframes": 1,
-        "read_noise_e": 2000.0,
-    }
-    plane |= {
-        "optics_transmission": 0.7,
-        "optics_temperature_k": 290.0,
-        "fill_factor": 1.0,
-        "bits": 32,
-    }
-    plane |= {
-        "quantum_efficiency": 0.8,
-        "detector_temperature_k": 120.0,
-        "well_capacity_e": 1e12,
-        "blur_urad": 1.0,
-    }
-    plane |= {
-        "spatial_filter": "sum",
-        "core_pixels": 9,
-        "temporal_filter": "none",
-        "jitter_urad": 0.0,
-    }
-    bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
+    """In vacuum before a dark sky."""
+    bench = bare("SBIRS-GEO").changed(sensor__focal_plane=WARM_PLANE)
     bench = bench.changed(sensor__confirmation_detections=1, sensor__confirmation_scans=1)
     poses = Poses.of("SRBM", height_m=[10e3, 40e3])
     edges = (2.5, 3.1, 4.17, 4.4, 4.6, 5.0)
-    found = best_bands(bench, [poses], BandLimits(edges, 0.2, 1.0), most=99)
+    result = best_bands(bench, [poses], BandLimits(edges, 0.2, 1.0), most=99)
     sensor = bench.sensor
     ifov = sensor.radiometer.ifov_rad
-    own = {}
+    scripted = {}
     for low, high in ((a, b) for a in edges for b in edges if 0.2 - 1e-9 <= b - a <= 1.0 + 1e-9):
         alone = bench.changed(sensor__bands={"MWIR": [low, high]}, sensor__reference_band="MWIR")
         light = float(alone.light_w_m2(poses)[:, 0].min())
-        per_s = math.pi / 4.0 * 0.6**2 * 0.7 * 0.8 * 0.5e-6 * (low + high) / H_C
-        pitch = ifov * 2.0 * 0.6
-        cone = math.pi / (4.0 * 2.0**2 + 1.0)
-        warm = 0.3 * photons_per_s(290.0, low, high) * cone * pitch**2 * 0.8
-        dark = rule_07_electrons_per_s(high, 120.0, pitch)
-        own[low, high] = light * per_s * 0.01 / math.sqrt(81.0 * ((warm + dark) * 0.01 + 2000.0**2))
-    rows = {(row[1], row[2]): row for row in found.rows[:-1]}
-    assert list(rows) == sorted(own, key=own.get, reverse=True)
-    for band, snr in own.items():
+        scripted[low, high] = snr_of_band(light, low, high, ifov)
+    rows = {(row[1], row[2]): row for row in result.rows[:-1]}
+    assert list(rows) == sorted(scripted, key=scripted.get, reverse=True)
+    for band, snr in scripted.items():
         # Diffraction leaves some light outside of 81 pixels.
         assert 0.9 * snr < rows[band][4] < 1.02 * snr
     half_rad = sensor.field_of_regard_half_angle_rad
@@ -414,10 +416,10 @@ def test_a_clip_holds_the_light_and_the_way_of_its_target():
     bench = bare("SBIRS-GEO").changed(sensor__focal_plane=plane)
     aspect = math.radians(50.0)
     poses = Poses.of("SRBM", height_m=40e3, aspect_rad=math.radians(50.0))
-    made = clip(bench, poses, Filming(frames=5, every_s=4.0, pixels=64), seed=4)
+    film = clip(bench, poses, Filming(frames=5, every_s=4.0, pixels=64), seed=4)
     at = np.arange(64.0)
     for frame_e, row, column, light in zip(
-        made.electrons, made.row, made.column, made.light_w_m2, strict=True
+        film.electrons, film.row, film.column, film.light_w_m2, strict=True
     ):
         total = float(frame_e.sum())
         assert (
@@ -430,7 +432,7 @@ def test_a_clip_holds_the_light_and_the_way_of_its_target():
         assert total == pytest.approx(light * per_unit, rel=0.02)
     range_m = float(bench.signals(poses).range_m[0])
     across = 1000.0 * math.sin(aspect) / range_m / bench.sensor.radiometer.ifov_rad
-    assert np.hypot(np.diff(made.row), np.diff(made.column)) / 4.0 == pytest.approx(
+    assert np.hypot(np.diff(film.row), np.diff(film.column)) / 4.0 == pytest.approx(
         [across] * 4, rel=1e-3
     )
 
@@ -439,11 +441,11 @@ def test_a_scaled_target_has_the_signal_over_noise_that_was_asked_for():
     """In the middle frame, by its brightest pixel: light over the root of its own photons and the
     rest of the noise.
     """
-    made = clip(
+    film = clip(
         bare("SBIRS-GEO"),
         Poses.of("SRBM"),
         Filming(frames=3, every_s=0.5, pixels=32, snr=(6.0, 6.0)),
         seed=2,
     )
-    assert made.snr[1] == pytest.approx(6.0, rel=0.02)
-    assert made.scale < 1.0
+    assert film.snr[1] == pytest.approx(6.0, rel=0.02)
+    assert film.scale < 1.0

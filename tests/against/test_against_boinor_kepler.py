@@ -1,7 +1,7 @@
 """Two-body propagation against boinor (MIT licence), the heir of poliastro: its kernels of
 Farnocchia and of Vallado.
 
-Each is held to where it is known to be right (benchmarks/work_precision/kepler.py): neither near
+Each is held to where it is known to be right (benchmarks/kepler.py): neither near
 the parabola, the straight line, or a circle closed many times. Vallado's kernel takes its anomaly
 as found once a step is below 1e-7 km^½: r / √mu times that is 1e-6 s, so it is itself sure of nine
 digits and no more.
@@ -96,8 +96,8 @@ def drawn(kind):
     )
 
 
-def relative(found, expected):
-    error = np.linalg.norm(found - expected, axis=1)
+def relative(result, expected):
+    error = np.linalg.norm(result - expected, axis=1)
     return error / np.linalg.norm(expected, axis=1)
 
 
@@ -108,6 +108,6 @@ def relative(found, expected):
 def test_states_after_a_while(kernels, kind, name, way, bar):
     position, velocity, duration = drawn(kind)
     expected = way(kernels[name], position, velocity, duration)
-    found = propagate_kepler(position, velocity, duration)
-    assert relative(found[0], expected[:, :3]).max() <= bar
-    assert relative(found[1], expected[:, 3:]).max() <= bar
+    result = propagate_kepler(position, velocity, duration)
+    assert relative(result[0], expected[:, :3]).max() <= bar
+    assert relative(result[1], expected[:, 3:]).max() <= bar

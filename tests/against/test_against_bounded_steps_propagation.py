@@ -90,11 +90,11 @@ def derivative(beta, atmosphere):
 def runge_kutta(rates, state, duration, steps):
     h = (duration / steps)[:, np.newaxis]
     for _ in range(steps):
-        first = rates(state)
-        second = rates(state + 0.5 * h * first)
+        k1 = rates(state)
+        second = rates(state + 0.5 * h * k1)
         third = rates(state + 0.5 * h * second)
         fourth = rates(state + h * third)
-        state = state + h / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
+        state = state + h / 6.0 * (k1 + 2.0 * second + 2.0 * third + fourth)
     return state
 
 
@@ -155,7 +155,7 @@ def test_without_the_seams_the_onset_is_missed(monkeypatch, tolerance_m):
 
     reentries = reentries_through("us76")
     monkeypatch.setattr(AltitudeEvents, "shortened", never_shortened)
-    monkeypatch.setattr(AltitudeEvents, "lengths", lambda self, wanted: (wanted, wanted))
+    monkeypatch.setattr(AltitudeEvents, "lengths", lambda self, expected: (expected, expected))
     assert errors(reentries, tolerance_m).max() > 10.0
 
 

@@ -92,9 +92,9 @@ def sensor_of(fleet, number):
         "sensors": [{"constellation": fleet}],
         "targets": [],
     }
-    chosen = scene_from_mapping(mapping).sensors[number]
-    model = host.component("opir_sensor_models", chosen.model.name, "")
-    return model.build(chosen.model.config, SensorContext(id=chosen.id, epoch_us=0))
+    selected = scene_from_mapping(mapping).sensors[number]
+    model = host.component("opir_sensor_models", selected.model.name, "")
+    return model.build(selected.model.config, SensorContext(id=selected.id, epoch_us=0))
 
 
 @pytest.mark.parametrize("fleet", ["HEO-MOLNIYA", "HEO-TUNDRA", "LEO-WIDE", "LEO-MEDIUM"])
@@ -103,17 +103,17 @@ def test_positions_and_coverage_of_a_fleet(fleet):
     targets = places()
     for number, elements in list(enumerate(elements_of(fleet)))[::5]:
         sensor = sensor_of(fleet, number)
-        theirs = skyfield_positions(elements)
-        ours = sensor.orbit.position_ecef_m(TIMES_S)
+        reference = skyfield_positions(elements)
+        result = sensor.orbit.position_ecef_m(TIMES_S)
         # Skyfield bisects for the universal anomaly; 7e-5 m apart here at most.
-        assert np.abs(ours - theirs).max() < 1e-3
-        for position in theirs:
+        assert np.abs(result - reference).max() < 1e-3
+        for position in reference:
             down = -position / np.linalg.norm(position)
-            away = targets - position
-            nadir = np.arccos(away @ down / np.linalg.norm(away, axis=1))
+            offset = targets - position
+            nadir = np.arccos(offset @ down / np.linalg.norm(offset, axis=1))
             expected = clear_by_points(position, targets) & (
                 nadir < sensor.field_of_regard_half_angle_rad
             )
-            found = visible_now(sensor, np.broadcast_to(position, targets.shape), targets)
+            result = visible_now(sensor, np.broadcast_to(position, targets.shape), targets)
             # 500 points step over grazes of a few kilometres.
-            assert np.count_nonzero(found != expected) <= 1
+            assert np.count_nonzero(result != expected) <= 1

@@ -19,9 +19,9 @@ def test_in_one_dimension_the_energy_score_is_the_crps_of_a_normal():
     rng = np.random.default_rng(1)
     error = rng.normal(0.0, 3.0, 50)
     sigma = rng.uniform(0.01, 5.0, 50)
-    ours = energy_scores(error[:, None], np.square(sigma)[:, None, None])
+    result = energy_scores(error[:, None], np.square(sigma)[:, None, None])
     np.testing.assert_allclose(
-        ours, scoringrules.crps_normal(0.0, error, sigma), rtol=1e-7, atol=1e-7
+        result, scoringrules.crps_normal(0.0, error, sigma), rtol=1e-7, atol=1e-7
     )
 
 
@@ -32,8 +32,8 @@ def test_energy_scores_of_normals_are_those_of_large_ensembles(size):
         covariance = covariance_of(rng, size)
         error = rng.multivariate_normal(np.zeros(size), 2.0 * covariance)
         ensemble = rng.multivariate_normal(error, covariance, 2500)
-        theirs = scoringrules.es_ensemble(np.zeros(size), ensemble, estimator="fair")
-        assert energy_scores(error[None], covariance[None])[0] == pytest.approx(theirs, rel=0.06)
+        reference = scoringrules.es_ensemble(np.zeros(size), ensemble, estimator="fair")
+        assert energy_scores(error[None], covariance[None])[0] == pytest.approx(reference, rel=0.06)
 
 
 def test_radii_of_ellipsoids_stretch_the_distribution():
@@ -47,10 +47,10 @@ def test_radii_of_ellipsoids_stretch_the_distribution():
     )
     np.testing.assert_allclose(alike, normal, rtol=1e-9)
     # All radii twice as large: the covariance is four times as large.
-    for part in (slice(None), slice(0, 3), slice(3, 6)):
-        wide = energy_scores(error[None], covariance[None], 2.0 * usual[None], part)
+    for axes in (slice(None), slice(0, 3), slice(3, 6)):
+        wide = energy_scores(error[None], covariance[None], 2.0 * usual[None], axes)
         assert wide[0] == pytest.approx(
-            energy_scores(error[None], 4.0 * covariance[None], None, part)[0], rel=0.03
+            energy_scores(error[None], 4.0 * covariance[None], None, axes)[0], rel=0.03
         )
 
 
@@ -58,14 +58,14 @@ def test_points_are_scored_as_an_ensemble():
     rng = np.random.default_rng(7)
     points = rng.normal(size=(40, 2))
     weight = rng.uniform(size=40)
-    away = np.linalg.norm(points, axis=1)
-    apart = np.linalg.norm(points[:, None] - points, axis=2)
-    assert weighted_energy(np.ones(40), away, apart) == pytest.approx(
+    offset = np.linalg.norm(points, axis=1)
+    separation = np.linalg.norm(points[:, None] - points, axis=2)
+    assert weighted_energy(np.ones(40), offset, separation) == pytest.approx(
         float(scoringrules.es_ensemble(np.zeros(2), points))
     )
-    again = np.repeat(points, np.round(100 * weight).astype(int), axis=0)
-    theirs = float(scoringrules.es_ensemble(np.zeros(2), again))
-    assert weighted_energy(np.round(100 * weight), away, apart) == pytest.approx(theirs)
+    ensemble = np.repeat(points, np.round(100 * weight).astype(int), axis=0)
+    reference = float(scoringrules.es_ensemble(np.zeros(2), ensemble))
+    assert weighted_energy(np.round(100 * weight), offset, separation) == pytest.approx(reference)
 
 
 def test_log_and_brier_scores_of_two_classes():

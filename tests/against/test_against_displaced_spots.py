@@ -41,7 +41,7 @@ class Setting(NamedTuple):
     frames: FrameDifference
 
 
-def drawn_settings(seed: int = 11) -> list[Setting]:
+def drawn_settings(seed=11):
     """Return 20 settings: apertures from undersampled to Nyquist, blurs, filters, displacements,
     frames.
     """
@@ -66,7 +66,7 @@ class Pattern:
     four values.
     """
 
-    def __init__(self, cutoff: float, blur: float) -> None:
+    def __init__(self, cutoff, blur):
         place = (np.arange(2 * REACH * SUB) + 0.5) / SUB - REACH
         radius = np.hypot(place[:, None], place)
         scaled = 0.5 * cutoff * radius
@@ -78,7 +78,7 @@ class Pattern:
         self.whole = np.zeros((len(place) + 1, len(place) + 1))
         self.whole[1:, 1:] = density.cumsum(axis=0).cumsum(axis=1) / SUB**2
 
-    def shares(self, at: Floats, width: int) -> Floats:
+    def shares(self, at, width):
         """Return shares (n, width, width) of the pixels of a window, of spots at (n, 2) from its
         centre.
         """
@@ -89,7 +89,7 @@ class Pattern:
         return np.diff(np.diff(below, axis=1), axis=2)
 
 
-def drawn_outputs(setting: Setting, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def drawn_outputs(setting, rng):
     """Return outputs (n,) of the filter for spots now and in the earlier frame, for random places
     and directions.
     """
@@ -98,40 +98,45 @@ def drawn_outputs(setting: Setting, rng: np.random.Generator) -> tuple[Floats, F
     pattern = Pattern(setting.spread.cutoff, setting.spread.blur)
     place = rng.uniform(-0.5, 0.5, (DRAWS, 2))
 
-    def turned(length: float) -> Floats:
+    def turned(length):
         turn = rng.uniform(0.0, 2.0 * np.pi, DRAWS)
         return length * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
-    before = place + turned(setting.displacement) + turned(frames.drift_per_s * frames.lag_s)
-    before += frames.registration * (rng.normal(size=(DRAWS, 2)) + rng.normal(size=(DRAWS, 2)))
-    now, then = (
-        (pattern.shares(at, len(weights)) * weights).sum(axis=(1, 2)) for at in (place, before)
+    second_place = place + turned(setting.displacement) + turned(frames.drift_per_s * frames.lag_s)
+    second_place += frames.registration * (
+        rng.normal(size=(DRAWS, 2)) + rng.normal(size=(DRAWS, 2))
     )
-    return now, then
+    frame, second_frame = (
+        (pattern.shares(at, len(weights)) * weights).sum(axis=(1, 2))
+        for at in (place, second_place)
+    )
+    return frame, second_frame
 
 
-def weights_of(setting: Setting) -> Floats:
+def weights_of(setting):
     return filter_weights(setting.kind, setting.core, 0.45, 1.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(20))
-def test_own_light_left_by_a_frame_difference_is_that_of_images(number: int) -> None:
+def test_own_light_left_by_a_frame_difference_is_that_of_images(number):
     setting = SETTINGS[number]
-    now, then = drawn_outputs(setting, np.random.default_rng([51, number]))
+    frame, second_frame = drawn_outputs(setting, np.random.default_rng([51, number]))
     spot = FilteredSpot.of(weights_of(setting), setting.spread)
     error = SIGMAS / np.sqrt(DRAWS)
     # The sampled pattern is off by the light of a cell's curvature, below 1e-3.
-    assert float(spot.response()) == pytest.approx(now.mean(), abs=error * now.std() + 1e-3)
+    assert float(spot.response()) == pytest.approx(frame.mean(), abs=error * frame.std() + 1e-3)
     removed = float(spot.response(setting.displacement, setting.frames))
-    assert removed == pytest.approx(then.mean(), abs=error * then.std() + 1e-3)
+    assert removed == pytest.approx(second_frame.mean(), abs=error * second_frame.std() + 1e-3)
     share = spot.own_past(setting.frames).at(np.array([setting.displacement]))[0]
-    left = 1.0 - share
-    spread = np.std(then - share * now) / now.mean()
-    assert left == pytest.approx(1.0 - then.mean() / now.mean(), abs=error * spread + 2e-3)
+    remaining_share = 1.0 - share
+    spread = np.std(second_frame - share * frame) / frame.mean()
+    assert remaining_share == pytest.approx(
+        1.0 - second_frame.mean() / frame.mean(), abs=error * spread + 2e-3
+    )
 
 
-def test_a_source_that_stays_is_removed_and_one_that_is_far_off_is_not() -> None:
+def test_a_source_that_stays_is_removed_and_one_that_is_far_off_is_not():
     spot = FilteredSpot.of(filter_weights("matched", 1, 0.45, 1.0), PointSpread(6.0, 0.2))
     past = spot.own_past(FrameDifference(10.0, 0.0, 0.0))
     assert past.at(np.zeros(1))[0] == pytest.approx(1.0, abs=1e-12)
@@ -140,7 +145,7 @@ def test_a_source_that_stays_is_removed_and_one_that_is_far_off_is_not() -> None
 
 
 @pytest.mark.parametrize("radius", [0.6, 1.0, 1.63, 2.5])
-def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius: float) -> None:
+def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius):
     """1 - J0² - J1² of the radius in π λ / D (Lord Rayleigh, 1881), by the transfer that ensquared
     energies use.
     """
@@ -149,21 +154,19 @@ def test_the_encircled_energy_of_the_pattern_is_rayleighs(radius: float) -> None
     radius_px = 2.0 * radius * np.pi / 5.0
     transfer = PointSpread(cutoff, 1e-6).transfer(wavenumber)
     inside = np.trapezoid(radius_px * j1(wavenumber * radius_px) * transfer, wavenumber)
-    known = 1.0 - j0(np.pi * radius) ** 2 - j1(np.pi * radius) ** 2
-    assert inside == pytest.approx(known, abs=1e-4)
+    rayleigh = 1.0 - j0(np.pi * radius) ** 2 - j1(np.pi * radius) ** 2
+    assert inside == pytest.approx(rayleigh, abs=1e-4)
 
 
 @pytest.mark.parametrize("phase", ["mean", "worst"])
 @pytest.mark.parametrize("cutoff", [4.0, 7.0, 12.0])
-def test_ensquared_energy_of_the_true_pattern_is_that_of_its_image(
-    cutoff: float, phase: str
-) -> None:
+def test_ensquared_energy_of_the_true_pattern_is_that_of_its_image(cutoff, phase):
     rng = np.random.default_rng(3)
     spread = PointSpread(cutoff, 0.15)
     at = rng.uniform(-0.5, 0.5, (DRAWS, 2)) if phase == "mean" else np.full((1, 2), 0.5)
-    seen = Pattern(cutoff, 0.15).shares(at, 1)[:, 0, 0]
-    found = ensquared_airy_energy(spread, 1, phase)
-    assert found == pytest.approx(seen.mean(), abs=4.0 * seen.std() / np.sqrt(DRAWS) + 2e-3)
+    energy = Pattern(cutoff, 0.15).shares(at, 1)[:, 0, 0]
+    result = ensquared_airy_energy(spread, 1, phase)
+    assert result == pytest.approx(energy.mean(), abs=4.0 * energy.std() / np.sqrt(DRAWS) + 2e-3)
     # The Gaussian of the same peak has no rings, and more in the pixel.
     sigma = np.hypot(float(airy_sigma_rad(1e6 * 2.0 * np.pi / cutoff, 1.0)), 0.15)
-    assert found < float(ensquared_energy(sigma, 1.0, 1, phase))
+    assert result < float(ensquared_energy(sigma, 1.0, 1, phase))

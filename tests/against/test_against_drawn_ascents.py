@@ -20,37 +20,37 @@ def held(kind, count, seed, marks, sensors=2):
     regions.
     """
     truth, burns = ascents(kind, count, seed)
-    due = {mark: np.ceil(burns[:, mark[0], mark[1]] + mark[2]) for mark in marks}
-    found = {mark: np.zeros(len(truth), dtype=bool) for mark in marks}
-    until_s = max(each.max() for each in due.values())
+    marks_s = {mark: np.ceil(burns[:, mark[0], mark[1]] + mark[2]) for mark in marks}
+    result = {mark: np.zeros(len(truth), dtype=bool) for mark in marks}
+    until_s = max(times_s.max() for times_s in marks_s.values())
     some = sensors_of()[:sensors]
     for tick in followed(truth, SEEING, seed, until_s, some, regions_every_s=600.0):
-        for mark, when in due.items():
+        for mark, when in marks_s.items():
             for flight in np.flatnonzero(when == tick.time_s):
                 row = rows_of(tick.reported, tick.shared)[flight]
                 error = tick.reported.state[row] - truth.states(tick.time_s)[flight]
                 squared = error @ np.linalg.solve(tick.reported.state_covariance[row], error)
-                found[mark][flight] = row >= 0 and squared < HELD
-    return found
+                result[mark][flight] = row >= 0 and squared < HELD
+    return result
 
 
 def test_a_stage_that_flies_back_is_followed():
     """Thrust along the velocity alone held 70 % of these (20 s into a burn of 30 to 60 s)."""
-    found = held("boostback", 16, 8, marks := [(0, 1, 5.0), (1, 0, 20.0), (1, 1, 5.0)])
-    assert len(found[marks[0]]) >= 14
+    result = held("boostback", 16, 8, marks := [(0, 1, 5.0), (1, 0, 20.0), (1, 1, 5.0)])
+    assert len(result[marks[0]]) >= 14
     for mark in marks:
-        assert np.mean(found[mark]) >= 0.85, mark
+        assert np.mean(result[mark]) >= 0.85, mark
 
 
 def test_a_second_stage_after_a_long_gap_is_a_new_one():
-    found = held("long gap", 16, 8, marks := [(0, 1, 20.0), (1, 0, 3.0), (1, 0, 10.0)])
-    assert len(found[marks[0]]) >= 14
+    result = held("long gap", 16, 8, marks := [(0, 1, 20.0), (1, 0, 3.0), (1, 0, 10.0)])
+    assert len(result[marks[0]]) >= 14
     for mark in marks:
-        assert np.mean(found[mark]) >= 0.85, mark
+        assert np.mean(result[mark]) >= 0.85, mark
 
 
 def test_three_stages_are_followed_by_one_sensor():
     """The prior of a track knew no up: 75 % were held, and tracks sank below the ground."""
-    found = held("three", 48, 8, marks := [(1, 0, 30.0), (2, 0, 30.0), (2, 1, 5.0)], sensors=1)
+    result = held("three", 48, 8, marks := [(1, 0, 30.0), (2, 0, 30.0), (2, 1, 5.0)], sensors=1)
     for mark in marks:
-        assert np.mean(found[mark]) >= 0.85, mark
+        assert np.mean(result[mark]) >= 0.85, mark

@@ -33,21 +33,21 @@ def test_geodetic_both_ways(number, distance_m):
     directions = np.random.default_rng(1).normal(size=(2000, 3))
     position = distance_m * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     longitude, latitude, height = erfa.gc2gd(number, position)
-    ours = ecef_to_geodetic(position, ellipsoid=ELLIPSOIDS[number])
+    result = ecef_to_geodetic(position, ellipsoid=ELLIPSOIDS[number])
     # ERFA makes one of Fukushima's steps (J. Geod. 79, 2006), good to 2.3e-11 rad; what is beyond
     # it, mpmath judges.
-    assert ours.longitude_rad == pytest.approx(longitude, rel=0.0, abs=5e-16)
-    assert ours.latitude_rad == pytest.approx(latitude, rel=0.0, abs=2.5e-11)
-    assert ours.height_m == pytest.approx(height, rel=0.0, abs=3e-9 + 6e-16 * distance_m)
+    assert result.longitude_rad == pytest.approx(longitude, rel=0.0, abs=5e-16)
+    assert result.latitude_rad == pytest.approx(latitude, rel=0.0, abs=2.5e-11)
+    assert result.height_m == pytest.approx(height, rel=0.0, abs=3e-9 + 6e-16 * distance_m)
     back = geodetic_to_ecef(latitude, longitude, height, ellipsoid=ELLIPSOIDS[number])
-    theirs = erfa.gd2gc(number, longitude, latitude, height)
-    assert back == pytest.approx(theirs, rel=0.0, abs=2e-9 + 6e-16 * distance_m)
+    reference = erfa.gd2gc(number, longitude, latitude, height)
+    assert back == pytest.approx(reference, rel=0.0, abs=2e-9 + 6e-16 * distance_m)
 
 
 def test_astropy_earth_location():
     location = EarthLocation.from_geodetic(lon=-120.57, lat=34.73, height=1234.5)
-    ours = geodetic_to_ecef(np.radians(34.73), np.radians(-120.57), 1234.5)
-    assert ours == pytest.approx(
+    result = geodetic_to_ecef(np.radians(34.73), np.radians(-120.57), 1234.5)
+    assert result == pytest.approx(
         [location.x.value, location.y.value, location.z.value], rel=0.0, abs=2e-9
     )
 
@@ -90,19 +90,19 @@ def test_julian_date():
 
 
 def test_gmst_of_1982():
-    theirs = erfa.gmst82(*two_part_julian_dates(EPOCHS))
-    ours = gmst_rad(EPOCHS)
-    assert np.abs((ours - theirs + np.pi) % (2.0 * np.pi) - np.pi).max() < 1e-12
-    assert ours.min() >= 0.0
-    assert ours.max() < 2.0 * np.pi
+    reference = erfa.gmst82(*two_part_julian_dates(EPOCHS))
+    result = gmst_rad(EPOCHS)
+    assert np.abs((result - reference + np.pi) % (2.0 * np.pi) - np.pi).max() < 1e-12
+    assert result.min() >= 0.0
+    assert result.max() < 2.0 * np.pi
 
 
 def test_gmst_counts_seconds_from_the_epoch():
     seconds = np.random.default_rng(4).uniform(0.0, 30 * 86400.0, 500)
     day = np.full(500, 2440587.5 + np.datetime64("2026-04-01").astype("datetime64[D]").astype(int))
-    theirs = erfa.gmst82(day, 0.5 + seconds / 86400.0)
-    ours = gmst_rad(np.datetime64("2026-04-01T12:00:00"), seconds)
-    assert np.abs((ours - theirs + np.pi) % (2.0 * np.pi) - np.pi).max() < 3e-11
+    reference = erfa.gmst82(day, 0.5 + seconds / 86400.0)
+    result = gmst_rad(np.datetime64("2026-04-01T12:00:00"), seconds)
+    assert np.abs((result - reference + np.pi) % (2.0 * np.pi) - np.pi).max() < 3e-11
 
 
 def apparent_sun(day, fraction):
@@ -114,9 +114,12 @@ def apparent_sun(day, fraction):
     return erfa.ab(-heliocentric["p"] / distance[:, None], velocity, distance, slowness), distance
 
 
-def apart_deg(one, other):
+def apart_deg(direction, reference):
     return np.degrees(
-        np.arctan2(np.linalg.norm(np.cross(one, other), axis=-1), np.sum(one * other, axis=-1))
+        np.arctan2(
+            np.linalg.norm(np.cross(direction, reference), axis=-1),
+            np.sum(direction * reference, axis=-1),
+        )
     )
 
 
@@ -125,9 +128,9 @@ def test_sun_of_date_from_1970_to_2099():
     day, fraction = two_part_julian_dates(EPOCHS)
     direction, distance = apparent_sun(day, fraction + 69.184 / 86400.0)
     of_date = np.einsum("nij,nj->ni", erfa.pmat76(day, fraction + 69.184 / 86400.0), direction)
-    ours = sun_position_of_date_m(day + fraction)
-    assert apart_deg(ours, of_date).max() < 0.001
-    assert np.abs(np.linalg.norm(ours, axis=1) / (distance * AU_M) - 1.0).max() < 1.1e-4
+    result = sun_position_of_date_m(day + fraction)
+    assert apart_deg(result, of_date).max() < 0.001
+    assert np.abs(np.linalg.norm(result, axis=1) / (distance * AU_M) - 1.0).max() < 1.1e-4
 
 
 def test_sun_in_ecef_from_1970_to_2099():

@@ -28,7 +28,7 @@ def test_positions_are_those_of_erfa(year, frame):
     """To 0.06 arcseconds, 2 m at the Earth's surface: the terms of nutation that are left out."""
     position, velocity = states(50)
     time_s = np.linspace(-3e4, 5e6, 50)
-    found, _ = ecef_state(frame, position, velocity, epoch_us(year), time_s)
+    result, _ = ecef_state(frame, position, velocity, epoch_us(year), time_s)
     for row in range(50):
         days = (epoch_us(year) * 1e-6 + time_s[row]) / 86400.0 + 40587.0
         if frame == "EME2000":
@@ -37,7 +37,7 @@ def test_positions_are_those_of_erfa(year, frame):
             )
         else:
             turned = erfa.rz(erfa.gmst82(2400000.5, days), np.eye(3))
-        assert np.linalg.norm(found[row] - turned @ position[row]) <= 3e-7 * np.linalg.norm(
+        assert np.linalg.norm(result[row] - turned @ position[row]) <= 3e-7 * np.linalg.norm(
             position[row]
         )
 
@@ -51,16 +51,16 @@ def test_velocities_are_the_rates_of_positions(frame):
         ]
         for step in (-0.5, 0.5)
     ]
-    _, found = ecef_state(frame, position, velocity, epoch_us(2026), np.zeros(40))
-    np.testing.assert_allclose(found, ends[1] - ends[0], rtol=0.0, atol=2e-4)
+    _, result = ecef_state(frame, position, velocity, epoch_us(2026), np.zeros(40))
+    np.testing.assert_allclose(result, ends[1] - ends[0], rtol=0.0, atol=2e-4)
 
 
 def test_a_body_at_rest_in_space_turns_backwards_over_the_earth():
-    found, rate = ecef_state(
+    result, rate = ecef_state(
         "TEME", np.array([[7e6, 0.0, 0.0]]), np.zeros((1, 3)), epoch_us(2026), np.zeros(1)
     )
     assert np.linalg.norm(rate) == pytest.approx(7e6 * EARTH_ROTATION_RAD_S, rel=1e-12)
-    assert np.cross(found[0], rate[0])[2] < 0.0
+    assert np.cross(result[0], rate[0])[2] < 0.0
 
 
 def test_states_of_itrf_are_taken_as_they_are():
@@ -72,7 +72,7 @@ def test_states_of_itrf_are_taken_as_they_are():
 
 def test_nutation_of_times_of_any_shape_is_that_of_each():
     times = np.random.default_rng(5).uniform(-0.3, 1.0, (2, 3, 4))
-    whole = np.stack(nutation_rad(times), axis=-1)
-    assert whole.shape == (2, 3, 4, 3)
+    total = np.stack(nutation_rad(times), axis=-1)
+    assert total.shape == (2, 3, 4, 3)
     for place in np.ndindex(times.shape):
-        assert np.array_equal(whole[place], np.stack(nutation_rad(times[place])))
+        assert np.array_equal(total[place], np.stack(nutation_rad(times[place])))

@@ -13,9 +13,7 @@ SIGMA_RAD = 6e-6
 INSTANTS = 6
 
 
-def lines_of(
-    sensors: int, targets: int, spread_m: float, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def lines_of(sensors, targets, spread_m, rng):
     """Return origins (sensors, 3) and noisy unit vectors (sensors, targets, instants, 3) to targets
     that fan out.
     """
@@ -31,13 +29,13 @@ def lines_of(
     return origin, unit / np.linalg.norm(unit, axis=-1, keepdims=True)
 
 
-def cost(origin: np.ndarray, unit: np.ndarray) -> float:
+def cost(origin, unit):
     """Return the sum over instants of the least squares of the crossing of lines (sensors,
     instants, 3).
     """
     total = 0.0
     for instant in range(INSTANTS):
-        across = [np.eye(3) - np.outer(one[instant], one[instant]) for one in unit]
+        across = [np.eye(3) - np.outer(line[instant], line[instant]) for line in unit]
         matrix = np.concatenate(across) / (SIGMA_RAD * RANGE_M)
         side = np.concatenate([part @ place for part, place in zip(across, origin, strict=True)])
         side /= SIGMA_RAD * RANGE_M
@@ -46,26 +44,24 @@ def cost(origin: np.ndarray, unit: np.ndarray) -> float:
     return total
 
 
-def least_cost(origin: np.ndarray, unit: np.ndarray) -> float:
+def least_cost(origin, unit):
     """Return the least cost over all ways to give each target of the first sensor one of each
     other.
     """
     sensors, targets = unit.shape[:2]
-    known = {
+    costs = {
         rows: cost(origin, np.stack([unit[sensor, row] for sensor, row in enumerate(rows)]))
         for rows in product(range(targets), repeat=sensors)
     }
     return min(
-        sum(known[(row, *(order[row] for order in orders))] for row in range(targets))
+        sum(costs[(row, *(order[row] for order in orders))] for row in range(targets))
         for orders in product(permutations(range(targets)), repeat=sensors - 1)
     )
 
 
 @pytest.mark.parametrize(("sensors", "targets"), [(2, 5), (3, 4), (4, 3)])
 @pytest.mark.parametrize("spread_m", [600.0, 3000.0])
-def test_the_cost_is_within_a_hundredth_of_the_best(
-    sensors: int, targets: int, spread_m: float
-) -> None:
+def test_the_cost_is_within_a_hundredth_of_the_best(sensors, targets, spread_m):
     for seed in range(4):
         rng = np.random.default_rng([seed, sensors, targets])
         origin, unit = lines_of(sensors, targets, spread_m, rng)
@@ -83,11 +79,16 @@ def test_the_cost_is_within_a_hundredth_of_the_best(
         group = cheapest_pairing(table, sensor, SetModel(centre))
         assert np.bincount(group).tolist() == [sensors] * targets
         rows = [
-            [np.flatnonzero((group == one) & (sensor == each))[0] for each in range(sensors)]
-            for one in set(group)
+            [
+                np.flatnonzero((group == number) & (sensor == sensor_number))[0]
+                for sensor_number in range(sensors)
+            ]
+            for number in set(group)
         ]
-        found = sum(
-            cost(origin, np.stack([unit[sensor[one], target[one]] for one in each]))
-            for each in rows
+        result = sum(
+            cost(
+                origin, np.stack([unit[sensor[number], target[number]] for number in sensor_number])
+            )
+            for sensor_number in rows
         )
-        assert found <= 1.01 * least_cost(origin, unit)
+        assert result <= 1.01 * least_cost(origin, unit)

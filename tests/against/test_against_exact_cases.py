@@ -10,7 +10,7 @@ import importlib
 import numpy as np
 import pytest
 from exact_cases import every_bound, every_case, left_out
-from exact_cases.measure import Case, measured, row_text, searched
+from exact_cases.measure import measured, row_text, searched
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.slow]
 
@@ -22,20 +22,20 @@ DRAWS = 12
 
 
 @pytest.mark.parametrize("case", every_case(), ids=lambda case: case.name)
-def test_no_digit_is_lost_that_the_input_does_not_lose(case: Case) -> None:
-    found = measured(case, np.random.default_rng(5), DRAWS)
-    assert not found.raised, row_text(found.inputs, found.raised[0][0])
-    assert found.scaled.max() <= BAR, row_text(found.inputs, found.worst)
+def test_no_digit_is_lost_that_the_input_does_not_lose(case):
+    result = measured(case, np.random.default_rng(5), DRAWS)
+    assert not result.raised, row_text(result.inputs, result.raised[0][0])
+    assert result.scaled.max() <= BAR, row_text(result.inputs, result.worst)
 
 
 @pytest.mark.parametrize("case", every_bound(), ids=lambda case: case.name)
-def test_stated_bounds_hold(case) -> None:
-    found = searched(case, np.random.default_rng(6), DRAWS)
-    assert found.ratio.max() <= 1.0, row_text(found.inputs, found.worst)
+def test_stated_bounds_hold(case):
+    result = searched(case, np.random.default_rng(6), DRAWS)
+    assert result.ratio.max() <= 1.0, row_text(result.inputs, result.worst)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_every_public_name_has_a_case_or_a_reason(package: str) -> None:
+def test_every_public_name_has_a_case_or_a_reason(package):
     of = {"radiometry": "opir_photons.", "detection": "opir_photons.", "scoring": "opir_"}.get(
         package, "opir_core."
     )
@@ -74,7 +74,7 @@ KEPT = {
 
 
 @pytest.mark.parametrize("name", sorted(KEPT))
-def test_inputs_that_once_lost_digits(name: str) -> None:
+def test_inputs_that_once_lost_digits(name):
     case = next(case for case in every_case() if case.name == name)
     columns = [
         np.array(column)
@@ -82,23 +82,23 @@ def test_inputs_that_once_lost_digits(name: str) -> None:
             *(row if isinstance(row, tuple) else (row,) for row in KEPT[name]), strict=True
         )
     ]
-    found = measured(
+    result = measured(
         case._replace(draw=lambda rng, n: columns, share=1.0),
         np.random.default_rng(1),
         len(columns[0]),
     )
-    assert not found.raised
-    assert found.scaled.max() <= BAR, row_text(found.inputs, found.worst)
+    assert not result.raised
+    assert result.scaled.max() <= BAR, row_text(result.inputs, result.worst)
 
 
-def test_correlation_at_infinity_and_of_no_number() -> None:
+def test_correlation_at_infinity_and_of_no_number():
     from opir_photons.radiometry import structure_correlation
 
     assert structure_correlation([np.inf, np.nan], 1.0, 3.0).tolist()[0] == 0.0
     assert np.isnan(structure_correlation(np.nan, 1.0, 3.0))
 
 
-def test_the_suns_place_does_not_go_through_one_double_of_a_julian_date() -> None:
+def test_the_suns_place_does_not_go_through_one_double_of_a_julian_date():
     """A Julian date in one double moves in steps of 4e-5 s: of the Sun's place, 1 m."""
     from opir_core.geometry import sun_position_eci_m
 

@@ -28,7 +28,7 @@ CLUTTERED = [number for number, each in enumerate(SETTINGS) if each.ratio == 4.0
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", CROSSED)
-def test_thresholds_are_crossed_as_often_as_in_closed_form(number: int) -> None:
+def test_thresholds_are_crossed_as_often_as_in_closed_form(number):
     setting = SETTINGS[number]
     outputs = filtered(setting.images, FRAMES, np.random.default_rng([41, number]))
     shares = crossed(setting, outputs)
@@ -39,7 +39,7 @@ def test_thresholds_are_crossed_as_often_as_in_closed_form(number: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", CLUTTERED)
-def test_the_variance_of_frames_is_noise_and_leaking_structure(number: int) -> None:
+def test_the_variance_of_frames_is_noise_and_leaking_structure(number):
     images = SETTINGS[number].images
     outputs = filtered(images, 4 * FRAMES, np.random.default_rng([42, number]))
     mean = 0.0 if images.is_difference else images.weights.sum() * images.background_e
@@ -54,7 +54,7 @@ def test_the_variance_of_frames_is_noise_and_leaking_structure(number: int) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 4, 7, 11])
-def test_fitted_places_of_spots_are_as_good_as_the_bound(number: int) -> None:
+def test_fitted_places_of_spots_are_as_good_as_the_bound(number):
     spot, noise_e, target_e = CENTROIDS[number]
     off = np.square(
         centroid_errors(spot, noise_e, target_e, 3000, np.random.default_rng([43, number]))

@@ -47,16 +47,19 @@ def is_in(look, band, facts):
 
 
 FACTS = [
-    (look, band, wanted) for look in LOOKS for wanted in ("seen", "unseen") for band in look[wanted]
+    (look, band, expected)
+    for look in LOOKS
+    for expected in ("seen", "unseen")
+    for band in look[expected]
 ]
 
 
 @pytest.mark.parametrize(
-    ("look", "band", "wanted"), FACTS, ids=[f"{look['what']}: {band}" for look, band, _ in FACTS]
+    ("look", "band", "expected"), FACTS, ids=[f"{look['what']}: {band}" for look, band, _ in FACTS]
 )
-def test_a_plume_is_seen_in_the_bands_in_which_it_was_seen(look, band, wanted):
+def test_a_plume_is_seen_in_the_bands_in_which_it_was_seen(look, band, expected):
     spread = propellants()[look["propellant"]].spread
-    if wanted == "unseen":
+    if expected == "unseen":
         assert not is_seen(look, band, spread)
         return
     assert is_seen(look, band, spread) != is_in(look, band, BEYOND_SPREAD_K)
@@ -64,7 +67,7 @@ def test_a_plume_is_seen_in_the_bands_in_which_it_was_seen(look, band, wanted):
 
 
 def test_nearly_all_facts_hold_at_the_middle_level():
-    held = [is_seen(look, band) == (wanted == "seen") for look, band, wanted in FACTS]
+    held = [is_seen(look, band) == (expected == "seen") for look, band, expected in FACTS]
     assert (sum(held), len(held)) == (23, 28)
 
 
@@ -104,9 +107,9 @@ def test_each_launch_is_seen_at_its_first_scan():
     """The first look of each of the five is of the ascent; in all, 3.9 µm shows it at the middle
     level.
     """
-    first = {look["post"]: look for look in reversed(LOOKS)}
-    assert len(first) == 5
-    assert all(is_seen(look, "B07") for look in first.values())
+    looks = {look["post"]: look for look in reversed(LOOKS)}
+    assert len(looks) == 5
+    assert all(is_seen(look, "B07") for look in looks.values())
 
 
 #: Launches as scenes: post, site, slot of the satellite, time of launch and of the scan, s later;
@@ -157,23 +160,23 @@ def scanned(post, lat_deg, lon_deg, slot_deg, epoch, scan_s):
     }
     plan = opir.compile_plan(opir.scene_from_mapping(scene))
     window = opir.Engine(plan).advance(plan.end_ns)
-    own = np.flatnonzero(
+    rows = np.flatnonzero(
         (window.truth.target == 0) & (np.abs(window.detections.time_s - scan_s) < 1.0)
     )
-    if not len(own):
+    if not len(rows):
         return set()
     return {
         band
         for number, band in enumerate(BANDS)
-        if int(window.detections.bands[own[0]]) >> number & 1
+        if int(window.detections.bands[rows[0]]) >> number & 1
     }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("row", SCENES, ids=[str(row[0]) for row in SCENES])
 def test_a_scene_of_each_launch_is_detected_in_the_bands_in_which_it_was_seen(row):
-    *place, wanted = row
-    assert wanted <= scanned(*place)
+    *place, expected = row
+    assert expected <= scanned(*place)
 
 
 def test_the_example_is_the_first_of_them():

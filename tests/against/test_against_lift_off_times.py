@@ -56,9 +56,9 @@ def closed_form_s(lift_m_s2, sensors, variance=ABOUT_MEAN, odds=19000.0):
     0.05 · 1000.
     """
     place, up = place_and_up()
-    apart = place - origins(sensors)
-    range_m = np.linalg.norm(apart, axis=1)
-    sine_square = 1.0 - (apart @ up / range_m) ** 2
+    separation = place - origins(sensors)
+    range_m = np.linalg.norm(separation, axis=1)
+    sine_square = 1.0 - (separation @ up / range_m) ** 2
     rate = np.sum(LOOKS_PER_S * sine_square / (SIGMA_RAD * range_m) ** 2)
     return float((np.log(odds) * 2.0 * 4.0 / variance / (lift_m_s2**2 * rate)) ** 0.2)
 
@@ -70,8 +70,8 @@ def looks(rng, copies, second, lift_m_s2, sensors):
     place, up = place_and_up()
     instants = second + np.arange(LOOKS_PER_S) / LOOKS_PER_S
     when, sensor, copy = (
-        part.ravel()
-        for part in np.meshgrid(instants, np.arange(sensors), np.arange(copies), indexing="ij")
+        index.ravel()
+        for index in np.meshgrid(instants, np.arange(sensors), np.arange(copies), indexing="ij")
     )
     origin = origins(sensors)[sensor]
     along = place + 0.5 * lift_m_s2 * when[:, None] ** 2 * up - origin
@@ -89,8 +89,8 @@ def probabilities(seed, copies, lift_m_s2, sensors, until_s):
     place, up = place_and_up()
     posterior = GroupPosterior.of(HypothesesConfig(), np.zeros(sensors), np.ones(sensors))
     # A first estimate is off by the error of a few lines.
-    first = place + 500.0 * rng.standard_normal((copies, 3)) + 3000.0 * up
-    statistics = MotionStatistics.fresh(first, 0.0, np.zeros(copies), posterior.prior)
+    start_m = place + 500.0 * rng.standard_normal((copies, 3)) + 3000.0 * up
+    statistics = MotionStatistics.fresh(start_m, 0.0, np.zeros(copies), posterior.prior)
     for second in range(until_s):
         copy, lines = looks(rng, copies, float(second), lift_m_s2, sensors)
         statistics = statistics.with_lines(copy, lines, posterior.log_clutter)
@@ -105,13 +105,13 @@ def test_the_closed_form_agrees_with_a_simulation_of_known_acceleration():
     place, up = place_and_up()
     for sensors, lift in ((2, 5.0), (1, 10.0)):
         rng = np.random.default_rng([3, sensors])
-        apart = place - origins(sensors)
-        range_m = np.linalg.norm(apart, axis=1)
-        sine = np.sqrt(1.0 - (apart @ up / range_m) ** 2)
+        separation = place - origins(sensors)
+        range_m = np.linalg.norm(separation, axis=1)
+        sine = np.sqrt(1.0 - (separation @ up / range_m) ** 2)
         sigma_m = SIGMA_RAD * range_m / sine
         when = np.arange(0.0, 60.0, 1.0 / LOOKS_PER_S)
         rise = 0.5 * lift * when**2
-        seen = rise + sigma_m[:, None] * rng.standard_normal((400, sensors, len(when)))
+        measured = rise + sigma_m[:, None] * rng.standard_normal((400, sensors, len(when)))
         weight = 1.0 / sigma_m[:, None] ** 2
         total = np.cumsum(np.sum(weight * np.ones_like(when), axis=0))
 
@@ -119,7 +119,7 @@ def test_the_closed_form_agrees_with_a_simulation_of_known_acceleration():
             sums = [np.cumsum(np.sum(weight * values**power, axis=-2), axis=-1) for power in (1, 2)]
             return sums[1] - sums[0] ** 2 / total
 
-        ratio = 0.5 * (misfit(seen) - misfit(seen - rise))
+        ratio = 0.5 * (misfit(measured) - misfit(measured - rise))
         reported_s = when[np.argmax(ratio > np.log(19000.0), axis=1)]
         assert np.median(reported_s) == pytest.approx(closed_form_s(lift, sensors), rel=0.05)
 
@@ -140,9 +140,9 @@ def test_lift_offs_are_reported_within_a_factor_of_the_closed_form(lift_m_s2, se
     assert np.median(reported_s) <= SLACK * expected_s
     # What was recognised stays recognised; to one sensor one in ten may still be something that
     # flies straight on.
-    known = 0.9 if sensors == 1 else 1.0
-    assert np.mean(chance[:, LAUNCH] > THRESHOLD) >= known
-    assert np.mean(chance[:, NONE] <= 0.05) >= known
+    share = 0.9 if sensors == 1 else 1.0
+    assert np.mean(chance[:, LAUNCH] > THRESHOLD) >= share
+    assert np.mean(chance[:, NONE] <= 0.05) >= share
     assert np.all(chance[:, LAUNCH] > 0.5)
 
 

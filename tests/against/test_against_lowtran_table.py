@@ -76,11 +76,11 @@ def test_every_point_of_the_table_is_met(climate, aerosol, weighting):
         LowtranConfig(climate=climate, aerosol=aerosol, weighting=weighting), context
     )
     for number, (name, _, _) in enumerate(bands):
-        own = [row for row in rows if row["band"] == name]
-        heights = np.array([float(row["h_km"]) for row in own]) * 1e3
-        zenith = np.radians([float(row["zen_deg"]) for row in own])
-        theirs = np.array([float(row[WEIGHTINGS[weighting]]) for row in own])
-        assert np.abs(model.transmittance(number, paths(heights, zenith)) - theirs).max() < 5e-4
+        band_rows = [row for row in rows if row["band"] == name]
+        heights = np.array([float(row["h_km"]) for row in band_rows]) * 1e3
+        zenith = np.radians([float(row["zen_deg"]) for row in band_rows])
+        reference = np.array([float(row[WEIGHTINGS[weighting]]) for row in band_rows])
+        assert np.abs(model.transmittance(number, paths(heights, zenith)) - reference).max() < 5e-4
 
 
 def left_out_errors(nodes, axis):
@@ -129,14 +129,16 @@ BETWEEN = table_rows(DATA / "lowtran7_between.csv")
 
 @pytest.mark.parametrize(("climate", "aerosol"), SKIES)
 def test_lowtran_itself_between_the_points_is_met_to_1_percent(climate, aerosol):
-    own = [row for row in BETWEEN if (row["atmosphere"], row["aerosol"]) == (climate, aerosol)]
-    assert len(own) == 60
-    height, zenith = (np.array([float(row[name]) for row in own]) for name in ("h_km", "zen_deg"))
+    rows = [row for row in BETWEEN if (row["atmosphere"], row["aerosol"]) == (climate, aerosol)]
+    assert len(rows) == 60
+    height, zenith = (np.array([float(row[name]) for row in rows]) for name in ("h_km", "zen_deg"))
     for band, nodes in node_tables(climate, aerosol, "flat").items():
         model = LowtranAtmosphere((fine_grid(nodes),), None)
-        theirs = np.array([float(row[band]) for row in own])
+        reference = np.array([float(row[band]) for row in rows])
         assert (
-            np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - theirs).max()
+            np.abs(
+                model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - reference
+            ).max()
             < 0.01
         )
 
@@ -154,19 +156,21 @@ def limb_error(nodes, limb, rows):
     own = nodes.limb
     model = LowtranAtmosphere((fine_grid(evolve(nodes, limb=limb)),), None)
     zenith = np.pi - np.arcsin((RADIUS_M + own.lowest_m[rows]) / (RADIUS_M + own.height_m[rows]))
-    found = model.transmittance(0, paths(own.height_m[rows], zenith))
-    return float(np.abs(found - own.transmittance[rows]).max())
+    result = model.transmittance(0, paths(own.height_m[rows], zenith))
+    return float(np.abs(result - own.transmittance[rows]).max())
 
 
 def limb_errors_without(nodes, column):
     """Yield by each value of a column but the last the error there of the table of long paths
     without it.
     """
-    own = nodes.limb
+    limb = nodes.limb
     for value in np.unique(column)[:-1]:
-        left = column != value
-        fewer = LimbTable(own.lowest_m[left], own.height_m[left], own.transmittance[left])
-        yield value, limb_error(nodes, fewer, ~left)
+        remaining = column != value
+        fewer = LimbTable(
+            limb.lowest_m[remaining], limb.height_m[remaining], limb.transmittance[remaining]
+        )
+        yield value, limb_error(nodes, fewer, ~remaining)
 
 
 #: The tables with the worst of all in lowest height: through dry air low paths show the top of the
@@ -209,13 +213,13 @@ BELOW = table_rows(DATA / "lowtran7_below.csv")
 @pytest.mark.parametrize(("climate", "aerosol"), SKIES)
 def test_lowtran_itself_below_the_horizon_is_met_to_1_percent(climate, aerosol):
     """Rays that first descend, to 2.5 km and above; half of them graze the lowest 7 km."""
-    own = [row for row in BELOW if (row["atmosphere"], row["aerosol"]) == (climate, aerosol)]
-    assert len(own) == 60
-    height, zenith = (np.array([float(row[name]) for row in own]) for name in ("h_km", "zen_deg"))
+    rows = [row for row in BELOW if (row["atmosphere"], row["aerosol"]) == (climate, aerosol)]
+    assert len(rows) == 60
+    height, zenith = (np.array([float(row[name]) for row in rows]) for name in ("h_km", "zen_deg"))
     for band, nodes in node_tables(climate, aerosol, "flat").items():
         model = LowtranAtmosphere((fine_grid(nodes),), None)
-        theirs = np.array([float(row[band]) for row in own])
-        off = np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - theirs)
+        reference = np.array([float(row[band]) for row in rows])
+        off = np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - reference)
         # Near 6.2 µm one of 360 paths is off by 0.0124; all other bands are within 0.01.
         assert np.max(off) < (0.0125 if band == "ABI_08" else 0.01)
         assert np.sqrt(np.mean(np.square(off))) < 0.003

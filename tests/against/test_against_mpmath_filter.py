@@ -7,7 +7,7 @@ benchmarks/filter_stability.py runs a hundred of these and an hour at 20 Hz.
 from itertools import islice
 
 import pytest
-from ill_conditioned_filters import Case, cases, samples
+from ill_conditioned_filters import cases, samples
 
 EVERY = list(cases(2))
 CHOSEN = [*EVERY[10:], *(case._replace(slices=6) for case in islice(EVERY, 3, 8, 2))]
@@ -23,7 +23,7 @@ CHOSEN = [*EVERY[10:], *(case._replace(slices=6) for case in islice(EVERY, 3, 8,
         for row, case in enumerate(CHOSEN)
     ],
 )
-def test_no_digit_that_matters_is_lost(case: Case) -> None:
+def test_no_digit_that_matters_is_lost(case):
     for sample in samples(case, every=5):
         assert sample.smallest > 0.0
         assert sample.asymmetry == 0.0

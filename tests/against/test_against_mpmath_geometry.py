@@ -51,9 +51,9 @@ def misplacement_m(positions):
     """The distance between positions and where their latitude, longitude and height, taken exactly,
     are.
     """
-    found = np.transpose([np.ravel(column) for column in ecef_to_geodetic(positions)])
+    result = np.transpose([np.ravel(column) for column in ecef_to_geodetic(positions)])
     worst = mp.mpf(0)
-    for position, geodetic in zip(np.reshape(positions, (-1, 3)), found, strict=True):
+    for position, geodetic in zip(np.reshape(positions, (-1, 3)), result, strict=True):
         named = exact_ecef(*geodetic)
         worst = max(worst, sum((mp.mpf(p) - n) ** 2 for p, n in zip(position, named, strict=True)))
     return float(mp.sqrt(worst))
@@ -146,9 +146,9 @@ def test_geodetic_to_ecef_is_exact_to_rounding():
         for latitude, longitude in zip(
             np.arcsin(rng.uniform(-1, 1, 100)), rng.uniform(-np.pi, np.pi, 100), strict=True
         ):
-            found = geodetic_to_ecef(latitude, longitude, height)
+            result = geodetic_to_ecef(latitude, longitude, height)
             exact = exact_ecef(latitude, longitude, height)
-            assert mp.norm([mp.mpf(f) - e for f, e in zip(found, exact, strict=True)]) <= bound
+            assert mp.norm([mp.mpf(f) - e for f, e in zip(result, exact, strict=True)]) <= bound
 
 
 def first_point(origin, ray, height=0.0):
@@ -188,15 +188,15 @@ def test_intersection_is_exact_to_rounding_over_the_sine_of_grazing(
     radius_m = radius_m + height_m
     sine = share_of_limb * (6356752.0 + height_m) / radius_m
     rays = across * sine - up * np.sqrt(1.0 - sine * sine)
-    for origin, ray, found in zip(
+    for origin, ray, result in zip(
         up * radius_m, rays, intersection_with_ellipsoid(up * radius_m, rays, height_m), strict=True
     ):
         exact = first_point(origin, ray, height_m)
-        assert (exact is None) == bool(np.isnan(found[0]))
+        assert (exact is None) == bool(np.isnan(result[0]))
         if exact is not None:
             point, sine_at_ground = exact
             assert (
-                mp.norm([mp.mpf(f) - p for f, p in zip(found, point, strict=True)])
+                mp.norm([mp.mpf(f) - p for f, p in zip(result, point, strict=True)])
                 <= rounding_m / sine_at_ground
             )
 
@@ -204,17 +204,17 @@ def test_intersection_is_exact_to_rounding_over_the_sine_of_grazing(
 def test_intersection_from_inside_is_where_the_ray_leaves():
     origins = directions(100, 9) * 6e6
     rays = directions(100, 10)
-    for origin, ray, found in zip(
+    for origin, ray, result in zip(
         origins, rays, intersection_with_ellipsoid(origins, rays), strict=True
     ):
         point, _ = first_point(origin, ray)
-        assert mp.norm([mp.mpf(f) - p for f, p in zip(found, point, strict=True)]) <= 1e-8
+        assert mp.norm([mp.mpf(f) - p for f, p in zip(result, point, strict=True)]) <= 1e-8
 
 
 @pytest.mark.parametrize("angle", [1e-15, 1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-9, np.pi - 1e-15])
 def test_nadir_angle_is_exact_near_nothing_and_near_a_half_turn(angle):
-    for up, other in zip(directions(50, 11), directions(50, 12), strict=True):
-        across = np.cross(up, other) / np.linalg.norm(np.cross(up, other))
+    for up, direction in zip(directions(50, 11), directions(50, 12), strict=True):
+        across = np.cross(up, direction) / np.linalg.norm(np.cross(up, direction))
         sensor = up * 4.2164e7
         target = sensor + 3.6e7 * (across * np.sin(angle) - up * np.cos(angle))
         s = list(map(mp.mpf, sensor))

@@ -66,10 +66,10 @@ def unit_vectors(seed):
     """
     if seed == 0:
         return np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    first, second = np.random.default_rng(seed).normal(size=(2, 3))
-    first /= np.linalg.norm(first)
-    second = np.cross(first, second)
-    return first, second / np.linalg.norm(second)
+    axis, second = np.random.default_rng(seed).normal(size=(2, 3))
+    axis /= np.linalg.norm(axis)
+    second = np.cross(axis, second)
+    return axis, second / np.linalg.norm(second)
 
 
 def powers_of_ten(low, high):
@@ -101,10 +101,10 @@ def states(draw):
     largest = np.pi if e < 1.0 else np.arccos(-1.0 / e) * (1.0 - 1e-9)
     nu = draw(shares) * largest
     p = q * (1.0 + e)
-    ahead, sideways = unit_vectors(draw(seeds))
+    forward, sideways = unit_vectors(draw(seeds))
     r = p / max(1.0 + e * np.cos(nu), 1e-9)
-    position = r * (np.cos(nu) * ahead + np.sin(nu) * sideways)
-    velocity = np.sqrt(EARTH_MU_M3_S2 / p) * (-np.sin(nu) * ahead + (e + np.cos(nu)) * sideways)
+    position = r * (np.cos(nu) * forward + np.sin(nu) * sideways)
+    velocity = np.sqrt(EARTH_MU_M3_S2 / p) * (-np.sin(nu) * forward + (e + np.cos(nu)) * sideways)
     return position, velocity
 
 
@@ -115,9 +115,9 @@ def straight_states(draw, sideways_share):
     """
     radius = draw(powers_of_ten(6.0, 8.0))
     speed = draw(st.floats(-1.5, 1.5))
-    ahead, sideways = unit_vectors(draw(seeds))
+    forward, sideways = unit_vectors(draw(seeds))
     velocity = speed * np.sqrt(2.0 * EARTH_MU_M3_S2 / radius)
-    return radius * ahead, velocity * (ahead + draw(sideways_share) * sideways)
+    return radius * forward, velocity * (forward + draw(sideways_share) * sideways)
 
 
 @pytest.mark.slow
@@ -184,7 +184,7 @@ def test_around_the_parabola(excess):
 def test_universal_functions(z, scale):
     alpha = np.array([np.sign(z) * scale])
     s = np.array([np.sqrt(abs(z) / scale)])
-    found = universal_functions(alpha, s)
+    result = universal_functions(alpha, s)
     expected = exact_functions(mpmath.mpf(float(alpha[0])), mpmath.mpf(float(s[0])))
     # What rounding s and the function itself do to it, times how often doubling the argument
     # repeats that.
@@ -197,5 +197,5 @@ def test_universal_functions(z, scale):
         g3 + length * g2,
     ]
     growth = max(1.0, np.sqrt(abs(z)))
-    for value, reference, size in zip(found, expected, sizes, strict=True):
+    for value, reference, size in zip(result, expected, sizes, strict=True):
         assert abs(value[0] - float(reference)) <= 8.0 * growth * EPSILON * size + 1e-300

@@ -18,7 +18,7 @@ angles = st.floats(-6.3, 6.3)
 
 
 @st.composite
-def orbits(draw: st.DrawFn) -> Elements:
+def orbits(draw):
     eccentricity = draw(st.one_of(st.floats(0.0, 0.9), st.sampled_from([0.0, 1e-300, 1e-16, 1e-8])))
     return Elements(
         semi_major_axis_m=draw(st.floats(6.6e6, 4.3e7)) / (1.0 - eccentricity),
@@ -34,30 +34,30 @@ def orbits(draw: st.DrawFn) -> Elements:
 
 def eccentric_anomaly(mean, eccentricity):
     reduced = mean - 2 * mpmath.pi * mpmath.nint(mean / (2 * mpmath.pi))
-    found = reduced + eccentricity * mpmath.sign(reduced)
+    result = reduced + eccentricity * mpmath.sign(reduced)
     for _ in range(200):
-        step = (found - eccentricity * mpmath.sin(found) - reduced) / (
-            1 - eccentricity * mpmath.cos(found)
+        step = (result - eccentricity * mpmath.sin(result) - reduced) / (
+            1 - eccentricity * mpmath.cos(result)
         )
-        found -= step
+        result -= step
         if abs(step) < mpmath.mpf(10) ** -45:
-            return found
+            return result
     raise AssertionError("Newton's method has not converged")
 
 
-def position_ecef(elements: Elements, time_s: float):
+def position_ecef(elements, time_s):
     axis = mpmath.mpf(elements.semi_major_axis_m)
     eccentricity = mpmath.mpf(elements.eccentricity)
     rate = mpmath.sqrt(mpmath.mpf(EARTH_MU_M3_S2) / axis**3)
     anomaly = eccentric_anomaly(
         mpmath.mpf(elements.mean_anomaly_rad) + rate * mpmath.mpf(time_s), eccentricity
     )
-    ahead = axis * (mpmath.cos(anomaly) - eccentricity)
+    forward = axis * (mpmath.cos(anomaly) - eccentricity)
     across = axis * mpmath.sqrt(1 - eccentricity**2) * mpmath.sin(anomaly)
     cosine = mpmath.cos(elements.argument_of_perigee_rad)
     sine = mpmath.sin(elements.argument_of_perigee_rad)
-    x = cosine * ahead - sine * across
-    y = sine * ahead + cosine * across
+    x = cosine * forward - sine * across
+    y = sine * forward + cosine * across
     y, z = y * mpmath.cos(elements.inclination_rad), y * mpmath.sin(elements.inclination_rad)
     turn = mpmath.mpf(elements.node_longitude_rad) - mpmath.mpf(EARTH_ROTATION_RAD_S) * mpmath.mpf(
         time_s
@@ -83,12 +83,12 @@ def position_ecef(elements: Elements, time_s: float):
     86_164.0,
 )
 def test_positions(elements, time_s):
-    ours = TwoBodyMotion(elements).position_ecef_m(np.array([time_s]))[0]
+    result = TwoBodyMotion(elements).position_ecef_m(np.array([time_s]))[0]
     with mpmath.workdps(50):
-        theirs = position_ecef(elements, time_s)
+        reference = position_ecef(elements, time_s)
         miss = float(
             mpmath.sqrt(
-                sum((mpmath.mpf(float(a)) - b) ** 2 for a, b in zip(ours, theirs, strict=True))
+                sum((mpmath.mpf(float(a)) - b) ** 2 for a, b in zip(result, reference, strict=True))
             )
         )
     # What the rounding of each input to a double does: of the angles, and of the axis and time
@@ -104,14 +104,14 @@ def test_positions(elements, time_s):
 @examples(100)
 @given(st.floats(-7.0, 7.0), st.floats(0.0, 0.95))
 def test_mean_anomaly(true_rad, eccentricity):
-    ours = mean_anomaly_rad(true_rad, eccentricity)
+    result = mean_anomaly_rad(true_rad, eccentricity)
     with mpmath.workdps(50):
         e = mpmath.mpf(eccentricity)
         half = mpmath.mpf(true_rad) / 2
         anomaly = 2 * mpmath.atan2(
             mpmath.sqrt(1 - e) * mpmath.sin(half), mpmath.sqrt(1 + e) * mpmath.cos(half)
         )
-        miss = ours - (anomaly - e * mpmath.sin(anomaly))
+        miss = result - (anomaly - e * mpmath.sin(anomaly))
         astray = abs(float(miss - 2 * mpmath.pi * mpmath.nint(miss / (2 * mpmath.pi))))
     assert astray <= 3e-15
-    assert abs(ours) <= math.pi
+    assert abs(result) <= math.pi

@@ -43,10 +43,10 @@ def above(x, power):
     term = mp.mpf(1)
     while term > total * mp.mpf(10) ** (-mp.mp.dps):
         number += 1
-        parts = (
+        terms = (
             mp.ff(power, k) * x ** (power - k) / mp.mpf(number) ** (k + 1) for k in range(power + 1)
         )
-        term = mp.exp(-number * x) * mp.fsum(parts)
+        term = mp.exp(-number * x) * mp.fsum(terms)
         total += term
     return total
 
@@ -88,15 +88,15 @@ def radiance(temperature, metres):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("ours", "theirs"),
+    ("function", "reference"),
     [(band_radiance, watts), (band_photon_radiance, photons), (band_radiance_slope, rise)],
     ids=["watts", "photons", "slope"],
 )
-def test_bands_agree_to_1e_12(ours, theirs):
-    found = ours(*np.array(CASES).T)
-    for value, case in zip(found.tolist(), CASES, strict=True):
+def test_bands_agree_to_1e_12(function, reference):
+    result = function(*np.array(CASES).T)
+    for value, case in zip(result.tolist(), CASES, strict=True):
         with mp.workdps(60):
-            exact = theirs(*case)
+            exact = reference(*case)
             assert abs(float((mp.mpf(value) - exact) / exact)) < 1e-12, case
 
 

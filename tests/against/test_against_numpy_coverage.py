@@ -85,8 +85,8 @@ def is_seen(sensor_m, half_rad, least_rad, point_m, up):
     b = np.sum(p * d, axis=1)
     c = np.sum(p * p, axis=1) - 1.0
     inside = b * b - a * c
-    near = (-b - np.sqrt(np.maximum(inside, 0.0))) / a
-    is_hit = (inside > 0.0) & (near > 0.0) & (near < 1.0)
+    distance = (-b - np.sqrt(np.maximum(inside, 0.0))) / a
+    is_hit = (inside > 0.0) & (distance > 0.0) & (distance < 1.0)
     clear = np.where(elevation > 0.0, True, ~is_hit & (c > 1e-12))
     return clear & (nadir < half_rad) & (elevation > least_rad)
 
@@ -103,7 +103,7 @@ def test_every_cell_is_seen_as_by_a_script(height_km):
     )
     plan = compile_plan(scene(fleet))
     time_s = day_s(12)
-    found = SightMap.of(
+    result = SightMap.of(
         Fleet.of(plan, time_s), SeenPoints.above(PlaceGrid.of(2.0), 1e3 * height_km)
     )
     point_m, up = places(2.0, 1e3 * height_km)
@@ -114,10 +114,10 @@ def test_every_cell_is_seen_as_by_a_script(height_km):
             expected = is_seen(
                 orbit_m[step], sensor.field_of_regard_half_angle_rad, least[0], point_m, up
             )
-            here = found.at(step)[number]
+            position = result.at(step)[number]
             # A sensor that avoids the Sun may see less.
-            assert np.array_equal(here, expected) or (
-                least[1] > 0.0 and not np.any(here & ~expected)
+            assert np.array_equal(position, expected) or (
+                least[1] > 0.0 and not np.any(position & ~expected)
             )
 
 
@@ -125,9 +125,9 @@ def test_a_geostationary_satellite_sees_the_cap_of_the_closed_form():
     """Half of 1 - cos 81.30°, 42.44 % of a sphere."""
     plan = compile_plan(scene([{"model": "generic-scanner", "id": "G", "orbital_slot_deg": 0.0}]))
     grid = PlaceGrid.of(1.0)
-    seen = SightMap.of(Fleet.of(plan, np.zeros(1)), SeenPoints.above(grid, 0.0)).at(0)[0]
+    visible = SightMap.of(Fleet.of(plan, np.zeros(1)), SeenPoints.above(grid, 0.0)).at(0)[0]
     radius_m = (MU / SPIN**2) ** (1.0 / 3.0)
-    assert 100.0 * grid.weights()[seen].sum() == pytest.approx(
+    assert 100.0 * grid.weights()[visible].sum() == pytest.approx(
         50.0 * (1.0 - 6371008.8 / radius_m), abs=0.15
     )
 
@@ -157,8 +157,8 @@ def test_rosettes_cover_the_globe_just_from_the_published_height(
         settings = CoverageSettings(
             target_class=None, heights_km=(0.0,), grid_deg=5.0, steps=240, assets=(1,)
         )
-        found = computed_coverage(scene(walker(*pattern, altitude_km, inclination_deg)), settings)
-        gaps[off_deg] = float(np.asarray(found["gaps"].values).sum())
+        result = computed_coverage(scene(walker(*pattern, altitude_km, inclination_deg)), settings)
+        gaps[off_deg] = float(np.asarray(result["gaps"].values).sum())
     assert gaps[0.4] == 0.0
     assert gaps[-1.5] > 0.0
 
@@ -208,18 +208,18 @@ def test_two_lines_of_sight_have_the_dilution_of_the_closed_form(angle_deg):
     """
     angle = math.radians(angle_deg)
     range_m = 3.7e7
-    first = np.array([0.6, 0.0, 0.8])
-    second = math.cos(angle) * first + math.sin(angle) * np.array([0.0, 1.0, 0.0])
-    direction = np.stack([first, second])[:, None, :]
-    both = np.ones((2, 1), dtype=np.bool_)
+    line = np.array([0.6, 0.0, 0.8])
+    second = math.cos(angle) * line + math.sin(angle) * np.array([0.0, 1.0, 0.0])
+    direction = np.stack([line, second])[:, None, :]
+    visible = np.ones((2, 1), dtype=np.bool_)
     expected = range_m * math.sqrt(0.5 + 2.0 / math.sin(angle) ** 2)
-    assert dilution_m(direction, np.full((2, 1), range_m), both)[0] == pytest.approx(
+    assert dilution_m(direction, np.full((2, 1), range_m), visible)[0] == pytest.approx(
         expected, rel=1e-12
     )
-    assert math.degrees(stereo_angles_rad(direction, both)[0]) == pytest.approx(
+    assert math.degrees(stereo_angles_rad(direction, visible)[0]) == pytest.approx(
         min(angle_deg, 180.0 - angle_deg)
     )
-    alone = both & np.array([[True], [False]])
+    alone = visible & np.array([[True], [False]])
     assert np.isnan(dilution_m(direction, np.full((2, 1), range_m), alone)[0])
 
 
@@ -243,5 +243,5 @@ def test_dilution_is_the_spread_of_triangulated_points():
             np.linalg.solve(across.sum(0), np.einsum("nij,nj->i", across, sensors)) - point
         )
     spread = math.sqrt(np.mean(np.sum(np.square(draws), axis=1)))
-    found = dilution_m(unit[:, None, :], range_m[:, None], np.ones((4, 1)))[0]
-    assert sigma * found == pytest.approx(spread, rel=0.03)
+    result = dilution_m(unit[:, None, :], range_m[:, None], np.ones((4, 1)))[0]
+    assert sigma * result == pytest.approx(spread, rel=0.03)

@@ -85,8 +85,8 @@ def segment(
     return head + "\n".join(lines) + "\n"
 
 
-def message(*parts, version="2.0"):
-    return HEADER.format(version=version) + "".join(parts)
+def message(*segments, version="2.0"):
+    return HEADER.format(version=version) + "".join(segments)
 
 
 def by_oem(folder, text):
@@ -156,9 +156,9 @@ def test_times_within_which_it_may_be_used(tmp_path):
     useable = f"USEABLE_START_TIME = {stamp(7.25)}\nUSEABLE_STOP_TIME = {stamp(29.0)}\nMETA_STOP"
     text = message(USUAL.replace("META_STOP", useable))
     (tmp_path / "message.oem").write_text(text)
-    theirs = OrbitEphemerisMessage.open(tmp_path / "message.oem").span
+    reference = OrbitEphemerisMessage.open(tmp_path / "message.oem").span
     epoch = Time(str(EPOCH), scale="utc")
-    expected = [(end - epoch).to_value("s") for end in theirs]
+    expected = [(end - epoch).to_value("s") for end in reference]
     np.testing.assert_allclose(
         oem_table(text, EPOCH_US, None).burns_s, [expected], rtol=0.0, atol=3e-7
     )

@@ -43,7 +43,7 @@ SCANS = 30
 Z = 3.2905
 
 
-def scene(model: str, targets: int, duration_s: float, scan_phase: str = "aligned") -> opir.Scene:
+def scene(model, targets, duration_s, scan_phase="aligned"):
     """Return launches at the scene's epoch under one sensor, without light time, as the paper has
     it.
     """
@@ -69,22 +69,22 @@ def scene(model: str, targets: int, duration_s: float, scan_phase: str = "aligne
 
 
 @cache
-def first_scans(model: str) -> np.ndarray:
+def first_scans(model):
     """Return the scan, counted from ignition, that first detects each of 20 000 launches."""
     period_s, _ = PAPER[model]
     plan = opir.compile_plan(scene(model, TARGETS, (SCANS + 0.5) * period_s))
-    found = []
+    result = []
     for seed in range(SEEDS):
         window = Engine(evolve(plan, scene=evolve(plan.scene, seed=seed))).advance(plan.end_ns)
         target, first = np.unique(window.truth.target, return_index=True)
         assert len(target) == TARGETS
-        found.append(np.rint(window.detections.time_s[first] / period_s).astype(int))
-    return np.concatenate(found)
+        result.append(np.rint(window.detections.time_s[first] / period_s).astype(int))
+    return np.concatenate(result)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", PAPER)
-def test_mean_latency(model: str) -> None:
+def test_mean_latency(model):
     period_s, probability = PAPER[model]
     closed_s = float(latency_mean(period_s, probability))
     assert round(closed_s, 4) == MEAN_LATENCY_S[model]
@@ -95,7 +95,7 @@ def test_mean_latency(model: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", PAPER)
-def test_95th_percentile_latency(model: str) -> None:
+def test_95th_percentile_latency(model):
     period_s, probability = PAPER[model]
     # Exactly 1 scan for NEXTGEN-GEO, where ln 0.05 / ln 0.05 must not be rounded up.
     latency_s = float(latency_quantile(0.95, period_s, probability))
@@ -115,7 +115,7 @@ def test_95th_percentile_latency(model: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("model", PAPER)
 @pytest.mark.parametrize("scans", range(1, 11))
-def test_cumulative_probability_after_n_scans(model: str, scans: int) -> None:
+def test_cumulative_probability_after_n_scans(model, scans):
     _, probability = PAPER[model]
     launches = TARGETS * SEEDS
     missed = int((first_scans(model) > scans).sum())
@@ -123,20 +123,20 @@ def test_cumulative_probability_after_n_scans(model: str, scans: int) -> None:
     assert binom.ppf(0.0005, launches, chance) <= missed <= binom.ppf(0.9995, launches, chance)
 
 
-def test_cumulative_probability_in_the_first_second() -> None:
+def test_cumulative_probability_in_the_first_second():
     assert abs(cumulative_probability(0.8, 10) - 0.9999998976) < 5e-11
     assert abs(cumulative_probability(0.6, 5) - 0.98976) < 1e-12
 
 
 @pytest.mark.parametrize("model", PAPER)
-def test_scan_opportunities_of_a_burn_of_300_s(model: str) -> None:
+def test_scan_opportunities_of_a_burn_of_300_s(model):
     plan = opir.compile_plan(scene(model, 1, 400.0))
     assert plan.pairs.looks.tolist() == [OPPORTUNITIES[model]]
     assert Engine(plan).advance(plan.end_ns).looks == OPPORTUNITIES[model]
 
 
 @pytest.mark.parametrize("model", PAPER)
-def test_detections_of_a_burn_are_binomial(model: str) -> None:
+def test_detections_of_a_burn_are_binomial(model):
     period_s, probability = PAPER[model]
     looks = round(300.0 / period_s)
     window = Engine(opir.compile_plan(scene(model, 20, 400.0))).advance(400_000_000_000)
@@ -145,7 +145,7 @@ def test_detections_of_a_burn_are_binomial(model: str) -> None:
     assert abs(len(window.detections) - trials * probability) < Z * spread
 
 
-def test_relative_improvements() -> None:
+def test_relative_improvements():
     (dsp_s, dsp), (sbirs_s, sbirs), (nextgen_s, nextgen) = PAPER.values()
     assert round(100 * (sbirs / dsp - 1)) == 33
     assert round(100 * (nextgen / sbirs - 1)) == 19
@@ -161,7 +161,7 @@ def test_relative_improvements() -> None:
 
 
 @pytest.mark.slow
-def test_random_scan_phase_has_its_own_mean_latency() -> None:
+def test_random_scan_phase_has_its_own_mean_latency():
     """With a uniformly random start of each sensor's scan, the mean is T (1/P - 1/2)."""
     period_s, probability = PAPER["DSP"]
     latency_s = np.concatenate([random_phase_latencies(seed) for seed in range(3)])
@@ -170,12 +170,12 @@ def test_random_scan_phase_has_its_own_mean_latency() -> None:
     assert abs(latency_s.mean() - closed_s) < Z * math.sqrt(variance / len(latency_s))
 
 
-def random_phase_latencies(seed: int) -> np.ndarray:
+def random_phase_latencies(seed):
     """Return when each of 500 sensors, with starts of their own, first detects one launch."""
-    one = scene("DSP", 1, 12.0, "random")
-    many = tuple(evolve(one.sensors[0], id=f"S{number}") for number in range(500))
-    plan = opir.compile_plan(evolve(one, seed=seed, sensors=many))
-    found = Engine(plan).advance(plan.end_ns).detections
-    sensor, first = np.unique(found.sensor, return_index=True)
-    assert len(sensor) == len(many)
-    return found.time_s[first]
+    single = scene("DSP", 1, 12.0, "random")
+    sensors = tuple(evolve(single.sensors[0], id=f"S{number}") for number in range(500))
+    plan = opir.compile_plan(evolve(single, seed=seed, sensors=sensors))
+    result = Engine(plan).advance(plan.end_ns).detections
+    sensor, first = np.unique(result.sensor, return_index=True)
+    assert len(sensor) == len(sensors)
+    return result.time_s[first]

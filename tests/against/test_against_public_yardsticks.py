@@ -37,14 +37,14 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 def test_bolides_are_brightest_where_they_were_measured():
     config = BolideConfig(at=[{"lat_deg": 10.0, "lon_deg": 20.0}], start_s=10.0)
     bands = (Band("SWIR", 2.5, 3.0),)
-    made = bolide_sources(
+    bolides = bolide_sources(
         config, SourceContext(bands=bands, id="b", path="b", epoch_us=0, duration_s=60.0, seed=1)
     )
     since_s = np.linspace(0.0, config.flash_s, 201)[1:-1]
     time_s = config.start_s + since_s
     row = np.zeros(len(time_s), dtype=np.int32)
-    place = ecef_to_geodetic(made.trajectories.position_ecef_m(row, time_s))
-    shown = made.signatures.intensity_w_sr(0, row, since_s, place.height_m, np.zeros(len(row)))
+    place = ecef_to_geodetic(bolides.trajectories.position_ecef_m(row, time_s))
+    shown = bolides.signatures.intensity_w_sr(0, row, since_s, place.height_m, np.zeros(len(row)))
     height_km = place.height_m[np.argmax(shown)] / 1e3
     assert BOLIDE_KM[0] < height_km < BOLIDE_KM[2]
     assert height_km == pytest.approx(BOLIDE_KM[1], rel=0.05)

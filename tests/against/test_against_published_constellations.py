@@ -85,8 +85,8 @@ def test_rosettes_have_the_published_circle_of_coverage(
 def test_five_satellites_cover_the_earth_from_the_published_height_on(spare_deg, is_whole):
     height_km = 1e-3 * EARTH_M * (1.0 / math.cos(math.radians(69.15 + spare_deg)) - 1.0)
     settings = CoverageSettings(target_class=None, heights_km=(0.0,), grid_deg=5.0, steps=96)
-    found = computed_coverage(scene(walker(5, 5, 1, 43.66, altitude_km=height_km)), settings)
-    assert (found["in_view"].values.min() >= 1) == is_whole
+    result = computed_coverage(scene(walker(5, 5, 1, 43.66, altitude_km=height_km)), settings)
+    assert (result["in_view"].values.min() >= 1) == is_whole
 
 
 @pytest.mark.parametrize(("planes", "in_plane"), [(6, 11), (4, 7)])
@@ -114,8 +114,8 @@ def test_iridium_needs_its_published_spacing_of_31_6_degrees():
     covered = {}
     for spacing_deg in (31.6, 30.0):
         fleet = walker(66, 6, 2, 86.4, kind="star", node_spacing_deg=spacing_deg, altitude_km=780.0)
-        found = computed_coverage(scene(fleet, minimum_elevation_deg=8.2), settings)
-        covered[spacing_deg] = found["in_view_min"].values.min()
+        result = computed_coverage(scene(fleet, minimum_elevation_deg=8.2), settings)
+        covered[spacing_deg] = result["in_view_min"].values.min()
     assert covered == {31.6: 1, 30.0: 0}
 
 
@@ -159,12 +159,12 @@ def test_satellites_fly_as_those_of_the_orbit_of_a_single_walker_satellite(kind)
         "inclination_deg": 60.0,
         "kind": kind,
     }
-    first = {"raan_deg": 200.0, "arg_latitude_deg": 300.0}
+    angles = {"raan_deg": 200.0, "arg_latitude_deg": 300.0}
     blocks = [
         {
             "model": "generic-scanner",
             "id": f"S{number}",
-            "orbit": {"walker": {**pattern, **first, "satellite": number}},
+            "orbit": {"walker": {**pattern, **angles, "satellite": number}},
         }
         for number in range(1, 13)
     ]
@@ -177,23 +177,23 @@ def test_satellites_fly_as_those_of_the_orbit_of_a_single_walker_satellite(kind)
     }
     singles = compile_plan(scene_from_mapping(mapping)).sensors
     time_s = np.array([0.0, 3000.0])
-    for one, other in zip(
-        compile_plan(scene({"walker": {**pattern, **first}})).sensors, singles, strict=True
+    for sensor, single in zip(
+        compile_plan(scene({"walker": {**pattern, **angles}})).sensors, singles, strict=True
     ):
-        apart_m = one.orbit.position_ecef_m(time_s) - other.orbit.position_ecef_m(time_s)
+        apart_m = sensor.orbit.position_ecef_m(time_s) - single.orbit.position_ecef_m(time_s)
         assert np.abs(apart_m).max() < 0.01
 
 
 @pytest.mark.parametrize("phasing", [1, 5, 9])
 def test_a_phasing_of_as_many_more_as_there_are_planes_is_the_same_pattern(phasing):
     time_s = np.array([500.0])
-    found = [
+    result = [
         np.concatenate(
             [sensor.orbit.position_ecef_m(time_s) for sensor in compile_plan(scene(fleet)).sensors]
         )
         for fleet in (walker(12, 4, 1, 60.0), walker(12, 4, phasing, 60.0))
     ]
-    one, other = (np.round(each[np.lexsort(np.round(each, 0).T)], 1) for each in found)
+    one, other = (np.round(each[np.lexsort(np.round(each, 0).T)], 1) for each in result)
     np.testing.assert_allclose(one, other, atol=0.2)
 
 

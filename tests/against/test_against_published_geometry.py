@@ -38,13 +38,13 @@ VALLADO = Ellipsoid(6378136.3, WGS84.flattening)
 
 
 def cases(*topics):
-    chosen = [case for case in CASES if case["topic"] in topics]
-    assert chosen
-    return pytest.mark.parametrize("case", [pytest.param(case, id=case["id"]) for case in chosen])
+    selected = [case for case in CASES if case["topic"] in topics]
+    assert selected
+    return pytest.mark.parametrize("case", [pytest.param(case, id=case["id"]) for case in selected])
 
 
-def angle_difference_deg(one, other):
-    return abs((one - other + 180.0) % 360.0 - 180.0)
+def angle_difference_deg(angle_deg, reference_deg):
+    return abs((angle_deg - reference_deg + 180.0) % 360.0 - 180.0)
 
 
 @cases("ecef_to_geodetic_wgs84")
@@ -59,18 +59,18 @@ def test_ecef_to_geodetic(case):
 
 @cases("geodetic_to_ecef_wgs84", "geodetic_to_ecef_grs80", "geodetic_to_ecef_vallado_consts")
 def test_geodetic_to_ecef(case):
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
-    latitude = given.get("lat_rad", np.radians(given.get("lat_deg", 0.0)))
-    longitude = given.get("lon_rad", np.radians(given.get("lon_deg", 0.0)))
-    if "inv_f" in given:
-        shape = {"ellipsoid": Ellipsoid(given["a_m"], 1.0 / given["inv_f"])}
-    elif "a_km" in given:
+    latitude = inputs.get("lat_rad", np.radians(inputs.get("lat_deg", 0.0)))
+    longitude = inputs.get("lon_rad", np.radians(inputs.get("lon_deg", 0.0)))
+    if "inv_f" in inputs:
+        shape = {"ellipsoid": Ellipsoid(inputs["a_m"], 1.0 / inputs["inv_f"])}
+    elif "a_km" in inputs:
         shape = {"ellipsoid": VALLADO}
-        assert given["a_km"] * 1e3 == VALLADO.equatorial_radius_m
+        assert inputs["a_km"] * 1e3 == VALLADO.equatorial_radius_m
     else:
         shape = {}
-    height = given["h_m"] if "h_m" in given else given["h_km"] * 1e3
+    height = inputs["h_m"] if "h_m" in inputs else inputs["h_km"] * 1e3
     position = geodetic_to_ecef(latitude, longitude, height, **shape)
     if "ecef_km" in expected:
         assert position / 1e3 == pytest.approx(expected["ecef_km"], rel=0.0, abs=case["tol"])
@@ -80,12 +80,12 @@ def test_geodetic_to_ecef(case):
 
 @cases("look_angles")
 def test_look_angles(case):
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
-    latitude = np.radians(given["site_lat_deg"])
-    longitude = np.radians(given["site_lon_deg"])
-    site = geodetic_to_ecef(latitude, longitude, given["site_h_km"] * 1e3, ellipsoid=VALLADO)
-    offset = np.array(given["recef_km"]) * 1e3 - site
+    latitude = np.radians(inputs["site_lat_deg"])
+    longitude = np.radians(inputs["site_lon_deg"])
+    site = geodetic_to_ecef(latitude, longitude, inputs["site_h_km"] * 1e3, ellipsoid=VALLADO)
+    offset = np.array(inputs["recef_km"]) * 1e3 - site
     azimuth, elevation, distance = azimuth_elevation_range_in_axes(
         offset, east_north_up_axes(latitude, longitude)
     )
@@ -96,13 +96,13 @@ def test_look_angles(case):
 
 @cases("line_of_sight_ellipsoid_intersection")
 def test_line_of_sight_meets_the_ellipsoid(case):
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
     origin = geodetic_to_ecef(
-        np.radians(given["lat_deg"]), np.radians(given["lon_deg"]), given["h_m"]
+        np.radians(inputs["lat_deg"]), np.radians(inputs["lon_deg"]), inputs["h_m"]
     )
     # pymap3d's tilt is measured from straight down.
-    ray = line_of_sight(origin, np.radians(given["az_deg"]), np.radians(given["tilt_deg"] - 90.0))
+    ray = line_of_sight(origin, np.radians(inputs["az_deg"]), np.radians(inputs["tilt_deg"] - 90.0))
     met = intersection_with_ellipsoid(origin, ray)
     latitude, longitude, height = ecef_to_geodetic(met)
     assert np.degrees(latitude) == pytest.approx(expected["lat_deg"], rel=0.0, abs=case["tol"])
@@ -115,10 +115,10 @@ def test_line_of_sight_meets_the_ellipsoid(case):
 
 @cases("geodesic_inverse_wgs84")
 def test_geodesic_inverse(case):
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
     distance, bearing = geodesic_inverse(
-        *np.radians([given[key] for key in ("lat1", "lon1", "lat2", "lon2")])
+        *np.radians([inputs[key] for key in ("lat1", "lon1", "lat2", "lon2")])
     )
     assert distance == pytest.approx(expected["s12_m"], rel=0.0, abs=case["tol"])
     assert angle_difference_deg(np.degrees(bearing), expected["azi1_deg"]) < 1e-9
@@ -126,19 +126,19 @@ def test_geodesic_inverse(case):
 
 @cases("geodesic_direct_wgs84")
 def test_geodesic_direct(case):
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
-    start = np.radians([given[key] for key in ("lat1", "lon1", "azi1")])
-    latitude, longitude = geodesic_direct(*start, given["s12_m"])
+    start = np.radians([inputs[key] for key in ("lat1", "lon1", "azi1")])
+    latitude, longitude = geodesic_direct(*start, inputs["s12_m"])
     assert np.degrees(latitude) == pytest.approx(expected["lat2"], rel=0.0, abs=case["tol"])
     assert np.degrees(longitude) == pytest.approx(expected["lon2"], rel=0.0, abs=case["tol"])
 
 
 @cases("gmst")
 def test_gmst(case):
-    found = np.degrees(gmst_rad(np.datetime64("1992-08-20T12:14:00")))
+    result = np.degrees(gmst_rad(np.datetime64("1992-08-20T12:14:00")))
     assert case["inputs"]["utc"].startswith("1992-08-20T12:14:00")
-    assert found == pytest.approx(case["expected"]["gmst82_deg"], rel=0.0, abs=case["tol"])
+    assert result == pytest.approx(case["expected"]["gmst82_deg"], rel=0.0, abs=case["tol"])
 
 
 @cases("julian_date")
@@ -151,9 +151,9 @@ def test_julian_date(case):
 @cases("sun_position_low_precision")
 def test_sun_position(case):
     """The published answers are those of an algorithm that is good to 0.01 degrees."""
-    x, y, z = found = sun_position_of_date_m(case["inputs"]["jd"])
+    x, y, z = result = sun_position_of_date_m(case["inputs"]["jd"])
     expected = case["expected"]
-    assert np.linalg.norm(found) / 1e3 == pytest.approx(np.linalg.norm(expected["r_km"]), rel=1e-6)
+    assert np.linalg.norm(result) / 1e3 == pytest.approx(np.linalg.norm(expected["r_km"]), rel=1e-6)
     assert np.degrees(np.arctan2(y, x)) == pytest.approx(expected["ra_deg"], rel=0.0, abs=0.01)
     assert np.degrees(np.arctan2(z, np.hypot(x, y))) == pytest.approx(
         expected["dec_deg"], rel=0.0, abs=0.01
@@ -172,13 +172,13 @@ def test_earth_shadow(case):
 @cases("geo_visibility_spherical")
 def test_geostationary_visibility(case):
     """In the equatorial plane the ellipsoid is the sphere of the case."""
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
     central = np.radians(expected["earth_central_angle_deg"])
-    ground = np.array([np.cos(central), np.sin(central), 0.0]) * given["R_km"] * 1e3
-    satellite = np.array([given["r_geo_km"] * 1e3, 0.0, 0.0])
+    ground = np.array([np.cos(central), np.sin(central), 0.0]) * inputs["R_km"] * 1e3
+    satellite = np.array([inputs["r_geo_km"] * 1e3, 0.0, 0.0])
     elevation = np.degrees(elevation_rad(ground, satellite))
-    assert elevation == pytest.approx(given["elevation_deg"], rel=0.0, abs=1e-11)
+    assert elevation == pytest.approx(inputs["elevation_deg"], rel=0.0, abs=1e-11)
     assert np.degrees(nadir_angle_rad(satellite, ground)) == pytest.approx(
         expected["nadir_angle_deg"], rel=1e-13
     )

@@ -15,27 +15,27 @@ CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))[
 
 
 def cases(*topics):
-    chosen = [
+    selected = [
         case for case in CASES if case["topic"] in topics and case["inputs"].get("revs", 0) == 0
     ]
-    assert chosen
-    return pytest.mark.parametrize("case", [pytest.param(case, id=case["id"]) for case in chosen])
+    assert selected
+    return pytest.mark.parametrize("case", [pytest.param(case, id=case["id"]) for case in selected])
 
 
 def case_named(name):
     return next(case for case in CASES if case["id"] == name)
 
 
-def relative_error(found, expected):
-    return np.linalg.norm(found - np.asarray(expected)) / np.linalg.norm(expected)
+def relative_error(result, expected):
+    return np.linalg.norm(result - np.asarray(expected)) / np.linalg.norm(expected)
 
 
 @cases("kepler_propagation")
 def test_propagation(case):
-    given = case["inputs"]
+    inputs = case["inputs"]
     expected = case["expected"]
-    start = np.array(given["r0_km"]) * 1e3, np.array(given["v0_km_s"]) * 1e3
-    position, velocity = propagate_kepler(*start, given["dt_s"], given["mu_km3_s2"] * 1e9)
+    start = np.array(inputs["r0_km"]) * 1e3, np.array(inputs["v0_km_s"]) * 1e3
+    position, velocity = propagate_kepler(*start, inputs["dt_s"], inputs["mu_km3_s2"] * 1e9)
     assert relative_error(position / 1e3, expected["r_km"]) <= 1e-12
     assert relative_error(velocity / 1e3, expected["v_km_s"]) <= case["tol"] / 50.0
 

@@ -28,11 +28,11 @@ from opir_core.orbits.orbit_models import MovingOrbit, TwoBodyMotion
 DAY_S = 2.0 * math.pi / EARTH_ROTATION_RAD_S
 
 
-def positions(elements: Elements, time_s: np.ndarray) -> np.ndarray:
+def positions(elements, time_s):
     return MovingOrbit(TwoBodyMotion(elements)).position_ecef_m(time_s)
 
 
-def longitudes_rad(position: np.ndarray) -> np.ndarray:
+def longitudes_rad(position):
     return np.arctan2(position[:, 1], position[:, 0])
 
 

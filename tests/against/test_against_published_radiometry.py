@@ -18,7 +18,7 @@ CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))[
 
 
 def case(name):
-    return next(found for found in CASES if found["id"] == name)
+    return next(result for result in CASES if result["id"] == name)
 
 
 def test_planck_band_radiance():
@@ -29,19 +29,19 @@ def test_planck_band_radiance():
     assert planck["inputs"]["c2_um_K"] == pytest.approx(SECOND_RADIATION_UM_K, rel=1e-14)
     rows = planck["expected"]["rows"]
     assert len(rows) > 20
-    ours = band_radiance(
+    result = band_radiance(
         *(np.array([row[key] for row in rows]) for key in ("T_K", "lo_um", "hi_um"))
     )
-    np.testing.assert_allclose(ours, [row["L_W_m2_sr"] for row in rows], rtol=planck["tol"])
+    np.testing.assert_allclose(result, [row["L_W_m2_sr"] for row in rows], rtol=planck["tol"])
 
 
 def test_the_papers_minimum_detectable_intensity_in_both_units():
-    given = case("seed_imin")["inputs"]
+    inputs = case("seed_imin")["inputs"]
     expected = case("seed_imin")["expected"]
-    rest = (given["R_km"] * 1e3, given["tau"], given["snr"])
-    converted = minimum_detectable_intensity(1e4 * given["NEI_W_cm2"], *rest)
+    rest = (inputs["R_km"] * 1e3, inputs["tau"], inputs["snr"])
+    converted = minimum_detectable_intensity(1e4 * inputs["NEI_W_cm2"], *rest)
     assert converted == pytest.approx(expected["I_min_W_sr"], rel=1e-12)
-    taken_as_w_m2 = minimum_detectable_intensity(given["NEI_W_cm2"], *rest)
+    taken_as_w_m2 = minimum_detectable_intensity(inputs["NEI_W_cm2"], *rest)
     assert taken_as_w_m2 == pytest.approx(expected["I_min_if_cm2_not_converted"], rel=1e-12)
 
 

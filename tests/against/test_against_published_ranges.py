@@ -42,8 +42,8 @@ def test_a_minimum_energy_flight_over_7400_km(name):
     profile = evolve(
         boost_profile(name), reference_range_m=range_m, burnout_flight_path_angle_rad=angle
     )
-    there = Geodetic(*geodesic_direct(np.array([math.pi / 2]), 0.0, 0.0, range_m), 0.0)
-    flight = aim(Geodetic(math.pi / 2, 0.0, 0.0), there, 0.0, [profile])
+    place = Geodetic(*geodesic_direct(np.array([math.pi / 2]), 0.0, 0.0, range_m), 0.0)
+    flight = aim(Geodetic(math.pi / 2, 0.0, 0.0), place, 0.0, [profile])
     assert flight.burnout_speed_m_s[0] / 1e3 == pytest.approx(
         expected["burnout_speed_km_s"], rel=within
     )
@@ -66,8 +66,8 @@ def test_the_speed_that_hits_is_the_inverse_of_the_range_equation():
 @pytest.mark.parametrize("profile", boost_profiles().values(), ids=lambda profile: profile.name)
 def test_the_reference_range_takes_the_reference_burnout_speed_on_an_earth_at_rest(profile):
     """Launched at the pole; sphere and ellipsoid differ by a quarter of a percent in speed."""
-    there = Geodetic(
+    place = Geodetic(
         *geodesic_direct(np.array([math.pi / 2]), 0.0, 0.0, profile.reference_range_m), 0.0
     )
-    flight = aim(Geodetic(math.pi / 2, 0.0, 0.0), there, 0.0, [profile])
+    flight = aim(Geodetic(math.pi / 2, 0.0, 0.0), place, 0.0, [profile])
     assert flight.burnout_speed_m_s[0] == pytest.approx(profile.burnout_speed_m_s, rel=0.003)

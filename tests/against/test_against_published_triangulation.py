@@ -1,7 +1,6 @@
 """The triangulation bound of the reference cases, and meeting points that reach it."""
 
 import json
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ CASES = [
 ]
 
 
-def sensors_m(inputs: dict[str, Any]) -> np.ndarray:
+def sensors_m(inputs):
     angle = np.radians(inputs["sat_lon_deg"])
     return inputs["sat_radius_m"] * np.stack(
         [np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1
@@ -23,18 +22,18 @@ def sensors_m(inputs: dict[str, Any]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
-def test_the_bound(case: dict[str, Any]) -> None:
+def test_the_bound(case):
     target = np.array(case["expected"]["target_ecef_m"])
-    apart = target - sensors_m(case["inputs"])
-    range_m = np.linalg.norm(apart, axis=1)
+    separation = target - sensors_m(case["inputs"])
+    range_m = np.linalg.norm(separation, axis=1)
     sigma = np.array(case["inputs"]["sigma_rad_per_axis"])
-    bound = np.linalg.inv(information(apart / range_m[:, None], range_m, sigma).sum(axis=0))
+    bound = np.linalg.inv(information(separation / range_m[:, None], range_m, sigma).sum(axis=0))
     expected = np.array(case["expected"]["cov_ecef_m2"])
     assert np.allclose(bound, expected, rtol=case["tol"], atol=case["tol"] * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
-def test_meeting_points_reach_the_bound(case: dict[str, Any]) -> None:
+def test_meeting_points_reach_the_bound(case):
     """The mean squared error of 4000 fixes is the bound's within 5 standard errors of a sum of
     squares.
     """
@@ -43,15 +42,15 @@ def test_meeting_points_reach_the_bound(case: dict[str, Any]) -> None:
     origin = sensors_m(case["inputs"])
     target = np.array(case["expected"]["target_ecef_m"])
     sigma = np.array(case["inputs"]["sigma_rad_per_axis"])
-    apart = target - origin
-    truth = apart / np.linalg.norm(apart, axis=1)[:, None]
+    separation = target - origin
+    truth = separation / np.linalg.norm(separation, axis=1)[:, None]
     error = rng.normal(size=(runs, *truth.shape)) * sigma[:, None]
     error -= np.sum(error * truth, axis=2)[:, :, None] * truth
-    seen = truth + error
-    seen /= np.linalg.norm(seen, axis=2)[:, :, None]
+    measured = truth + error
+    measured /= np.linalg.norm(measured, axis=2)[:, :, None]
     group = np.repeat(np.arange(runs), len(origin))
     fix = triangulated(
-        group, runs, np.tile(origin, (runs, 1)), seen.reshape(-1, 3), np.tile(sigma, runs)
+        group, runs, np.tile(origin, (runs, 1)), measured.reshape(-1, 3), np.tile(sigma, runs)
     )
     rss = np.sqrt(np.mean(np.sum((fix.position_m - target) ** 2, axis=1)))
     assert rss == pytest.approx(case["expected"]["rss_m"], rel=5.0 / np.sqrt(2.0 * runs))

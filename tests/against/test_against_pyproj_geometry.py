@@ -33,8 +33,10 @@ def topocentric(latitude, longitude, height):
 
 def test_geodetic_to_ecef():
     latitude, longitude, height = places(2000, 1, -1e6, 4e8)
-    theirs = np.stack(PROJ_GEOCENTRIC.transform(longitude, latitude, height, radians=True), axis=-1)
-    error = np.abs(geodetic_to_ecef(latitude, longitude, height) - theirs).max(axis=1)
+    reference = np.stack(
+        PROJ_GEOCENTRIC.transform(longitude, latitude, height, radians=True), axis=-1
+    )
+    error = np.abs(geodetic_to_ecef(latitude, longitude, height) - reference).max(axis=1)
     assert np.all(error <= 1e-9 + 6e-16 * (6.4e6 + np.abs(height)))
 
 
@@ -43,13 +45,13 @@ def test_ecef_to_geodetic_near_the_ground():
     metre of height.
     """
     position = geodetic_to_ecef(*places(2000, 2, -500.0, 500.0))
-    ours = ecef_to_geodetic(position)
+    result = ecef_to_geodetic(position)
     longitude, latitude, height = PROJ_GEOCENTRIC.transform(
         *position.T, radians=True, direction="INVERSE"
     )
-    assert ours.longitude_rad == pytest.approx(longitude, rel=0.0, abs=5e-16)
-    assert ours.latitude_rad == pytest.approx(latitude, rel=0.0, abs=1e-14)
-    assert ours.height_m == pytest.approx(height, rel=0.0, abs=2e-7)
+    assert result.longitude_rad == pytest.approx(longitude, rel=0.0, abs=5e-16)
+    assert result.latitude_rad == pytest.approx(latitude, rel=0.0, abs=1e-14)
+    assert result.height_m == pytest.approx(height, rel=0.0, abs=2e-7)
 
 
 def test_azimuth_elevation_range_in_the_topocentric_frame():

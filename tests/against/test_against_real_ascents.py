@@ -52,8 +52,8 @@ def test_height_and_speed_are_those_of_real_launches_within_a_fifth(ascent, time
 def test_it_is_nearer_than_one_smooth_burn(ascent, time_s):
     times, _, speeds = ascent
     real = MEDIANS[time_s][1]
-    own = float(np.interp(time_s, times, speeds))
-    assert abs(own - real) < 0.5 * abs(CLASS_M_S[time_s] - real)
+    speed = float(np.interp(time_s, times, speeds))
+    assert abs(speed - real) < 0.5 * abs(CLASS_M_S[time_s] - real)
 
 
 def test_its_gap_is_one_of_theirs():

@@ -7,8 +7,6 @@ second, as free parameters, and the angles with their prior; its Jacobian is by 
 directions. Seeds are even; odd ones were built on.
 """
 
-from typing import Any
-
 import numpy as np
 import pytest
 from attrs import evolve
@@ -28,14 +26,14 @@ GEO_M = 4.2164e7
 EARTH_M = 6.378137e6
 
 
-def frame(longitude_deg: float) -> np.ndarray:
+def frame(longitude_deg):
     """Return the rows east, north and up at the equator."""
     turn = np.radians(longitude_deg)
     up = np.array([np.cos(turn), np.sin(turn), 0.0])
     return np.array([[-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0], up])
 
 
-def turned(direction: np.ndarray, axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def turned(direction, axes, angles):
     """Return directions (n, 3) of a sensor whose line of sight to nadir is moved by angles (2,)
     east and north.
 
@@ -44,26 +42,35 @@ def turned(direction: np.ndarray, axes: np.ndarray, angles: np.ndarray) -> np.nd
     return Rotation.from_rotvec(angles[1] * axes[0] - angles[0] * axes[1]).apply(direction)
 
 
-def paths(rng: np.random.Generator) -> Any:
+def paths(rng):
     """Return a function of the places (n, 3) of a target at times (n,) since the start, for each
     target.
     """
-    made = []
+    rows = []
     for _ in range(TARGETS):
         latitude = rng.uniform(-35.0, 35.0)
         longitude = rng.uniform(-150.0, -95.0)
         up = Rotation.from_euler("zy", [longitude, -latitude], degrees=True).apply([1.0, 0.0, 0.0])
         aside = np.cross(up, rng.standard_normal(3))
         aside /= np.linalg.norm(aside)
-        made.append(
+        rows.append(
             lambda t, up=up, aside=aside: (
                 EARTH_M * up + np.outer(6.0 * t**2, up) + np.outer(0.05 * t**3, aside)
             )
         )
-    return made
+    return rows
 
 
-def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
+def sights(scan, path, axes, bias, rng):
+    """Return the directions (n, 3) of a sensor's looks at a target."""
+    separation = path(0.1 * scan - 1.0) - GEO_M * axes[2]
+    direction = turned(separation / np.linalg.norm(separation, axis=1)[:, None], axes, bias)
+    noise = SIGMA_RAD * rng.standard_normal(direction.shape)
+    noise -= np.sum(noise * direction, axis=1)[:, None] * direction
+    return (direction + noise) / np.linalg.norm(direction + noise, axis=1)[:, None]
+
+
+def looks(seed):
     """Return detections, biases (s, 2), and the bound's information (2 s, 2 s) with the prior."""
     rng = np.random.default_rng([2, seed])
     bias = BIAS_RAD * rng.standard_normal((len(SLOTS_DEG), 2))
@@ -71,21 +78,15 @@ def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
     rows = []
     information = np.eye(bias.size) / BIAS_RAD**2
     for path in paths(rng):
-        seen = []
+        scans = []
         for sensor in range(len(SLOTS_DEG)):
             scan = np.arange(11, 10 * SECONDS)
             scan = scan[rng.random(len(scan)) < 0.7]
-            apart = path(0.1 * scan - 1.0) - GEO_M * axes[sensor, 2]
-            direction = turned(
-                apart / np.linalg.norm(apart, axis=1)[:, None], axes[sensor], bias[sensor]
-            )
-            noise = SIGMA_RAD * rng.standard_normal(direction.shape)
-            noise -= np.sum(noise * direction, axis=1)[:, None] * direction
-            direction = (direction + noise) / np.linalg.norm(direction + noise, axis=1)[:, None]
+            direction = sights(scan, path, axes[sensor], bias[sensor], rng)
             rows.append((scan, np.full(len(scan), sensor), direction))
-            seen.append(scan)
+            scans.append(scan)
         for second in range(1, SECONDS):
-            counts = [np.count_nonzero(scan // 10 == second) for scan in seen]
+            counts = [np.count_nonzero(scan // 10 == second) for scan in scans]
             information += reported(path(np.array([second - 0.5]))[0], axes, counts)
     scan, sensor, direction = (np.concatenate(column) for column in zip(*rows, strict=True))
     order = np.lexsort((sensor, scan))
@@ -103,33 +104,32 @@ def looks(seed: int) -> tuple[Any, np.ndarray, np.ndarray]:
     return detections, bias, information
 
 
-def reported(place: np.ndarray, axes: np.ndarray, counts: list[int]) -> np.ndarray:
+def reported(place, axes, counts):
     """Return what a second of looks says of the biases, the place of the target being free."""
 
-    def directions(values: np.ndarray) -> np.ndarray:
-        every = []
-        for sensor, own in enumerate(axes):
-            apart = place + values[:3] - GEO_M * own[2]
+    def directions(values):
+        stacked = []
+        for sensor, frame in enumerate(axes):
+            separation = place + values[:3] - GEO_M * frame[2]
             turn = turned(
-                apart / np.linalg.norm(apart), own, values[3 + 2 * sensor : 5 + 2 * sensor]
+                separation / np.linalg.norm(separation),
+                frame,
+                values[3 + 2 * sensor : 5 + 2 * sensor],
             )
-            every.append(np.sqrt(counts[sensor]) * turn / SIGMA_RAD)
-        return np.concatenate(every)
+            stacked.append(np.sqrt(counts[sensor]) * turn / SIGMA_RAD)
+        return np.concatenate(stacked)
 
     steps = np.append(np.full(3, 100.0), np.full(2 * len(axes), 1e-5))
     slope = np.stack(
         [(directions(step) - directions(-step)) / (2.0 * step.max()) for step in np.diag(steps)],
         axis=1,
     )
-    whole = slope.T @ slope
+    total = slope.T @ slope
     ridge = np.eye(3) / 1e12
-    left: np.ndarray = whole[3:, 3:] - whole[3:, :3] @ np.linalg.solve(
-        whole[:3, :3] + ridge, whole[:3, 3:]
-    )
-    return left
+    return total[3:, 3:] - total[3:, :3] @ np.linalg.solve(total[:3, :3] + ridge, total[:3, 3:])
 
 
-def found(detections: Any, stated_rad: float) -> tuple[Any, int]:
+def found(detections, stated_rad):
     """Return the tracker after all looks, and the number of its tracks."""
     sensors = tuple(
         evolve(
@@ -151,7 +151,7 @@ def found(detections: Any, stated_rad: float) -> tuple[Any, int]:
 
 
 @pytest.mark.slow
-def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_say() -> None:
+def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_say():
     scaled = []
     squares = []
     for seed in range(0, 24, 2):
@@ -172,7 +172,7 @@ def test_biases_that_are_reported_reach_the_bound_and_are_as_accurate_as_they_sa
 
 
 @pytest.mark.slow
-def test_biases_that_nobody_reported_are_found_with_one_track_a_target() -> None:
+def test_biases_that_nobody_reported_are_found_with_one_track_a_target():
     detections, bias, information = looks(100)
     tracker, tracks = found(detections, 0.0)
     health = tracker.sensor_health()

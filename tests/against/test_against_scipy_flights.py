@@ -51,47 +51,45 @@ def integrated_course(row, radius_m, elapsed_s):
     return np.array([(rise if t < start else turn).sol(t) for t in elapsed_s]).T
 
 
-@pytest.mark.parametrize("name", sorted(PROFILES))
-def test_boost_follows_the_formulas_of_the_profile(name):
-    latitude = 0.55
-    longitude = 2.9
-    height = 700.0
-    azimuth = 4.4
-    profile = PROFILES[name]
-    row = TABLE["profiles"][name]
-    a = 6378137.0
-    f = 1 / 298.257223563
-    e2 = f * (2 - f)
-    sine = math.sin(latitude)
-    normal = a / math.sqrt(1 - e2 * sine**2)
-    meridian = a * (1 - e2) / (1 - e2 * sine**2) ** 1.5
-    radius = 1 / (
-        math.cos(azimuth) ** 2 / (meridian + height) + math.sin(azimuth) ** 2 / (normal + height)
-    )
-    elapsed = np.concatenate(
-        [
-            np.linspace(0.0, 1.0, 60) * profile.burn_time_s,
-            profile.pitch_start_s + np.logspace(-6, 1, 30),
-        ]
-    )
-    h, phi = integrated_course(row, radius, elapsed)
+LATITUDE = 0.55
+LONGITUDE = 2.9
+HEIGHT_M = 700.0
+AZIMUTH = 4.4
 
-    lon = math.degrees(longitude)
-    lat = math.degrees(latitude)
-    launch, above = (np.array(TO_ECEF.transform(lon, lat, height + step)) for step in (0.0, 1e6))
+
+def radius_of_curvature_m():
+    """Return the radius of curvature of WGS 84 along the azimuth, at the height of the site."""
+    flattening = 1 / 298.257223563
+    e2 = flattening * (2 - flattening)
+    root = 1 - e2 * math.sin(LATITUDE) ** 2
+    normal = 6378137.0 / math.sqrt(root) + HEIGHT_M
+    meridian = 6378137.0 * (1 - e2) / root**1.5 + HEIGHT_M
+    return 1 / (math.cos(AZIMUTH) ** 2 / meridian + math.sin(AZIMUTH) ** 2 / normal)
+
+
+def places_over_site(radius, height, swept):
+    """Return ECEF places (n, 3) over a sphere that osculates at the site, by pyproj."""
+    degrees = math.degrees(LONGITUDE), math.degrees(LATITUDE)
+    launch, above = (np.array(TO_ECEF.transform(*degrees, HEIGHT_M + h)) for h in (0.0, 1e6))
     up = (above - launch) / 1e6
     east = np.cross([0.0, 0.0, 1.0], up) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], up))
-    heading = math.sin(azimuth) * east + math.cos(azimuth) * np.cross(up, east)
-    centre = launch - radius * up
-    expected = centre + (radius + h)[:, None] * (
-        np.cos(phi)[:, None] * up + np.sin(phi)[:, None] * heading
-    )
+    heading = math.sin(AZIMUTH) * east + math.cos(AZIMUTH) * np.cross(up, east)
+    outward = np.cos(swept)[:, None] * up + np.sin(swept)[:, None] * heading
+    return launch - radius * up + (radius + height)[:, None] * outward
 
+
+@pytest.mark.parametrize("name", sorted(PROFILES))
+def test_boost_follows_the_formulas_of_the_profile(name):
+    profile = PROFILES[name]
+    burn_s = np.linspace(0.0, 1.0, 60) * profile.burn_time_s
+    elapsed = np.append(burn_s, profile.pitch_start_s + np.logspace(-6, 1, 30))
+    radius = radius_of_curvature_m()
+    height, swept = integrated_course(TABLE["profiles"][name], radius, elapsed)
     course = ascent([profile], [profile.burnout_flight_path_angle_rad])
-    site = launch_site(np.array([latitude]), longitude, height)
-    path = boost_path(site, 0.0, np.array([azimuth]), np.array([profile.burnout_speed_m_s]), course)
+    site = launch_site(np.array([LATITUDE]), LONGITUDE, HEIGHT_M)
+    path = boost_path(site, 0.0, np.array([AZIMUTH]), np.array([profile.burnout_speed_m_s]), course)
     position, _ = path.state(np.zeros(len(elapsed), dtype=int), elapsed)
-    np.testing.assert_allclose(position, expected, atol=1e-5)
+    np.testing.assert_allclose(position, places_over_site(radius, height, swept), atol=1e-5)
 
 
 def pull(_time, state):

@@ -83,33 +83,35 @@ def test_gravity_turns_follow_the_equations_from_ignition_to_impact(has_forces):
         compare(targets, row, truth, flight.integrated(), config)
 
 
+def turned_back(vectors, times):
+    """Return vectors (3, n) at times as inertial ones, (n, 3)."""
+    pairs = zip(vectors.T, times, strict=True)
+    return np.array([to_inertial(vector, -time_s) for vector, time_s in pairs])
+
+
 def compare(targets, row, truth, parts, config):
     start = truth["ignition_s"]
-    for number, part in enumerate(parts):
-        inside = np.linspace(part.t[0], part.t[-1], 23)
-        if number == len(parts) - 1:
-            inside = inside[:-1]
-        expected = part.sol(inside)
-        turned = np.array(
-            [to_inertial(column, -t) for column, t in zip(expected[:3].T, inside, strict=True)]
-        )
+    for number, stage in enumerate(parts):
+        is_last = number == len(parts) - 1
+        inside = np.linspace(stage.t[0], stage.t[-1], 23)[: -1 if is_last else None]
+        expected = stage.sol(inside)
         rows = np.full(len(inside), row, dtype=np.int32)
-        found = targets.position_ecef_m(rows, np.clip(start + inside, start, targets.end_s[row]))
-        assert np.abs(found - turned).max() < 1.0, (config.staging, number)
-        if number < len(parts) - 1:
-            carried = expected[3:] - WHIRL * np.array(
-                [-expected[1], expected[0], np.zeros(len(inside))]
-            )
-            velocity = np.array(
-                [to_inertial(column, -t) for column, t in zip(carried.T, inside, strict=True)]
-            )
+        result = targets.position_ecef_m(rows, np.clip(start + inside, start, targets.end_s[row]))
+        gap = np.abs(result - turned_back(expected[:3], inside)).max()
+        assert gap < 1.0, (config.staging, number)
+        if not is_last:
+            whirl = WHIRL * np.array([-expected[1], expected[0], np.zeros(len(inside))])
+            velocity = turned_back(expected[3:] - whirl, inside)
             _, speed = targets.flights.state(rows, start + inside)
             assert np.abs(speed - velocity).max() < 1e-2, (config.staging, number)
-    end = parts[-1]
-    impact = to_inertial(end.y[:3, -1], -end.t[-1])
+    compare_impact(parts[-1], truth, config)
+
+
+def compare_impact(fall, truth, config):
+    reported = truth["impact"]
+    impact = to_inertial(fall.y[:3, -1], -fall.t[-1])
     aim = np.array(TO_ECEF.transform(config.aim.lon_deg, config.aim.lat_deg, config.aim.height_m))
     assert np.linalg.norm(impact - aim) < 10.0, config.staging
-    assert abs(end.t[-1] + start - truth["impact"]["time_s"]) < 0.01
+    assert abs(fall.t[-1] + truth["ignition_s"] - reported["time_s"]) < 0.01
     lon, lat, _ = TO_GEODETIC.transform(*impact)
-    reported = truth["impact"]
     assert GEOD.inv(lon, lat, reported["lon_deg"], reported["lat_deg"])[2] < 10.0

@@ -58,9 +58,9 @@ def test_propagation(factor):
         end = solve_ivp(
             acceleration, (0.0, duration), np.concatenate([position[i], velocity[i]]), **TOLERANCE
         ).y[:, -1]
-        found = np.concatenate(propagate_kepler(position[i], velocity[i], duration))
-        np.testing.assert_allclose(found[:3], end[:3], atol=1e-3)
-        np.testing.assert_allclose(found[3:], end[3:], atol=1e-6)
+        result = np.concatenate(propagate_kepler(position[i], velocity[i], duration))
+        np.testing.assert_allclose(result[:3], end[:3], atol=1e-3)
+        np.testing.assert_allclose(result[3:], end[3:], atol=1e-6)
 
 
 @pytest.mark.parametrize("height", [0.0, 30e3])

@@ -88,12 +88,12 @@ def steepest_apogee_m(config):
         }
         return flown(config, {**settings, "burnout_s": burn_s, "ignition_s": 0.0})
 
-    found = root(
+    result = root(
         lambda kick: miss_m(config, *trial(kick)[1:]),
         [1e-4, 1e-4],
         options={"eps": 1e-4, "xtol": 1e-5},
     )
-    apogee_m, lat, lon = trial(found.x)
+    apogee_m, lat, lon = trial(result.x)
     assert math.hypot(*miss_m(config, lat, lon)) < 20e3
     return apogee_m
 

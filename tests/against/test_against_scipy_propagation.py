@@ -119,11 +119,11 @@ def test_impact_with_drag(atmosphere, density, height_m):
     reached.terminal = True
     reached.direction = -1
     end = reference(start, 600.0, ("j2",), (beta, density), events=reached, max_step=0.5)
-    found = impact_states_eci(*start, height_m, forces, tolerance_m=1e-4)
-    assert abs(found.duration_s - end.t_events[0][0]) <= 1e-6
+    result = impact_states_eci(*start, height_m, forces, tolerance_m=1e-4)
+    assert abs(result.duration_s - end.t_events[0][0]) <= 1e-6
     # Kinks that SciPy steps over cost it some micrometres; ours are met exactly.
-    assert np.linalg.norm(found.position_m - end.y_events[0][0][:3]) <= 5e-4
-    assert abs(ecef_to_geodetic(found.position_m).height_m - height_m) <= 1e-7
+    assert np.linalg.norm(result.position_m - end.y_events[0][0][:3]) <= 5e-4
+    assert abs(ecef_to_geodetic(result.position_m).height_m - height_m) <= 1e-7
 
 
 @pytest.mark.slow

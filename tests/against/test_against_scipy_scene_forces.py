@@ -104,9 +104,9 @@ def test_every_target_comes_down_within_a_metre_of_its_aim(name):
         burnout = target["burnout"]
         aim = target["aim"]
         states = np.array(burnout["position_ecef_m"]), np.array(burnout["velocity_ecef_m_s"])
-        there, flight_s = impact_ecef_m(*states, aim["height_m"], zonal, coefficient)
+        impact, flight_s = impact_ecef_m(*states, aim["height_m"], zonal, coefficient)
         place = Geodetic(np.radians(aim["lat_deg"]), np.radians(aim["lon_deg"]), aim["height_m"])
-        assert np.linalg.norm(there - geodetic_to_ecef(*place)) <= 1.0
+        assert np.linalg.norm(impact - geodetic_to_ecef(*place)) <= 1.0
         assert abs(target["burnout_s"] + flight_s - target["impact"]["time_s"]) <= 1e-3
 
 
@@ -118,6 +118,6 @@ def test_forces_matter():
         name: [np.array(t["burnout"]["velocity_ecef_m_s"]) for t in truth_of(name)]
         for name in SCENES
     }
-    for one, other in (("kepler", "j2"), ("j2", "j2 drag")):
-        for before, after in zip(speeds[one], speeds[other], strict=True):
+    for forces, more_forces in (("kepler", "j2"), ("j2", "j2 drag")):
+        for before, after in zip(speeds[forces], speeds[more_forces], strict=True):
             assert np.linalg.norm(before - after) > 0.05

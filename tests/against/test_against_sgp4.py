@@ -20,7 +20,7 @@ from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
 PUBLISHED = published_km()
 
 
-def motion_of(number: str) -> tuple[Sgp4Motion, float]:
+def motion_of(number):
     satellite = satellite_of_tle(TLE[number])
     epoch_us, seconds = epoch_of(satellite)
     return Sgp4Motion(satellite, epoch_us, number), seconds
@@ -30,10 +30,10 @@ def motion_of(number: str) -> tuple[Sgp4Motion, float]:
 def test_the_published_positions_are_met(number):
     motion, seconds = motion_of(number)
     rows = np.array(PUBLISHED[number])
-    ours = motion.position_teme_m(seconds + 60.0 * rows[:, 0])
+    result = motion.position_teme_m(seconds + 60.0 * rows[:, 0])
     # Printed to 1e-5 m. The last rows of 20413 are 1.8 million minutes from its epoch, where a
     # double counts 1e-8 s.
-    assert ours == pytest.approx(
+    assert result == pytest.approx(
         rows[:, 1:] * 1e3, rel=0.0, abs=2e-4 if number == "20413" else 6e-6
     )
 
@@ -61,10 +61,10 @@ def test_positions_are_those_of_the_package_turned_by_sidereal_time(number):
     assert not code.any()
     angle = gmst_rad(np.datetime64(epoch_us, "us"), time_s)
     x, y, z = teme_km.T * 1e3
-    theirs = np.stack(
+    reference = np.stack(
         [np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x, z], axis=1
     )
-    misses = np.linalg.norm(orbit.position_ecef_m(time_s) - theirs, axis=1)
+    misses = np.linalg.norm(orbit.position_ecef_m(time_s) - reference, axis=1)
     assert misses.max() <= 1e-3
 
 
@@ -77,9 +77,9 @@ def test_an_omm_says_the_same_as_its_tle(number):
     time_s = np.linspace(0.0, 1800.0, 50)
     expected = orbit_of(OrbitConfig(tle=TLE[number]), epoch_us).position_ecef_m(time_s)
     for message in (omm, as_text):
-        ours = orbit_of(OrbitConfig(omm=message), epoch_us).position_ecef_m(time_s)
+        result = orbit_of(OrbitConfig(omm=message), epoch_us).position_ecef_m(time_s)
         # The epoch of an OMM is rounded to a microsecond: 8 mm of a low orbit.
-        assert ours == pytest.approx(expected, rel=0.0, abs=1e-2)
+        assert result == pytest.approx(expected, rel=0.0, abs=1e-2)
 
 
 def test_an_omm_file_of_several_is_asked_by_name_or_number(tmp_path):
@@ -102,8 +102,8 @@ def test_a_position_does_not_depend_on_what_else_was_asked(number):
     config = OrbitConfig(tle=TLE[number])
     time_s = np.random.default_rng(2).uniform(-4e4, 1e5, 60)
     together = orbit_of(config, epoch_us).position_ecef_m(time_s)
-    one = orbit_of(config, epoch_us)
-    alone = np.concatenate([one.position_ecef_m(time_s[[row]]) for row in reversed(range(60))])[
+    orbit = orbit_of(config, epoch_us)
+    alone = np.concatenate([orbit.position_ecef_m(time_s[[row]]) for row in reversed(range(60))])[
         ::-1
     ]
     assert together.tobytes() == alone.tobytes()

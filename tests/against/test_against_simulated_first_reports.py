@@ -35,8 +35,8 @@ def test_the_median_of_a_cell_is_that_of_simulated_runs():
         chance=0.5,
         samples=40,
     )
-    found = computed_coverage(scene_from_mapping({**BASE, "targets": []}), settings)
-    first_s = np.asarray(found["first_report"].values)[0, 0]
+    result = computed_coverage(scene_from_mapping({**BASE, "targets": []}), settings)
+    first_s = np.asarray(result["first_report"].values)[0, 0]
     reach_deg = core_target_class("SRBM").profiles[0].reference_range_m / 111_200.0
     for latitude, longitude in ((-32.5, 12.5), (2.5, 12.5)):
         launch = {"lat_deg": latitude, "lon_deg": longitude, "time_s": 0.0}

@@ -45,19 +45,19 @@ def test_elements_of_our_states_are_the_elements_given(elements):
     time_s = np.array([0.0, 1234.5, 40_000.0])
     position, velocity = TwoBodyMotion(elements).state_eci(time_s)
     time = load.timescale(builtin=True).tt_jd(2461132.0 + time_s / 86400.0)
-    found = OsculatingElements(
+    result = OsculatingElements(
         Distance(m=position.T), Velocity(km_per_s=velocity.T * 1e-3), time, MU_KM3_S2
     )
-    assert found.semi_major_axis.m == pytest.approx(elements.semi_major_axis_m, rel=1e-12)
-    assert found.eccentricity == pytest.approx(elements.eccentricity, rel=0.0, abs=1e-12)
-    assert found.inclination.radians == pytest.approx(elements.inclination_rad, rel=0.0, abs=1e-12)
-    node = found.longitude_of_ascending_node.radians
+    assert result.semi_major_axis.m == pytest.approx(elements.semi_major_axis_m, rel=1e-12)
+    assert result.eccentricity == pytest.approx(elements.eccentricity, rel=0.0, abs=1e-12)
+    assert result.inclination.radians == pytest.approx(elements.inclination_rad, rel=0.0, abs=1e-12)
+    node = result.longitude_of_ascending_node.radians
     assert turned(node - elements.node_longitude_rad) == pytest.approx(0.0, abs=1e-12)
     # Perigee and anomaly of a near-circular orbit are known to 1e-16 over its eccentricity.
-    perigee = found.argument_of_periapsis.radians
+    perigee = result.argument_of_periapsis.radians
     assert turned(perigee - elements.argument_of_perigee_rad) == pytest.approx(0.0, abs=1e-11)
     anomaly = elements.mean_anomaly_rad + elements.mean_motion_rad_s * time_s
-    assert turned(found.mean_anomaly.radians - anomaly) == pytest.approx(0.0, abs=1e-11)
+    assert turned(result.mean_anomaly.radians - anomaly) == pytest.approx(0.0, abs=1e-11)
 
 
 @pytest.mark.parametrize("number", KINDS.values(), ids=KINDS.keys())
@@ -67,12 +67,12 @@ def test_its_sidereal_time_turns_teme_to_our_positions(number):
     time_s = np.linspace(0.0, 7200.0, 50)
     angle, _ = theta_GMST1982(2440587.5 + epoch_us // 86_400_000_000, time_s / 86400.0)
     x, y, z = Sgp4Motion(satellite, epoch_us).position_teme_m(time_s).T
-    theirs = np.stack(
+    reference = np.stack(
         [np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x, z], axis=1
     )
-    ours = orbit_of(OrbitConfig(tle=TLE[number]), epoch_us).position_ecef_m(time_s)
+    result = orbit_of(OrbitConfig(tle=TLE[number]), epoch_us).position_ecef_m(time_s)
     # Its angle is rounded at 3e-9 of a turn's seconds: 1e-9 rad.
     assert (
-        np.linalg.norm(ours - theirs, axis=1).max()
-        <= 1e-3 + 1e-9 * np.linalg.norm(theirs, axis=1).max()
+        np.linalg.norm(result - reference, axis=1).max()
+        <= 1e-3 + 1e-9 * np.linalg.norm(reference, axis=1).max()
     )

@@ -19,7 +19,7 @@ SENSOR = {"model": "DSP", "scan_period_ms": 10_000.0}
 IS_UNSURE = pytest.mark.xfail(reason="P(launch) ends at 0.91 with ten others a day", strict=True)
 
 
-def run_of(flight: str, seed: int) -> opir.Run:
+def run_of(flight, seed):
     """Return a run of an ascent before two scanners, until it is some 60 km high."""
     target = {"id": flight, "model": "table", "type": "SLV", "file": str(ASCENTS / f"{flight}.csv")}
     slots = {"WEST": -130.0, "EAST": -40.0}
@@ -50,12 +50,12 @@ def run_of(flight: str, seed: int) -> opir.Run:
         ("orbcomm2", 51),
     ],
 )
-def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight: str, seed: int) -> None:
+def test_a_launch_that_looks_like_a_fire_keeps_its_track(flight, seed):
     run = run_of(flight, seed)
-    late = (run.truth.target == 0) & (run.detections.time_s > START_S + LATE_S)
-    number = np.unique(run.detections.track[late])
+    settled = (run.truth.target == 0) & (run.detections.time_s > START_S + LATE_S)
+    number = np.unique(run.detections.track[settled])
     assert len(number) == 1
     assert number[0] >= 0, "the launch has left the gate of a ground source"
-    mine = run.tracks.take(np.flatnonzero(run.tracks.track == number[0]))
-    assert mine.probability_launch[np.searchsorted(mine.tick_s, START_S + 60.0)] < 0.5
-    assert mine.probability_launch[-1] > 0.95
+    rows = run.tracks.take(np.flatnonzero(run.tracks.track == number[0]))
+    assert rows.probability_launch[np.searchsorted(rows.tick_s, START_S + 60.0)] < 0.5
+    assert rows.probability_launch[-1] > 0.95

@@ -74,34 +74,34 @@ def test_regions_are_reported_from_the_recognised_launch_on_and_are_nested(repor
     """These flights come down: what is recognised has regions, but for ticks with too few effective
     samples.
     """
-    _, seen = reported
-    tracked = np.isfinite(seen.burning)
+    _, reports = reported
+    tracked = np.isfinite(reports.burning)
     assert tracked[15:].mean() > 0.9
-    known = tracked & np.isfinite(seen.area_km2[:, :, 2])
-    assert known.sum() > 0.98 * tracked.sum()
-    assert (np.diff(seen.area_km2[known], axis=1) >= 0.0).all()
-    small = known & (seen.area_km2[:, :, 2] < HUGE_KM2)
-    assert (np.diff(seen.is_held[small], axis=1) >= 0.0).all()
+    rows = tracked & np.isfinite(reports.area_km2[:, :, 2])
+    assert rows.sum() > 0.98 * tracked.sum()
+    assert (np.diff(reports.area_km2[rows], axis=1) >= 0.0).all()
+    small = rows & (reports.area_km2[:, :, 2] < HUGE_KM2)
+    assert (np.diff(reports.is_held[small], axis=1) >= 0.0).all()
 
 
 def test_the_95_percent_region_holds_most_impacts_in_the_burn_and_after(reported):
-    truth, seen = reported
+    truth, reports = reported
     for late_s in (-25.0, -10.0, 10.0, 30.0):
-        row = np.searchsorted(seen.tick_s, truth.burnout_s + late_s)
-        held = seen.is_held[row, np.arange(FLIGHTS)]
+        row = np.searchsorted(reports.tick_s, truth.burnout_s + late_s)
+        held = reports.is_held[row, np.arange(FLIGHTS)]
         # Of 12 draws that are held with 95 %, fewer than 9 are a case of one in a thousand.
         assert np.count_nonzero(held[:, 2]) >= 9, late_s
 
 
 def test_after_burnout_the_probability_of_burning_falls_and_the_region_shrinks(reported):
     """For 20 s another stage may ignite after a gap; then the region is that of a free flight."""
-    truth, seen = reported
+    truth, reports = reported
     before, after = (
-        np.searchsorted(seen.tick_s, truth.burnout_s + late_s) for late_s in (-5.0, 30.0)
+        np.searchsorted(reports.tick_s, truth.burnout_s + late_s) for late_s in (-5.0, 30.0)
     )
     flights = np.arange(FLIGHTS)
-    assert seen.burning[before, flights].min() > 0.9
-    assert seen.burning[after, flights].max() < 0.1
-    areas = [seen.area_km2[row, flights, 2] for row in (before, after)]
+    assert reports.burning[before, flights].min() > 0.9
+    assert reports.burning[after, flights].max() < 0.1
+    areas = [reports.area_km2[row, flights, 2] for row in (before, after)]
     assert (areas[1] < areas[0]).all()
     assert np.median(areas[1] / areas[0]) < 0.01

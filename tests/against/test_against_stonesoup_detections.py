@@ -44,7 +44,7 @@ def detections():
     order.
     """
     plan = compile_plan(scene_from_mapping(SCENE))
-    made = []
+    events = []
     for number, sensor in enumerate(plan.sensors):
         origin = sensor.orbit.position_ecef_m(np.zeros(1))[0]
         noise = np.diag([SIGMA_RAD**2] * 2)
@@ -54,7 +54,7 @@ def detections():
         for time_s in np.arange(15.0 + 0.25 * number, 55.0, 0.5).tolist():
             place = plan.targets.position_ecef_m(np.zeros(1, np.int32), np.array([time_s]))[0]
             elevation, bearing = model.function(State(StateVector(place)), noise=True)[:, 0]
-            made.append(
+            events.append(
                 (
                     EPOCH + timedelta(seconds=time_s),
                     sensor.id,
@@ -63,7 +63,7 @@ def detections():
                     float(bearing),
                 )
             )
-    return sorted(made, key=lambda row: row[0])
+    return sorted(events, key=lambda row: row[0])
 
 
 def tracks_of(path, tmp_path):
@@ -101,13 +101,13 @@ def test_detections_of_stonesoup_are_tracked_as_events(tmp_path):
         )
     (tmp_path / "stonesoup.csv").write_text("\n".join([*lines, ""]))
     (tmp_path / "events.jsonl").write_text("\n".join(map(json.dumps, events)))
-    own, theirs = (
+    own, reference = (
         tracks_of(tmp_path / name, tmp_path) for name in ("stonesoup.csv", "events.jsonl")
     )
     assert len(own) > 20
-    np.testing.assert_array_equal(own[:, :2], theirs[:, :2])
+    np.testing.assert_array_equal(own[:, :2], reference[:, :2])
     # Angles at 36 000 km in degrees and back: rounding of 1e-15 of a line of sight.
-    np.testing.assert_allclose(own[:, 2:], theirs[:, 2:], rtol=0.0, atol=1e-2)
+    np.testing.assert_allclose(own[:, 2:], reference[:, 2:], rtol=0.0, atol=1e-2)
     # And they are of the flight, whose burn kepler-arc follows with a lag.
     plan = compile_plan(scene_from_mapping(SCENE))
     true = plan.targets.position_ecef_m(np.zeros(len(own), np.int32), own[:, 0])

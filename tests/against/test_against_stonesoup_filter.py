@@ -6,7 +6,6 @@ projection of a point onto the plane across a line of sight, and the same looks,
 """
 
 import datetime
-from typing import Any
 
 import numpy as np
 from opir_trackers.filter.burn_modes import carried
@@ -25,29 +24,29 @@ WEIGHTLESS = Forces(zonal=(), gravity=ZonalField(mu_m3_s2=0.0))
 SENSORS_M = 42164e3 * np.array([[np.cos(0.17), np.sin(0.17), 0.0], [np.cos(1.7), np.sin(1.7), 0.0]])
 
 
-def looks(count: int) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray, np.ndarray]:
+def looks(count):
     """Return origins, axes and positions across them of looks at a curved path, and the prior."""
     rng = np.random.default_rng(11)
     start = np.array([3.1e6, 4.2e6, 3.7e6])
     origins = []
     axes = []
-    seen = []
+    angles = []
     for number in range(1, count + 1):
         time_s = number * STEP_S
         target = (
             start + np.array([40.0, -20.0, 60.0]) * time_s + np.array([9.0, 6.0, 12.0]) * time_s**2
         )
         origin = SENSORS_M[number % 2]
-        apart = target + rng.normal(size=3) * 700.0 - origin
+        separation = target + rng.normal(size=3) * 700.0 - origin
         origins.append(origin)
-        axes.append(tangent_axes((apart / np.linalg.norm(apart))[None])[0])
-        seen.append(np.zeros(2))
+        axes.append(tangent_axes((separation / np.linalg.norm(separation))[None])[0])
+        angles.append(np.zeros(2))
     prior = np.concatenate([start + rng.normal(size=3) * 2e3, rng.normal(size=9) * 10.0])
     sigma = np.repeat([3e3, 300.0, 20.0, 0.5], 3)
-    return origins, axes, np.array(seen), np.stack([prior, sigma])
+    return origins, axes, np.array(angles), np.stack([prior, sigma])
 
 
-def look_across() -> Any:
+def look_across():
     """Return the class of Stone Soup measurement models of a look: the two directions across it."""
     from stonesoup.base import Property
     from stonesoup.models.measurement.nonlinear import NonLinearGaussianMeasurement
@@ -58,18 +57,18 @@ def look_across() -> Any:
         frame: np.ndarray = Property(doc="axes as rows, the third along the look")
 
         @property
-        def ndim_meas(self) -> int:
+        def ndim_meas(self):
             return 2
 
-        def local(self, state: Any) -> np.ndarray:
+        def local(self, state):
             position = np.array(state.state_vector[list(self.mapping)], dtype=float).ravel()
             return self.frame @ (position - self.origin)
 
-        def function(self, state: Any, noise: Any = False, **_: Any) -> Any:
+        def function(self, state, noise=False, **_):
             local = self.local(state)
             return StateVector(local[:2] / local[2])
 
-        def jacobian(self, state: Any, **_: Any) -> np.ndarray:
+        def jacobian(self, state, **_):
             local = self.local(state)
             full = np.zeros((2, 12))
             full[:, list(self.mapping)] = (
@@ -77,7 +76,7 @@ def look_across() -> Any:
             ) / local[2]
             return full
 
-        def inverse_function(self, detection: Any, **_: Any) -> Any:
+        def inverse_function(self, detection, **_):
             raise AssertionError(
                 "an extended Kalman update needs the measurement function, not its inverse"
             )
@@ -85,7 +84,7 @@ def look_across() -> Any:
     return Across
 
 
-def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.ndarray) -> Any:
+def stone_soup_estimates(origins, axes, seen, prior):
     """Return Stone Soup's mean and covariance after the last look, in our order of the state."""
     from stonesoup.models.transition.linear import (
         CombinedLinearGaussianTransitionModel,
@@ -102,14 +101,14 @@ def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.nd
     model = CombinedLinearGaussianTransitionModel(
         [ConstantNthDerivative(constant_derivative=3, noise_diff_coeff=NOISE**2) for _ in range(3)]
     )
-    now = datetime.datetime(2026, 4, 1)
-    state: Any = GaussianState(prior[0][order], np.diag(prior[1][order] ** 2), timestamp=now)
+    timestamp = datetime.datetime(2026, 4, 1)
+    state = GaussianState(prior[0][order], np.diag(prior[1][order] ** 2), timestamp=timestamp)
     predictor = ExtendedKalmanPredictor(model)
     updater = ExtendedKalmanUpdater(None)
     across = look_across()
     noise = {"ndim_state": 12, "mapping": (0, 4, 8), "noise_covar": np.eye(2) * SIGMA_RAD**2}
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
-        time = now + datetime.timedelta(seconds=number * STEP_S)
+        time = timestamp + datetime.timedelta(seconds=number * STEP_S)
         measure = across(**noise, origin=origin, frame=frame)
         reported = Detection(
             StateVector(seen[number - 1]), timestamp=time, measurement_model=measure
@@ -121,7 +120,7 @@ def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.nd
     ]
 
 
-def test_forty_looks() -> None:
+def test_forty_looks():
     origins, axes, seen, prior = looks(40)
     mean, covariance = stone_soup_estimates(origins, axes, seen, prior)
     motion = Motion(BOOST, NOISE, WEIGHTLESS)

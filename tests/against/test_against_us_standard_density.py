@@ -46,20 +46,20 @@ UPPER = {
 
 def test_table_to_80_km():
     rows = CASE["expected"]["rows"]
-    found = density_kg_m3([row["z_km"] * 1e3 for row in rows])
-    np.testing.assert_allclose(found, [row["rho_kg_m3"] for row in rows], rtol=1e-9)
-    np.testing.assert_allclose(found, [row["ambiance_rho"] for row in rows], rtol=CASE["tol"])
+    result = density_kg_m3([row["z_km"] * 1e3 for row in rows])
+    np.testing.assert_allclose(result, [row["rho_kg_m3"] for row in rows], rtol=1e-9)
+    np.testing.assert_allclose(result, [row["ambiance_rho"] for row in rows], rtol=CASE["tol"])
 
 
 def test_printed_densities():
     rows = CASE["published"]["rows"]
-    found = density_kg_m3([row["z_km"] * 1e3 for row in rows])
-    np.testing.assert_allclose(found, [row["rho_kg_m3"] for row in rows], rtol=5e-5)
+    result = density_kg_m3([row["z_km"] * 1e3 for row in rows])
+    np.testing.assert_allclose(result, [row["rho_kg_m3"] for row in rows], rtol=5e-5)
 
 
 def test_upper_table():
-    found = density_kg_m3(np.array(list(UPPER)) * 1e3)
-    np.testing.assert_allclose(found, list(UPPER.values()), rtol=5e-3)
+    result = density_kg_m3(np.array(list(UPPER)) * 1e3)
+    np.testing.assert_allclose(result, list(UPPER.values()), rtol=5e-3)
 
 
 @pytest.mark.parametrize("height_m", [-5000.0, -1000.0, 3210.0, 23456.0, 45678.0, 62500.0, 84999.0])

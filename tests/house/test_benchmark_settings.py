@@ -2,8 +2,6 @@
 
 import ast
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from repository import ROOT
@@ -22,11 +20,17 @@ DEFAULTS = {
 SCRIPTS = ROOT / "benchmarks"
 PAGES = ROOT / "docs"
 #: The page of a script of another name.
-PAGE_OF = {"coverage_map": "coverage", "tracking_set/set_trackers": "tracking_set"}
+PAGE_OF = {
+    "calibration_scenes": "calibration",
+    "coverage_map": "coverage",
+    "fires_hour": "open_world",
+    "tracker_comparison": "comparing-trackers",
+    "tracking_set/set_trackers": "tracking_set",
+}
 OVERRIDE = re.compile(rf"^(?:.*\.)?({'|'.join(DEFAULTS)})=([\w.+-]+)$")
 
 
-def changes(source: str) -> Iterator[tuple[str, str]]:
+def changes(source):
     """Yield the settings that a script gives another value than the default, in mappings and in
     overrides.
     """
@@ -36,7 +40,7 @@ def changes(source: str) -> Iterator[tuple[str, str]]:
                 yield key, value
 
 
-def settings(node: ast.AST) -> Iterator[tuple[str, str]]:
+def settings(node):
     """Yield the settings with a value that stands in a node."""
     if isinstance(node, ast.Dict):
         for key, value in zip(node.keys, node.values, strict=True):
@@ -46,7 +50,7 @@ def settings(node: ast.AST) -> Iterator[tuple[str, str]]:
         yield match[1], match[2]
 
 
-def written_value(node: ast.expr) -> str | None:
+def written_value(node):
     """Return a constant, or the model of a mapping, as a scene writes it; else None."""
     if isinstance(node, ast.Dict):
         models = [
@@ -60,15 +64,15 @@ def written_value(node: ast.expr) -> str | None:
     return None
 
 
-def page_of(script: Path) -> Path | None:
+def page_of(script):
     """Return the page of a script, if there is one."""
     name = script.relative_to(SCRIPTS).with_suffix("").as_posix()
     stem = PAGE_OF.get(name, script.stem.removesuffix("_page"))
-    found = [PAGES / folder / f"{stem}.md" for folder in ("benchmarks", "explanation")]
-    return next((page for page in found if page.exists()), None)
+    result = [PAGES / folder / f"{stem}.md" for folder in ("benchmarks", "explanation")]
+    return next((page for page in result if page.exists()), None)
 
 
-def lacking(source: str, page: str) -> set[str]:
+def lacking(source, page):
     """Return the changed settings of a script that a page does not name."""
     named = re.sub(r"\s+", " ", page)
     return {text for key, value in changes(source) if (text := f"`{key}: {value}`") not in named}
@@ -78,7 +82,7 @@ CHANGING = [path for path in sorted(SCRIPTS.rglob("*.py")) if any(changes(path.r
 
 
 @pytest.mark.parametrize("script", CHANGING, ids=[path.stem for path in CHANGING])
-def test_a_page_names_what_its_script_sets_away_from_the_defaults(script: Path) -> None:
+def test_a_page_names_what_its_script_sets_away_from_the_defaults(script):
     page = page_of(script)
     assert page is not None, f"{script.stem} has no page: where are its figures?"
     assert lacking(script.read_text("utf-8"), page.read_text("utf-8")) == set()
@@ -96,10 +100,10 @@ def test_a_page_names_what_its_script_sets_away_from_the_defaults(script: Path) 
         ('scene = {"sensors": [{"preset": "paper"}]}', "`preset: paper`"),
     ],
 )
-def test_a_changed_setting_is_found_however_it_is_written(source: str, text: str) -> None:
+def test_a_changed_setting_is_found_however_it_is_written(source, text):
     assert lacking(source, "All else is default.") == {text}
     assert lacking(source, f"Made with {text}.") == set()
 
 
-def test_defaults_need_no_words() -> None:
+def test_defaults_need_no_words():
     assert not list(changes('{"detection": "snr", "classification": "spectral"}'))

@@ -71,13 +71,13 @@ def is_opirs(module):
 
 def function_of(row):
     file, _, test = row["test"].partition("::")
-    found = [
+    result = [
         node
         for node in tree_of(file).body
         if isinstance(node, ast.FunctionDef) and node.name == test
     ]
-    assert len(found) == 1, f"{row['claim']}: {file} has no {test}"
-    return found[0]
+    assert len(result) == 1, f"{row['claim']}: {file} has no {test}"
+    return result[0]
 
 
 def fault(row):
@@ -103,10 +103,10 @@ def fault(row):
     if kind != "support" or not folders or name not in set(imported(tree)):
         return f"{file} does not import {name}"
     oracle = ast.parse((folders[0] / f"{name}.py").read_text(encoding="utf-8"))
-    own = sorted(
+    opir_modules = sorted(
         module for module in imported(oracle) if is_opirs(module) and not module.endswith("arrays")
     )
-    return f"the oracle {name} imports {', '.join(own)}" if own else ""
+    return f"the oracle {name} imports {', '.join(opir_modules)}" if opir_modules else ""
 
 
 def has_numbers(function):
@@ -161,8 +161,8 @@ def test_three_of_five_claims_are_validated():
 
 
 def test_tables_of_the_page_have_at_most_20_rows():
-    for part in claims_page().split("\n## ")[1:]:
-        assert len(re.findall(r"^\| ", part, re.MULTILINE)) <= 21
+    for section in claims_page().split("\n## ")[1:]:
+        assert len(re.findall(r"^\| ", section, re.MULTILINE)) <= 21
 
 
 def test_the_figure_of_the_sightings_is_that_of_their_table():

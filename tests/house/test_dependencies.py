@@ -6,7 +6,6 @@ import ast
 import re
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 from peer_libraries import NAMES, imported_by
@@ -20,9 +19,9 @@ MODULES = {"pyyaml": "yaml", "opir-core": "opir_core"}
 ASKED_FOR = {"astropy", "opir_report", "optuna", "pyarrow", "pytest", "sgp4", "shtab", "xarray"}
 
 
-def imported(folder: Path) -> set[str]:
+def imported(folder):
     """Return the roots of all that the Python files of a folder import, wherever in them."""
-    roots: set[str] = set()
+    roots = set()
     for path in folder.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
@@ -32,11 +31,11 @@ def imported(folder: Path) -> set[str]:
     return roots - set(sys.stdlib_module_names)
 
 
-def declared(project: Path) -> set[str]:
+def declared(project):
     """Return the modules that the dependencies of a project bring."""
     with (project / "pyproject.toml").open("rb") as file:
         named = tomllib.load(file)["project"].get("dependencies", [])
-    names = (re.match(r"[\w.-]+", each)[0].lower() for each in named)
+    names = (re.match(r"[\w.-]+", requirement)[0].lower() for requirement in named)
     return {MODULES.get(name, name.replace("-", "_")) for name in names}
 
 
@@ -50,28 +49,28 @@ PACKAGES = [
 @pytest.mark.parametrize(
     ("project", "package"), PACKAGES, ids=[package.name for _, package in PACKAGES]
 )
-def test_everything_imported_is_installed_with_the_package(project: Path, package: Path) -> None:
-    found = imported(package)
-    assert found
+def test_everything_imported_is_installed_with_the_package(project, package):
+    result = imported(package)
+    assert result
     assert (
-        found - declared(project) - declared(ROOT) - ASKED_FOR - {package.name, "opir_core"}
+        result - declared(project) - declared(ROOT) - ASKED_FOR - {package.name, "opir_core"}
         == set()
     )
 
 
-def test_the_extra_of_other_peoples_libraries_is_what_tests_leave_out_without_it() -> None:
+def test_the_extra_of_other_peoples_libraries_is_what_tests_leave_out_without_it():
     extra = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
         "optional-dependencies"
     ]
-    names = (re.match(r"[\w.-]+", each)[0] for each in extra["peers"])
+    names = (re.match(r"[\w.-]+", peer)[0] for peer in extra["peers"])
     assert sorted({"pyerfa": "erfa"}.get(name, name.replace("-", "_")) for name in names) == sorted(
         NAMES
     )
 
 
 def test_a_file_of_tests_needs_what_it_imports_itself_or_through_a_module_of_support(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     file = tmp_path / "test_x.py"
     file.write_text(
         "import numpy\nimport astropy.units as u\nfrom page_browser import Page\n    import"

@@ -1,12 +1,11 @@
 """What `opir describe` says of a component in words agrees with the values beside the words."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-from attrs import NOTHING, Attribute, fields, has
+from attrs import NOTHING, fields, has
 
 from opir_core.host.components import CATALOGUE, Constellation, SensorModel
 from opir_core.host.host import Host
@@ -46,25 +45,27 @@ SETTING_WORDS = (
 )
 
 
-def default(sensor: SensorModel, name: str) -> Any:
+def default(sensor, name):
     return getattr(fields(sensor.config), name).default
 
 
-def each_field(config: Any) -> Iterator["Attribute[Any]"]:
+def each_field(config):
     """Yield the fields of a class of settings, and those of the blocks that it has by default."""
-    for one in fields(config):
-        yield one
-        if has(type(one.default)):
-            yield from each_field(type(one.default))
+    for field in fields(config):
+        yield field
+        if has(type(field.default)):
+            yield from each_field(type(field.default))
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_a_sensor_is_described_by_its_defaults(name: str) -> None:
+def test_a_sensor_is_described_by_its_defaults(name):
     sensor = SENSORS[name]
     own, _, stated = sensor.summary.rpartition(": ")
     for band, (low_um, high_um) in default(sensor, "bands").items():
         assert f"{band} {low_um:g}-{high_um:g}" in stated
-    assert [each for each in SCAN_PATTERNS if each in stated] == [default(sensor, "scan_pattern")]
+    assert [scan_pattern for scan_pattern in SCAN_PATTERNS if scan_pattern in stated] == [
+        default(sensor, "scan_pattern")
+    ]
     assert f" {1e-3 * default(sensor, 'scan_period_ms'):g} s;" in stated
     rules = [rule for rule, words in RULES.items() if words in stated]
     assert rules == (
@@ -77,44 +78,46 @@ def test_a_sensor_is_described_by_its_defaults(name: str) -> None:
     assert not re.search(r"\d (?:u?m|ms|s)\b", own)
 
 
-def test_a_fleet_is_described_by_its_satellites() -> None:
-    fleets = [each for each in EVERY.values() if isinstance(each, Constellation)]
+def test_a_fleet_is_described_by_its_satellites():
+    fleets = [pattern for pattern in EVERY.values() if isinstance(pattern, Constellation)]
     assert len(fleets) >= 6
     for fleet in fleets:
         assert fleet.summary.startswith(f"{len(fleet.satellites)} {fleet.model} satellites")
         patterns = [
-            one["orbit"]["walker"] for one in fleet.satellites if "walker" in one.get("orbit", {})
+            satellite["orbit"]["walker"]
+            for satellite in fleet.satellites
+            if "walker" in satellite.get("orbit", {})
         ]
-        for each in patterns:
+        for pattern in patterns:
             place = (
-                f"{each['inclination_deg']:g} deg:"
-                f" {each['total']}/{each['planes']}/{each['phasing']}"
+                f"{pattern['inclination_deg']:g} deg:"
+                f" {pattern['total']}/{pattern['planes']}/{pattern['phasing']}"
             )
-            assert f"{place} at {each['altitude_km']:g} km" in fleet.summary
+            assert f"{place} at {pattern['altitude_km']:g} km" in fleet.summary
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_words_beside_a_default_are_of_that_default(name: str) -> None:
-    component: Any = EVERY[name]
+def test_words_beside_a_default_are_of_that_default(name):
+    component = EVERY[name]
     config = getattr(component, "config", None)
     if config is None or not has(config):
         return
-    for one in each_field(config):
-        info = info_of(one)
+    for field in each_field(config):
+        info = info_of(field)
         if re.search(r"\bdefault: |\bby default\b", info.help):
-            assert one.default is None, (
-                f"{one.name}: the help speaks of a default that is not {one.default!r}"
+            assert field.default is None, (
+                f"{field.name}: the help speaks of a default that is not {field.default!r}"
             )
         value, colon, _ = info.source.partition(": ")
-        is_scalar = isinstance(one.default, str | int | float)
+        is_scalar = isinstance(field.default, str | int | float)
         if (
             is_scalar
             and colon
             and (value in info.choices or re.fullmatch(r"-?\d+(\.\d+)?|true|false", value))
         ):
-            assert value == _written(one.default), f"{one.name}: {info.source}"
-        for preset, rest in re.findall(r"preset (\w+): ([^,;]+)", info.source):
-            assert _written(component.presets[preset][one.name]) == rest
+            assert value == _written(field.default), f"{field.name}: {info.source}"
+        for preset, remainder in re.findall(r"preset (\w+): ([^,;]+)", info.source):
+            assert _written(component.presets[preset][field.name]) == remainder
 
 
 #: What the page of a sensor's package says in its table, and the setting that has the value.
@@ -152,7 +155,7 @@ PAGES = {
 
 
 @pytest.mark.parametrize("package", PAGES)
-def test_the_page_of_a_sensor_has_its_defaults(package: str) -> None:
+def test_the_page_of_a_sensor_has_its_defaults(package):
     text = (ROOT / "plugins" / package / "README.md").read_text(encoding="utf-8")
     table = [line.strip("| \n").split(" | ") for line in text.splitlines() if line.startswith("| ")]
     checked = 0
@@ -169,7 +172,7 @@ def test_the_page_of_a_sensor_has_its_defaults(package: str) -> None:
     assert checked >= 5
 
 
-def _written(value: Any) -> str:
+def _written(value):
     if isinstance(value, bool) or value is NOTHING:
         return str(value).lower()
     return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -5,10 +5,8 @@ can be imported.
 import ast
 import inspect
 import re
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
-from typing import Any
 
 import pytest
 from public_names import PUBLIC, is_public
@@ -24,7 +22,7 @@ NAME = re.compile(r"`([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\([^`]*\))?`")
 
 
 @cache
-def defined() -> frozenset[str]:
+def defined():
     """Return the names of all classes and functions that stand at the top of a module."""
     trees = (ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES)
     kinds = (ast.ClassDef, ast.FunctionDef)
@@ -32,7 +30,7 @@ def defined() -> frozenset[str]:
     return frozenset(name for name in names if not name.startswith("__"))
 
 
-def documented() -> Iterator[tuple[str, Any]]:
+def documented():
     """Yield each public class and function, and each public member of such a class, by its name."""
     for package in sorted(PUBLIC):
         door = import_module(package)
@@ -49,7 +47,7 @@ def documented() -> Iterator[tuple[str, Any]]:
 
 
 @cache
-def known() -> frozenset[str]:
+def known():
     """Return the public names, with the members of public classes and the parameters of public
     functions.
     """
@@ -61,48 +59,48 @@ def known() -> frozenset[str]:
     return frozenset({*names, *HOOKS})
 
 
-def parameters(value: Any) -> set[str]:
+def parameters(value):
     try:
         return set(inspect.signature(value).parameters)
     except (TypeError, ValueError):
         return set()
 
 
-def unpublished(text: str) -> list[str]:
+def unpublished(text):
     """Return the names in backticks in a text that are opir's own and cannot be imported from a
     public package.
     """
     return [name for name in NAME.findall(text) if not is_published(name)]
 
 
-def is_published(name: str) -> bool:
-    head, *rest = name.split(".")
+def is_published(name):
+    head, *remainder = name.split(".")
     if head.isalpha() and head.islower():  # a word, such as the value of a setting
         return True
-    if not head.startswith("opir_") or not rest:
+    if not head.startswith("opir_") or not remainder:
         return head in known() or head not in defined()
-    parts = [head, *rest]
-    cuts = (".".join(parts[:cut]) for cut in range(len(parts), 0, -1))
+    cuts_of_name = [head, *remainder]
+    cuts = (".".join(cuts_of_name[:cut]) for cut in range(len(cuts_of_name), 0, -1))
     package = next((each for each in cuts if each in PUBLIC), "")
     tail = name.removeprefix(package).lstrip(".").split(".")[0]
     return bool(package) and (not tail or is_public(package, tail))
 
 
 @pytest.mark.parametrize("package", sorted(PUBLIC))
-def test_docstrings_of_public_names_refer_to_public_names(package: str) -> None:
+def test_docstrings_of_public_names_refer_to_public_names(package):
     texts = {place: doc_of(value) for place, value in documented() if is_of(package, place)}
     private = {place: names for place, text in texts.items() if (names := unpublished(text))}
     assert not private
 
 
-def is_of(package: str, place: str) -> bool:
+def is_of(package, place):
     """Return whether a place is a name of a package, or a member of one."""
     return place.startswith(f"{package}.") and place.removeprefix(f"{package}.").split(".")[
         0
     ] in dir(import_module(package))
 
 
-def doc_of(value: Any) -> str:
+def doc_of(value):
     inner = value.__func__ if isinstance(value, classmethod | staticmethod) else value
     inner = getattr(inner, "fget", None) or inner
     return (inner.__doc__ or "") if inspect.isclass(inner) or inspect.isroutine(inner) else ""
@@ -120,5 +118,5 @@ def doc_of(value: Any) -> str:
         ),
     ],
 )
-def test_a_name_that_is_not_published_is_found(text: str, names: list[str]) -> None:
+def test_a_name_that_is_not_published_is_found(text, names):
     assert unpublished(text) == names

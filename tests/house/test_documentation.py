@@ -7,10 +7,7 @@ import inspect
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib import import_module
-from pathlib import Path
-from typing import Any
 
 import pytest
 from public_names import PUBLIC, is_public
@@ -42,23 +39,23 @@ FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
 
 
-def blocks(page: Path, language: str) -> list[str]:
+def blocks(page, language):
     return [
         body for kind, body in FENCE.findall(page.read_text(encoding="utf-8")) if kind == language
     ]
 
 
-def named(page: Path) -> str:
+def named(page):
     return str(page.relative_to(ROOT))
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     return tmp_path
 
 
-def pages_with(language: str) -> list[Any]:
+def pages_with(language):
     """Return the pages that have blocks in a language, marked if these run for long."""
     pages = [page for page in PAGES if blocks(page, language)]
     return [
@@ -69,7 +66,7 @@ def pages_with(language: str) -> list[Any]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", pages_with("python"))
-def test_python_blocks_run(page: Path, folder: Path) -> None:
+def test_python_blocks_run(page, folder):
     code = "\n".join(blocks(page, "python"))
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
@@ -79,14 +76,14 @@ def test_python_blocks_run(page: Path, folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", pages_with("console"))
-def test_console_blocks_print_what_they_show(page: Path, folder: Path) -> None:
+def test_console_blocks_print_what_they_show(page, folder):
     for block in blocks(page, "console"):
-        parts = COMMAND.split(block)
-        for command, shown in zip(parts[1::2], parts[2::2], strict=True):
+        words = COMMAND.split(block)
+        for command, shown in zip(words[1::2], words[2::2], strict=True):
             assert printed(command, folder) == shown.strip(), command
 
 
-def printed(command: str, folder: Path) -> str:
+def printed(command, folder):
     """Return what a command prints, as a user sees it: both streams, without trailing blanks."""
     done = subprocess.run(
         command,
@@ -100,7 +97,7 @@ def printed(command: str, folder: Path) -> str:
     return "\n".join(line.rstrip() for line in done.stdout.strip().splitlines())
 
 
-def test_links_lead_somewhere() -> None:
+def test_links_lead_somewhere():
     lost = [
         f"{named(page)}: {target}"
         for page in PAGES
@@ -111,7 +108,7 @@ def test_links_lead_somewhere() -> None:
 
 
 @pytest.mark.slow
-def test_generated_pages_are_fresh() -> None:
+def test_generated_pages_are_fresh():
     done = subprocess.run(
         [sys.executable, ROOT / "docs" / "generate.py", "--check"],
         capture_output=True,
@@ -133,7 +130,7 @@ OWN = (
 EXAMPLES = sorted((ROOT / "examples").rglob("*.py"))
 
 
-def imported_names(code: str) -> Iterator[tuple[str, str]]:
+def imported_names(code):
     """Yield package and name of what code imports from the core, and `opir.name` where the core
     goes by that name.
     """
@@ -157,7 +154,7 @@ def imported_names(code: str) -> Iterator[tuple[str, str]]:
 @pytest.mark.parametrize(
     "page", [*(page for page in PAGES if blocks(page, "python")), *EXAMPLES], ids=named
 )
-def test_pages_and_examples_import_only_public_names(page: Path) -> None:
+def test_pages_and_examples_import_only_public_names(page):
     code = (
         page.read_text(encoding="utf-8")
         if page.suffix == ".py"
@@ -172,7 +169,7 @@ def test_pages_and_examples_import_only_public_names(page: Path) -> None:
 
 
 @pytest.mark.parametrize("package", sorted(PUBLIC))
-def test_public_names_are_sorted_documented_and_there(package: str) -> None:
+def test_public_names_are_sorted_documented_and_there(package):
     door = import_module(package)
     assert list(door.__all__) == sorted(door.__all__)
     assert set(door.__all__) <= set(dir(door))

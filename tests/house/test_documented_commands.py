@@ -2,12 +2,10 @@
 there.
 """
 
-import argparse
 import re
 import shlex
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import NamedTuple
 
 import pytest
@@ -40,7 +38,7 @@ class Command(NamedTuple):
     words: list[str]
 
 
-def commands(text: str) -> Iterator[Command]:
+def commands(text):
     """Yield the commands of a page in order: lines of blocks, without prompts, comments and what
     they print.
     """
@@ -53,14 +51,14 @@ def commands(text: str) -> Iterator[Command]:
             yield from _parts(line.strip())
 
 
-def _parts(line: str) -> Iterator[Command]:
+def _parts(line):
     try:
         lexer = shlex.shlex(line, posix=True, punctuation_chars=True)
         lexer.wordchars += "@%{}[],:!+"
         tokens = list(lexer)
     except ValueError:
         return
-    words: list[str] = []
+    words = []
     for token in [*tokens, ";"]:
         if token in SEPARATORS:
             if words:
@@ -70,7 +68,7 @@ def _parts(line: str) -> Iterator[Command]:
             words.append(token)
 
 
-def opir_words(command: Command) -> list[str] | None:
+def opir_words(command):
     """Return the arguments of an `opir` command, without redirections; None for any other."""
     words = command.words
     while words and re.fullmatch(r"[A-Z_]+=\S*", words[0]):
@@ -85,11 +83,11 @@ def opir_words(command: Command) -> list[str] | None:
 
 
 @pytest.fixture(scope="module")
-def parser() -> argparse.ArgumentParser:
+def parser():
     return full_parser()
 
 
-def is_refused(arguments: list[str], parser: argparse.ArgumentParser) -> bool:
+def is_refused(arguments, parser):
     """Return whether the parser refuses arguments; those with an ellipsis are not meant to be
     typed.
     """
@@ -102,49 +100,47 @@ def is_refused(arguments: list[str], parser: argparse.ArgumentParser) -> bool:
     return False
 
 
-def missing_paths(arguments: list[str], made: set[PurePosixPath]) -> Iterator[str]:
+def missing_paths(arguments, written):
     """Yield the folders that outputs need and the paths of a clone that are not there; outputs
     count as made then.
     """
-    for before, word in zip(["", *arguments], arguments, strict=False):
+    for option, word in zip(["", *arguments], arguments, strict=False):
         path = PurePosixPath(word)
-        if before in OUTPUTS:
+        if option in OUTPUTS:
             folder = path.parent
             if not (
                 folder == PurePosixPath()
                 or folder.is_absolute()
-                or folder in made
+                or folder in written
                 or (ROOT / folder).is_dir()
             ):
                 yield f"nothing has made the folder {folder}"
-            made.add(path)
+            written.add(path)
         elif (
             path.parts[:1] in OWN
             and "*" not in word
-            and path not in made
+            and path not in written
             and not (ROOT / path).exists()
         ):
             yield f"{path} is not there"
 
 
-def problems(text: str, parser: argparse.ArgumentParser) -> Iterator[str]:
+def problems(text, parser):
     """Yield what is wrong with the commands of a page that is followed from a clone."""
-    made: set[PurePosixPath] = set()
+    written = set()
     for command in commands(text):
         if command.words[0] == "mkdir":
-            made.update(PurePosixPath(word) for word in command.words[1:])
+            written.update(PurePosixPath(word) for word in command.words[1:])
         arguments = opir_words(command)
         if arguments is None:
             continue
         if is_refused(arguments, parser):
             yield f"{command.line}: the parser refuses it"
-        yield from (f"{command.line}: {problem}" for problem in missing_paths(arguments, made))
+        yield from (f"{command.line}: {problem}" for problem in missing_paths(arguments, written))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_documented_commands_are_taken_from_a_clone(
-    page: Path, parser: argparse.ArgumentParser
-) -> None:
+def test_documented_commands_are_taken_from_a_clone(page, parser):
     assert not list(problems(page.read_text(encoding="utf-8"), parser))
 
 
@@ -159,9 +155,7 @@ def test_documented_commands_are_taken_from_a_clone(
         ("```console\n$ opir run --no-such-option\n```\n", "the parser refuses it"),
     ],
 )
-def test_what_fails_in_a_fresh_clone_is_found(
-    text: str, words: str, parser: argparse.ArgumentParser
-) -> None:
+def test_what_fails_in_a_fresh_clone_is_found(text, words, parser):
     assert any(words in problem for problem in problems(text, parser))
 
 
@@ -169,7 +163,7 @@ def test_what_fails_in_a_fresh_clone_is_found(
 QUICK = {"check", "explain", "physics"}
 
 
-def quick_commands() -> list[str]:
+def quick_commands():
     """Return the quick commands of blocks that are not executed as `console` blocks are, with files
     of a clone only.
     """
@@ -184,7 +178,7 @@ def quick_commands() -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("line", quick_commands())
-def test_quick_documented_commands_run_in_an_empty_folder(line: str, tmp_path: Path) -> None:
+def test_quick_documented_commands_run_in_an_empty_folder(line, tmp_path):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     done = subprocess.run(
         line, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False

@@ -1,7 +1,6 @@
 """What other libraries keep to themselves may change in any version: opir does not use it."""
 
 import ast
-from collections.abc import Iterator
 
 import pytest
 from repository import ROOT
@@ -25,11 +24,11 @@ WITHOUT_PUBLIC_WAY = {
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
 
 
-def is_private(name: str) -> bool:
+def is_private(name):
     return name.startswith("_") and not name.startswith("__")
 
 
-def own_names(tree: ast.Module) -> Iterator[str]:
+def own_names(tree):
     """Yield the private names that a module of opir defines: functions, classes, variables and
     attributes of self.
     """
@@ -46,13 +45,13 @@ def own_names(tree: ast.Module) -> Iterator[str]:
             yield node.attr
 
 
-def foreign_names(tree: ast.Module) -> Iterator[str]:
+def foreign_names(tree):
     """Yield the private names that a module imports from other libraries or gets from any object
     but its own.
     """
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            yield from (part for name in node.names for part in name.name.split("."))
+            yield from (module for name in node.names for module in name.name.split("."))
         elif (
             isinstance(node, ast.ImportFrom)
             and node.level == 0
@@ -63,18 +62,18 @@ def foreign_names(tree: ast.Module) -> Iterator[str]:
             yield node.attr
 
 
-def is_of(node: ast.Attribute, *names: str) -> bool:
+def is_of(node, *names):
     return isinstance(node.value, ast.Name) and node.value.id in names
 
 
-def test_no_private_name_of_another_library_is_used() -> None:
+def test_no_private_name_of_another_library_is_used():
     own = {name for tree in TREES.values() for name in own_names(tree)} - {"_tracks"}
-    used = {}
+    uses = {}
     for path, tree in TREES.items():
         private = {name for name in foreign_names(tree) if is_private(name)} - own - DOCUMENTED
         if private:
-            used["/".join(path.parts[-2:])] = private
-    assert used == WITHOUT_PUBLIC_WAY
+            uses["/".join(path.parts[-2:])] = private
+    assert uses == WITHOUT_PUBLIC_WAY
 
 
 @pytest.mark.parametrize(
@@ -86,5 +85,5 @@ def test_no_private_name_of_another_library_is_used() -> None:
         "parser._actions",
     ],
 )
-def test_a_private_name_is_seen(code: str) -> None:
+def test_a_private_name_is_seen(code):
     assert any(map(is_private, foreign_names(ast.parse(code))))

@@ -4,7 +4,6 @@ index.
 
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 from repository import ROOT
@@ -25,18 +24,18 @@ FILES = sorted(
 FROM_AN_INDEX = re.compile(r"""\binstall(?:\s+-\S+)*\s+["'`]?opir[-_]\w""")
 
 
-def test_nothing_is_installed_by_a_name_that_anybody_may_register() -> None:
+def test_nothing_is_installed_by_a_name_that_anybody_may_register():
     pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *FILES]
-    found = [
+    result = [
         f"{path.relative_to(ROOT)}: {match.group()}"
         for path in pages
         for match in FROM_AN_INDEX.finditer(path.read_text(encoding="utf-8", errors="replace"))
     ]
-    assert not found
+    assert not result
 
 
 @pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)
-def test_the_command_names_the_folder_and_extras_of_each_distribution(path: Path) -> None:
+def test_the_command_names_the_folder_and_extras_of_each_distribution(path):
     project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
     for extra in ("", *project.get("optional-dependencies", {})):
         place = install_command(project["name"], extra).removeprefix(

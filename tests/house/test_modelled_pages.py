@@ -5,8 +5,7 @@ notional.
 import csv
 import importlib
 import pkgutil
-from collections.abc import Iterator
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
 import pytest
 from attrs import fields, has
@@ -17,7 +16,7 @@ from opir_core.builtin.configs import PlaceConfig
 from opir_core.host.components import CATALOGUE, Component
 from opir_core.host.host import Host
 from opir_core.reading.scene_schema import SceneFile
-from opir_core.scene.field_rows import FieldRow, field_rows, nested_config
+from opir_core.scene.field_rows import field_rows, nested_config
 from opir_core.scene.fields import METADATA_KEY
 from opir_core.scene.scene import SceneDrag, SpoolConfig
 from opir_core.sensors.radiometer import RadiometerConfig
@@ -47,7 +46,7 @@ PLUGINS = (
 BASES = {PlaceConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
 
 
-def settable() -> dict[str, type]:
+def settable():
     """Return the configuration classes that a scene or a user may set, by their names in the table
     of defaults.
     """
@@ -58,16 +57,22 @@ def settable() -> dict[str, type]:
     host = Host.discover((*PHOTONS, *PLUGINS))
     offered = [host.component(hook, name) for hook in CATALOGUE for name in host.names(hook)]
     components = {
-        f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)
+        f"{component.kind} {component.name}": component.config
+        for component in offered
+        if isinstance(component, Component)
     }
-    others = {"scene": SceneFile, "forces: [{drag: ...}]": SceneDrag, "output's spool": SpoolConfig}
-    others["sensors: [{fleet: ...}]"] = FleetConfig
-    return {**components, **others, "opir serve": HttpSettings, "study": Study}
+    records = {
+        "scene": SceneFile,
+        "forces: [{drag: ...}]": SceneDrag,
+        "output's spool": SpoolConfig,
+    }
+    records["sensors: [{fleet: ...}]"] = FleetConfig
+    return {**components, **records, "opir serve": HttpSettings, "study": Study}
 
 
-def defaults(config: type) -> Iterator[FieldRow]:
+def defaults(config):
     """Yield what has a value by default; what stands below a block that is none has not."""
-    unset: tuple[str, ...] = ()
+    unset = ()
     for row in field_rows(config):
         if row.default is None and not row.is_required:
             unset += (f"{row.key}.",)
@@ -76,18 +81,18 @@ def defaults(config: type) -> Iterator[FieldRow]:
 
 
 @pytest.fixture(scope="module")
-def listed() -> dict[tuple[str, str], tuple[str, str]]:
+def listed():
     """Return value and source of the listed defaults, by component and key."""
     with (PAGES / "defaults.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    found = {(row["component"], row["key"]): (row["default"], row["source"]) for row in rows}
-    assert len(found) == len(rows)
-    return found
+    result = {(row["component"], row["key"]): (row["default"], row["source"]) for row in rows}
+    assert len(result) == len(rows)
+    return result
 
 
 def test_every_default_is_listed_with_its_value_and_source(
-    listed: dict[tuple[str, str], tuple[str, str]],
-) -> None:
+    listed,
+):
     expected = {
         (name, row.key): row for name, config in settable().items() for row in defaults(config)
     }
@@ -101,19 +106,19 @@ def test_every_default_is_listed_with_its_value_and_source(
 
 
 def test_the_page_counts_the_listed_defaults(
-    listed: dict[tuple[str, str], tuple[str, str]],
-) -> None:
+    listed,
+):
     text = " ".join((PAGES / "what-is-modelled.md").read_text(encoding="utf-8").split())
     notional = sum(source == "notional" for _, source in listed.values())
     assert f"All {len(listed)} defaults" in text
     assert f"{notional} of them are notional" in text
 
 
-def test_no_configuration_class_is_left_out() -> None:
-    reached: set[type] = set()
+def test_no_configuration_class_is_left_out():
+    reached = set()
     for config in settable().values():
         reach(config, reached)
-    found = {
+    result = {
         one
         for package in (
             "opir_core",
@@ -122,35 +127,35 @@ def test_no_configuration_class_is_left_out() -> None:
         )
         for one in configs(package)
     }
-    assert found - reached == BASES
+    assert result - reached == BASES
     assert len(reached) > 30
 
 
-def reach(config: type, reached: set[type]) -> None:
+def reach(config, reached):
     """Add a configuration class and all that it holds."""
     if config not in reached:
         reached.add(config)
         hints = get_type_hints(config)
-        for inner in (nested_config(hints[each.name]) for each in fields(config)):
+        for inner in (nested_config(hints[field.name]) for field in fields(config)):
             if inner is not None:
                 reach(inner, reached)
 
 
-def configs(package: str) -> Iterator[type]:
+def configs(package):
     """Yield all configuration classes of a package's modules."""
-    root: Any = importlib.import_module(package)
-    for found in pkgutil.walk_packages(root.__path__, f"{package}."):
-        if found.name.rpartition(".")[2] != "__main__":
-            for one in vars(importlib.import_module(found.name)).values():
+    root = importlib.import_module(package)
+    for result in pkgutil.walk_packages(root.__path__, f"{package}."):
+        if result.name.rpartition(".")[2] != "__main__":
+            for var in vars(importlib.import_module(result.name)).values():
                 if (
-                    isinstance(one, type)
-                    and has(one)
-                    and any(METADATA_KEY in each.metadata for each in fields(one))
+                    isinstance(var, type)
+                    and has(var)
+                    and any(METADATA_KEY in field.metadata for field in fields(var))
                 ):
-                    yield one
+                    yield var
 
 
-def table(page: str, head: str) -> list[list[str]]:
+def table(page, head):
     """Return the cells of the table whose head begins with some text."""
     lines = (PAGES / page).read_text(encoding="utf-8").splitlines()
     start = next(number for number, line in enumerate(lines) if line.startswith(head)) + 2
@@ -158,14 +163,14 @@ def table(page: str, head: str) -> list[list[str]]:
     return [line.strip("| ").split(" | ") for line in lines[start:end]]
 
 
-def test_every_part_has_a_label_and_a_model() -> None:
+def test_every_part_has_a_label_and_a_model():
     rows = table("what-is-modelled.md", "| part |")
     assert 10 < len(rows) <= 20
     assert {row[1] for row in rows} == LABELS
     assert all(len(row) == 3 and all(row) for row in rows)
 
 
-def test_every_part_says_what_it_omits_and_the_error_of_that() -> None:
+def test_every_part_says_what_it_omits_and_the_error_of_that():
     rows = table("what-is-left-out.md", "| part |")
     assert [row[0] for row in rows] == [row[0] for row in table("what-is-modelled.md", "| part |")]
     assert all(len(row) == 3 and all(row) for row in rows)

@@ -5,7 +5,6 @@ fall.
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from repository import EXAMPLES, TEST_SCENES
@@ -41,7 +40,7 @@ HEAVY = (
 )
 
 
-def modules_of(code: str, folder: Path) -> set[str]:
+def modules_of(code, folder):
     """Return the modules a fresh process has imported after running some code."""
     reported = f"{code}\nimport sys, json\nprint(json.dumps(sorted(sys.modules)), file=sys.stderr)"
     done = subprocess.run(
@@ -50,7 +49,7 @@ def modules_of(code: str, folder: Path) -> set[str]:
     return set(json.loads(done.stderr.splitlines()[-1]))
 
 
-def command(*words: str) -> str:
+def command(*words):
     return (
         "from opir_core.cli.main import main\n"
         f"try:\n    code = main({list(words)!r})\nexcept SystemExit as stop:\n    code ="
@@ -60,11 +59,11 @@ def command(*words: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+def bare(tmp_path_factory):
     return modules_of("", tmp_path_factory.mktemp("bare"))
 
 
-def test_version_stays_within_its_budget(tmp_path: Path, bare: set[str]) -> None:
+def test_version_stays_within_its_budget(tmp_path, bare):
     extra = modules_of(command("--version"), tmp_path) - bare
     assert len(extra) <= VERSION_BUDGET, sorted(extra)
     assert not {
@@ -74,7 +73,7 @@ def test_version_stays_within_its_budget(tmp_path: Path, bare: set[str]) -> None
     }
 
 
-def test_importing_the_package_imports_no_part_of_it(tmp_path: Path, bare: set[str]) -> None:
+def test_importing_the_package_imports_no_part_of_it(tmp_path, bare):
     extra = modules_of("import opir_core", tmp_path) - bare
     assert {name for name in extra if name.startswith("opir_core")} == {
         "opir_core",
@@ -83,14 +82,14 @@ def test_importing_the_package_imports_no_part_of_it(tmp_path: Path, bare: set[s
 
 
 @pytest.mark.slow
-def test_a_first_run_stays_within_its_budget(tmp_path: Path) -> None:
+def test_a_first_run_stays_within_its_budget(tmp_path):
     baseline = modules_of(BASELINE, tmp_path)
     scene = str(EXAMPLES / "first_light.yaml")
     extra = modules_of(command("run", scene, "--quiet"), tmp_path) - baseline
     assert len(extra) <= FIRST_RUN_BUDGET, sorted(extra)
 
 
-def test_a_first_run_builds_few_classes(tmp_path: Path) -> None:
+def test_a_first_run_builds_few_classes(tmp_path):
     counted = (
         "import sys\n"
         "own = {each for name, module in list(sys.modules.items()) if name.startswith('opir_')"
@@ -102,8 +101,8 @@ def test_a_first_run_builds_few_classes(tmp_path: Path) -> None:
 
 
 def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_heavy(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     loaded = modules_of(command("run", str(EXAMPLES / "first_light.yaml"), "--quiet"), tmp_path)
     roots = {name.split(".")[0] for name in loaded}
     assert "opir_dsp" in roots
@@ -131,7 +130,7 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_
 
 
 @pytest.mark.slow
-def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
+def test_constant_detection_imports_no_radiometry(tmp_path):
     loaded = modules_of(
         command(
             "run", str(TEST_SCENES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"
@@ -142,7 +141,7 @@ def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None:
+def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path):
     loaded = modules_of(
         command(
             "run", str(TEST_SCENES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"
@@ -155,14 +154,14 @@ def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sink", ["memory", "null"])
-def test_a_sink_that_encodes_nothing_imports_no_encoder(tmp_path: Path, sink: str) -> None:
+def test_a_sink_that_encodes_nothing_imports_no_encoder(tmp_path, sink):
     scene = str(EXAMPLES / "first_light.yaml")
     loaded = modules_of(command("run", scene, "--sink", sink, "--quiet"), tmp_path)
     assert "msgspec" not in loaded
     assert "opir_core.output.events.forge" not in loaded
 
 
-def test_events_and_truth_of_a_run_become_parquet_without_pandas(tmp_path: Path) -> None:
+def test_events_and_truth_of_a_run_become_parquet_without_pandas(tmp_path):
     outputs = "outputs=[{parquet: {path: events.parquet}}]"
     words = (
         "run",

@@ -1,7 +1,6 @@
 """Pages are read: short, in the field's words, with plots instead of long tables."""
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -33,21 +32,21 @@ GUESSED = {
 }
 
 
-def named(page: Path) -> str:
+def named(page):
     return str(page.relative_to(ROOT))
 
 
 WRITTEN = [page for page in PAGES if not GENERATED.fullmatch(named(page))]
 
 
-def table_rows(text: str) -> Iterator[int]:
+def table_rows(text):
     """Yield how many rows each table has, its head aside."""
     for table in re.findall(r"(?:^\|.*\n)+", f"{text}\n", re.MULTILINE):
         yield table.count("\n") - 2
 
 
 @pytest.mark.parametrize("page", WRITTEN, ids=named)
-def test_pages_are_short(page: Path) -> None:
+def test_pages_are_short(page):
     text = page.read_text(encoding="utf-8")
     assert len(text.split()) <= MOST_WORDS
     assert max(table_rows(text), default=0) <= MOST_ROWS, (
@@ -56,11 +55,11 @@ def test_pages_are_short(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_pages_use_the_fields_words(page: Path) -> None:
+def test_pages_use_the_fields_words(page):
     text = " ".join(page.read_text(encoding="utf-8").split())
     assert not {
-        found[0]: better
+        result[0]: better
         for words, better in GUESSED.items()
-        for found in [re.search(words, text)]
-        if found
+        for result in [re.search(words, text)]
+        if result
     }

@@ -1,7 +1,6 @@
 """Code stays light to read: tokens of each distribution, and measures that packing does not better."""
 
 from functools import cache
-from pathlib import Path
 
 import pytest
 from code_measures import CodeMeasures, measures_of
@@ -105,16 +104,16 @@ OVER: dict[str, dict[str, float]] = {
 
 
 @cache
-def measured(name: str) -> CodeMeasures:
+def measured(name):
     return measures_of(FOLDERS[name])
 
 
-def test_every_distribution_has_a_budget() -> None:
+def test_every_distribution_has_a_budget():
     assert set(TOKENS) == set(FOLDERS)
 
 
 @pytest.mark.parametrize("name", FOLDERS)
-def test_tokens_are_within_their_budget(name: str) -> None:
+def test_tokens_are_within_their_budget(name):
     budget = TOKENS[name]
     assert measured(name).tokens <= budget
     least = (1 - SLACK) * budget if budget > SMALL else 0
@@ -123,7 +122,7 @@ def test_tokens_are_within_their_budget(name: str) -> None:
 
 @pytest.mark.parametrize("measure", MEASURES)
 @pytest.mark.parametrize("name", FOLDERS)
-def test_measures_are_within_their_limits(name: str, measure: str) -> None:
+def test_measures_are_within_their_limits(name, measure):
     value = getattr(measured(name), measure)
     limit = getattr(LIMITS, measure)
     exception = OVER.get(name, {}).get(measure)
@@ -136,7 +135,7 @@ def test_measures_are_within_their_limits(name: str, measure: str) -> None:
         assert value <= exception
 
 
-def test_measures_of_a_file(tmp_path: Path) -> None:
+def test_measures_of_a_file(tmp_path):
     (tmp_path / "code.py").write_text(
         '"""A docstring, which is not counted."""\n'
         "MAX_TURNS = 3\n"

@@ -2,8 +2,6 @@
 
 import importlib.util
 import json
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -26,7 +24,7 @@ EVENT: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def comparison() -> ModuleType:
+def comparison():
     spec = importlib.util.spec_from_file_location("same_results", ROOT / ".ci" / "same_results.py")
     assert spec is not None
     assert spec.loader is not None
@@ -35,18 +33,17 @@ def comparison() -> ModuleType:
     return module
 
 
-def compared(comparison: ModuleType, folder: Path, *others: dict[str, Any]) -> bool:
+def compared(comparison, folder, *others):
     """Return whether one event agrees with others."""
-    one = folder / "one.jsonl"
+    reference = folder / "one.jsonl"
     two = folder / "two.jsonl"
-    one.write_text(f"{json.dumps(EVENT)}\n", encoding="utf-8")
+    reference.write_text(f"{json.dumps(EVENT)}\n", encoding="utf-8")
     two.write_text("".join(f"{json.dumps(other)}\n" for other in others), encoding="utf-8")
-    same: bool = comparison.same("scene", one, two)
-    return same
+    return comparison.same("scene", reference, two)
 
 
-def ellipse(**changes: float) -> dict[str, Any]:
-    launch: dict[str, Any] = EVENT["launch_point"]
+def ellipse(**changes):
+    launch = EVENT["launch_point"]
     return {"launch_point": {**launch, "ellipse": {**launch["ellipse"], **changes}}}
 
 
@@ -63,9 +60,7 @@ def ellipse(**changes: float) -> dict[str, Any]:
     ],
     ids=str,
 )
-def test_other_last_digits_are_the_same(
-    comparison: ModuleType, tmp_path: Path, change: dict[str, Any]
-) -> None:
+def test_other_last_digits_are_the_same(comparison, tmp_path, change):
     assert compared(comparison, tmp_path, {**EVENT, **change})
 
 
@@ -90,33 +85,29 @@ def test_other_last_digits_are_the_same(
     ids=str,
 )
 def test_other_values_are_found(
-    comparison: ModuleType,
-    tmp_path: Path,
-    change: dict[str, Any],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    comparison,
+    tmp_path,
+    change,
+    capsys,
+):
     assert not compared(comparison, tmp_path, {**EVENT, **change})
     key = next(iter(change))
     assert f"event 1: {key}" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("others", [(), (EVENT, EVENT)], ids=["missing", "one more"])
-def test_another_number_of_events_is_found(
-    comparison: ModuleType, tmp_path: Path, others: tuple[dict[str, Any], ...]
-) -> None:
+def test_another_number_of_events_is_found(comparison, tmp_path, others):
     assert not compared(comparison, tmp_path, *others)
 
 
-def test_a_missing_key_is_found(
-    comparison: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_key_is_found(comparison, tmp_path, capsys):
     assert not compared(
         comparison, tmp_path, {key: value for key, value in EVENT.items() if key != "track_id"}
     )
     assert "event 1: track_id is 3, and absent" in capsys.readouterr().out
 
 
-def test_the_bearing_of_a_circle_is_arbitrary(comparison: ModuleType) -> None:
+def test_the_bearing_of_a_circle_is_arbitrary(comparison):
     round_one = {"semi_major_m": 300.0, "semi_minor_m": 300.0, "bearing_deg": 20.0}
     ((_, _, _, size),) = comparison.differences(
         "", round_one, {**round_one, "bearing_deg": 80.0}, {}

@@ -7,13 +7,12 @@ import sys
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 from repository import ROOT
 
 sys.path.insert(0, str(ROOT))
-from benchmarks.skipping import ADDED, FILLED, PARTS, SAME, Part, Use, used
+from benchmarks.skipping import ADDED, FILLED, PARTS, SAME, Use, used
 from opir_core.host.host import Host
 from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
@@ -39,17 +38,17 @@ NEVER = (
 
 
 @cache
-def run_of(words: tuple[str, ...]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def run_of(words):
     """Return the modules, calls and bytes of a run, and its events, without their numbers in the
     file.
     """
     with tempfile.TemporaryDirectory() as folder:
-        found = used(words, Path(folder))
+        result = used(words, Path(folder))
         lines = Path(folder, "events.jsonl").read_text(encoding="utf-8").splitlines()
-    return found, [json.loads(line) for line in lines]
+    return result, [json.loads(line) for line in lines]
 
 
-def measured(event: dict[str, Any]) -> dict[str, Any]:
+def measured(event):
     """Return the fields of an event that no tracker fills."""
     filled = {
         "track_id",
@@ -71,23 +70,23 @@ PLAIN_OR_SLOW = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", PLAIN_OR_SLOW)
-def test_what_a_scene_does_not_name_is_not_imported_called_or_allocated(part: Part) -> None:
+def test_what_a_scene_does_not_name_is_not_imported_called_or_allocated(part):
     run, _ = run_of(part.beside)
-    found = Use.of(part.modules, run)
-    assert found.calls == 0
-    assert part.shared or found == Use(0, 0, 0)
+    result = Use.of(part.modules, run)
+    assert result.calls == 0
+    assert part.shared or result == Use(0, 0, 0)
     assert not {name for name in run["modules"] if name.split(".")[0] in NEVER}
 
 
 @pytest.mark.slow
-def test_a_plain_scene_needs_no_special_functions() -> None:
+def test_a_plain_scene_needs_no_special_functions():
     run, _ = run_of(())
     assert "scipy" not in run["modules"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS, ids=[part.name for part in PARTS])
-def test_what_a_scene_names_is_called_and_leaves_the_other_events_alone(part: Part) -> None:
+def test_what_a_scene_names_is_called_and_leaves_the_other_events_alone(part):
     run, events = run_of((*part.beside, *part.words))
     assert Use.of(part.modules, run).calls > 0
     before = run_of(part.beside)[1]
@@ -107,7 +106,7 @@ def test_what_a_scene_names_is_called_and_leaves_the_other_events_alone(part: Pa
         assert events != before
 
 
-def test_the_work_of_a_plan_is_counted_with_what_it_skips_and_why() -> None:
+def test_the_work_of_a_plan_is_counted_with_what_it_skips_and_why():
     sensors = [
         {"model": "DSP", "id": f"S{slot}", "orbital_slot_deg": float(slot)}
         for slot in (-135, 45, -60)

@@ -4,10 +4,7 @@ prints.
 
 import ast
 import re
-from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
-from typing import TypeGuard
 
 import pytest
 from public_names import PUBLIC, is_public
@@ -94,14 +91,14 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 @cache
-def tree_of(path: Path) -> ast.Module:
+def tree_of(path):
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def module_of(path: Path) -> str:
-    parts = path.relative_to(ROOT).with_suffix("").parts
-    parts = parts[2:] if parts[0] == "plugins" else parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+def module_of(path):
+    names = path.relative_to(ROOT).with_suffix("").parts
+    names = names[2:] if names[0] == "plugins" else names
+    return ".".join(names[:-1] if names[-1] == "__init__" else names)
 
 
 MODULES = {module_of(path): path for path in SOURCES}
@@ -110,12 +107,12 @@ CORE_MODULES = {
 }
 
 
-def floor_of(module: str) -> str:
+def floor_of(module):
     return module.removeprefix("opir_core.").partition(".")[0]
 
 
 @cache
-def homes_of(door: str) -> dict[str, str]:
+def homes_of(door):
     """Return the module of each name that the stub of a package hands on."""
     stub = MODULES[door].with_suffix(".pyi")
     nodes = tree_of(stub).body if stub.is_file() else []
@@ -127,7 +124,7 @@ def homes_of(door: str) -> dict[str, str]:
     }
 
 
-def imports_of(path: Path) -> Iterator[str]:
+def imports_of(path):
     """Yield the modules of opir that a file imports, wherever in it; of a door, the homes of the
     names.
     """
@@ -144,40 +141,44 @@ def imports_of(path: Path) -> Iterator[str]:
 
 
 @cache
-def graph() -> dict[str, list[str]]:
+def graph():
     """Return the modules of opir that each imports."""
     return {module: sorted(set(imports_of(path))) for module, path in MODULES.items()}
 
 
-def test_every_folder_of_the_core_has_its_floor() -> None:
+def test_every_folder_of_the_core_has_its_floor():
     doors = {"opir_core", "opir_core.plugin"}
     assert {floor_of(module) for module in CORE_MODULES if module not in doors} == set(FLOORS)
     assert {module.partition(".")[0] for module in MODULES} == set(DISTRIBUTIONS)
 
 
-def test_imports_go_down() -> None:
+def test_imports_go_down():
     rank = {name: number for number, name in enumerate(FLOORS)}
     distribution = {name: number for number, name in enumerate(DISTRIBUTIONS)}
     upward = []
-    for module, others in graph().items():
-        for other in others:
-            own, its = (each.partition(".")[0] for each in (module, other))
+    for module, targets in graph().items():
+        for target in targets:
+            own, its = (each.partition(".")[0] for each in (module, target))
             is_up = distribution[its] > distribution[own]
             if own == its == "opir_core" and module not in ("opir_core", "opir_core.plugin"):
-                is_up = rank.get(floor_of(other), len(FLOORS)) > rank[floor_of(module)]
+                is_up = rank.get(floor_of(target), len(FLOORS)) > rank[floor_of(module)]
             if is_up:
-                upward.append(f"{module} imports {other}")
+                upward.append(f"{module} imports {target}")
     assert not upward
 
 
-def test_no_imports_run_in_a_circle() -> None:
-    left = {module: set(others) - {module} for module, others in graph().items()}
-    while free := [module for module, others in left.items() if not others]:
-        left = {module: others - set(free) for module, others in left.items() if module not in free}
-    assert not left, "a circle runs through some of these"
+def test_no_imports_run_in_a_circle():
+    remaining = {module: set(targets) - {module} for module, targets in graph().items()}
+    while free := [module for module, targets in remaining.items() if not targets]:
+        remaining = {
+            module: targets - set(free)
+            for module, targets in remaining.items()
+            if module not in free
+        }
+    assert not remaining, "a circle runs through some of these"
 
 
-def imported_names(path: Path) -> Iterator[tuple[str, str]]:
+def imported_names(path):
     """Yield the module and the name of each import of a file from opir's distributions."""
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
@@ -192,7 +193,7 @@ def imported_names(path: Path) -> Iterator[tuple[str, str]]:
             yield from ((str(node.module), name.name) for name in node.names)
 
 
-def test_plugins_import_only_public_names_of_other_distributions() -> None:
+def test_plugins_import_only_public_names_of_other_distributions():
     private = [
         f"{module} imports {name} of {other}"
         for module, path in MODULES.items()
@@ -208,7 +209,7 @@ def test_plugins_import_only_public_names_of_other_distributions() -> None:
 LAZY_IMPORTS = 50
 
 
-def test_few_imports_stand_inside_functions() -> None:
+def test_few_imports_stand_inside_functions():
     lazy = [
         f"{module}:{inner.lineno}"
         for module, path in CORE_MODULES.items()
@@ -219,29 +220,29 @@ def test_few_imports_stand_inside_functions() -> None:
     assert len(lazy) <= LAZY_IMPORTS, lazy
 
 
-def test_no_module_lies_flat_in_the_core() -> None:
+def test_no_module_lies_flat_in_the_core():
     assert {path.stem for path in CORE.glob("*.py")} == FLAT
 
 
-def functions(path: Path) -> Iterator[Function]:
+def functions(path):
     for node in ast.walk(tree_of(path)):
         if isinstance(node, Function):
             yield node
 
 
-def lines_of_code(node: Function) -> int:
+def lines_of_code(node):
     """Return the lines of a function without its docstring, which may be as long as it needs."""
     documented = ast.get_docstring(node) is not None
-    first = node.body[0]
+    docstring = node.body[0]
     return (
         (node.end_lineno or 0)
         - node.lineno
         + 1
-        - ((first.end_lineno or 0) - first.lineno + 1 if documented else 0)
+        - ((docstring.end_lineno or 0) - docstring.lineno + 1 if documented else 0)
     )
 
 
-def test_long_modules_are_reviewed() -> None:
+def test_long_modules_are_reviewed():
     sizes = {
         path.relative_to(ROOT).as_posix(): len(path.read_text(encoding="utf-8").splitlines())
         for path in SOURCES
@@ -249,7 +250,7 @@ def test_long_modules_are_reviewed() -> None:
     assert {name for name, size in sizes.items() if size > REVIEWED_MODULE} == set(LONG_MODULES)
 
 
-def test_long_functions_are_reviewed() -> None:
+def test_long_functions_are_reviewed():
     sizes = {
         f"{path.relative_to(ROOT).as_posix()}:{node.name}": lines_of_code(node)
         for path in SOURCES
@@ -258,13 +259,13 @@ def test_long_functions_are_reviewed() -> None:
     assert {name for name, size in sizes.items() if size > REVIEWED_FUNCTION} == set(LONG_FUNCTIONS)
 
 
-def test_no_module_has_a_vague_name() -> None:
+def test_no_module_has_a_vague_name():
     assert not [path for path in SOURCES if path.stem in VAGUE or path.parent.name in VAGUE]
 
 
 @pytest.mark.slow
-def test_no_class_name_stands_twice() -> None:
-    homes: dict[str, list[str]] = {}
+def test_no_class_name_stands_twice():
+    homes = {}
     for path in SOURCES:
         for node in ast.walk(tree_of(path)):
             if isinstance(node, ast.ClassDef):
@@ -272,7 +273,7 @@ def test_no_class_name_stands_twice() -> None:
     assert not {name: where for name, where in homes.items() if len(where) > 1}
 
 
-def test_the_library_does_not_print() -> None:
+def test_the_library_does_not_print():
     printing = re.compile(r"(?<![\w.])print\(")
     assert not [path for path in SOURCES if printing.search(path.read_text(encoding="utf-8"))]
 
@@ -281,7 +282,7 @@ def test_the_library_does_not_print() -> None:
 OUTSIDE = {path.name for path in (ROOT / "plugins").glob("opir_*")} | {"litestar", "aiokafka"}
 
 
-def test_the_core_names_no_plugin() -> None:
+def test_the_core_names_no_plugin():
     named = {
         module: names
         for module, path in CORE_MODULES.items()
@@ -291,7 +292,7 @@ def test_the_core_names_no_plugin() -> None:
     assert not named
 
 
-def packages_named(tree: ast.Module) -> set[str]:
+def packages_named(tree):
     """Return the modules of plugins that a module imports, or names in a text other than a
     docstring.
 
@@ -299,7 +300,7 @@ def packages_named(tree: ast.Module) -> set[str]:
     gets it.
     """
     docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    named: set[str] = set()
+    named = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             named |= {name.name for name in node.names}
@@ -312,7 +313,7 @@ def packages_named(tree: ast.Module) -> set[str]:
     return {name for name in named if name.partition(".")[0] in OUTSIDE}
 
 
-def is_text(node: ast.AST) -> TypeGuard[ast.Constant]:
+def is_text(node):
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
@@ -331,12 +332,12 @@ def is_text(node: ast.AST) -> TypeGuard[ast.Constant]:
         ("PACKAGE = 'opir-export'", False),
     ],
 )
-def test_a_plugin_that_is_named_is_found(code: str, is_named: bool) -> None:
+def test_a_plugin_that_is_named_is_found(code, is_named):
     assert bool(packages_named(ast.parse(code))) == is_named
 
 
 @pytest.mark.parametrize("package", ["", ".flight", ".geometry", ".orbits"])
-def test_all_is_sorted_and_there(package: str) -> None:
+def test_all_is_sorted_and_there(package):
     from importlib import import_module
 
     door = import_module(f"opir_core{package}")

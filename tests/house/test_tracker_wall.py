@@ -5,11 +5,9 @@ A tracker that knows the flights that the simulator draws is judged on its own a
 """
 
 import ast
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from types import ModuleType
-from typing import Any
 
 import pytest
 from public_names import PUBLIC
@@ -52,11 +50,11 @@ TABLES = ("class_profiles", "stagings", "target_classes")
 DOORS = tuple(sorted(PUBLIC | {"opir_trackers"}))
 
 
-def is_among(module: str, known: tuple[str, ...]) -> bool:
-    return any(module == each or module.startswith(f"{each}.") for each in known)
+def is_among(module, packages):
+    return any(module == package or module.startswith(f"{package}.") for package in packages)
 
 
-def imported(tree: ast.Module) -> Iterator[str]:
+def imported(tree):
     """Yield the modules that a source imports or uses by the name of a door, wherever in it, types
     included.
     """
@@ -77,20 +75,20 @@ def imported(tree: ast.Module) -> Iterator[str]:
                 yield home_of(door, node.attr)
 
 
-def home_of(module: str, name: str) -> str:
+def home_of(module, name):
     """Return the module that a name of a module comes from: the name itself where it is a
     module.
     """
     if not module.startswith("opir_core"):
         return module
-    found: Any = getattr(import_module(module), name, None)
-    if found is None or isinstance(found, ModuleType):
+    result = getattr(import_module(module), name, None)
+    if result is None or isinstance(result, ModuleType):
         return f"{module}.{name}"
-    home = getattr(found, "__module__", None)
+    home = getattr(result, "__module__", None)
     return home if module in DOORS and isinstance(home, str) else module
 
 
-def texts(tree: ast.Module) -> Iterator[str]:
+def texts(tree):
     """Yield the texts of a source that are no docstrings."""
     prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
@@ -99,59 +97,64 @@ def texts(tree: ast.Module) -> Iterator[str]:
 
 
 @cache
-def imports_of(module: str) -> tuple[str, ...]:
+def imports_of(module):
     """Return what a module of the core imports; doors, and what is no module of the core, import
     nothing.
     """
     path = ROOT / module.replace(".", "/")
     source = next(
-        (each for each in (path.with_suffix(".py"), path / "__init__.py") if each.is_file()), None
+        (
+            path_of_module
+            for path_of_module in (path.with_suffix(".py"), path / "__init__.py")
+            if path_of_module.is_file()
+        ),
+        None,
     )
     if source is None or module in DOORS or not module.startswith("opir_core"):
         return ()
     return tuple(imported(ast.parse(source.read_text(encoding="utf-8"))))
 
 
-def reached(modules: list[str]) -> dict[str, str]:
+def reached(modules):
     """Return the modules that modules import in the end, with the way there; the way does not lead
     through doors.
     """
     ways = {module: module for module in modules}
-    left = list(modules)
-    while left:
-        module = left.pop()
-        for other in imports_of(module):
-            if other not in ways:
-                ways[other] = f"{ways[module]} > {other}"
-                left.append(other)
+    queue = list(modules)
+    while queue:
+        module = queue.pop()
+        for imported_module in imports_of(module):
+            if imported_module not in ways:
+                ways[imported_module] = f"{ways[module]} > {imported_module}"
+                queue.append(imported_module)
     return ways
 
 
-def faults(source: str) -> list[str]:
+def faults(source):
     """Return what a source of the trackers' side knows of target models."""
     tree = ast.parse(source)
     own = sorted(set(imported(tree)))
-    found = [f"imports {module}" for module in own if is_among(module, (*TARGET_MODELS, *RECORDS))]
+    result = [f"imports {module}" for module in own if is_among(module, (*TARGET_MODELS, *RECORDS))]
     ways = {module: way for module, way in reached(own).items() if module not in own}
-    found += [f"reaches {way}" for module, way in ways.items() if is_among(module, TARGET_MODELS)]
+    result += [f"reaches {way}" for module, way in ways.items() if is_among(module, TARGET_MODELS)]
     for text in texts(tree):
-        named = [each for each in (*TARGET_MODELS, *RECORDS) if each in text]
-        read = [each for each in TABLES if text.startswith(each) or f"/{each}" in text]
-        found += [f"names {each}" for each in (*named, *read)]
-    return found
+        named = [table for table in (*TARGET_MODELS, *RECORDS) if table in text]
+        read = [table for table in TABLES if text.startswith(table) or f"/{table}" in text]
+        result += [f"names {table}" for table in (*named, *read)]
+    return result
 
 
 @pytest.mark.slow
-def test_nothing_on_the_side_of_trackers_knows_target_models() -> None:
+def test_nothing_on_the_side_of_trackers_knows_target_models():
     sources = {folder: sorted((ROOT / folder).rglob("*.py")) for folder in FOLDERS}
     assert all(sources.values())
-    found = {
+    result = {
         str(path.relative_to(ROOT)): wrong
         for paths in sources.values()
         for path in paths
         if (wrong := faults(path.read_text(encoding="utf-8")))
     }
-    assert not found, "a tracker must not know the flights that it is judged on"
+    assert not result, "a tracker must not know the flights that it is judged on"
 
 
 @pytest.mark.parametrize(
@@ -178,7 +181,7 @@ def test_nothing_on_the_side_of_trackers_knows_target_models() -> None:
         "path = folder / 'stagings.json'",
     ],
 )
-def test_each_way_to_a_target_model_is_found(source: str) -> None:
+def test_each_way_to_a_target_model_is_found(source):
     assert faults(source)
 
 
@@ -193,5 +196,5 @@ def test_each_way_to_a_target_model_is_found(source: str) -> None:
         "from attrs import frozen\nimport numpy as np\nnp.zeros(3)",
     ],
 )
-def test_what_trackers_may_use_is_no_fault(source: str) -> None:
+def test_what_trackers_may_use_is_no_fault(source):
     assert not faults(source)

@@ -22,15 +22,15 @@ class Outsider:
     folder: Path
     environment: Path
 
-    def python(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    def python(self, *words, cwd=None):
         """Run that environment's Python."""
         return self.run(str(self.environment / "bin" / "python"), *words, cwd=cwd)
 
-    def opir(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    def opir(self, *words, cwd=None):
         """Run that environment's `opir`."""
         return self.run(str(self.environment / "bin" / "opir"), *words, cwd=cwd)
 
-    def install(self, *what: str, cwd: Path | None = None) -> None:
+    def install(self, *packages, cwd=None):
         """Install wheels and folders, without asking an index."""
         python = str(self.environment / "bin" / "python")
         offline = (
@@ -41,52 +41,52 @@ class Outsider:
             "--disable-pip-version-check",
         )
         done = self.run(
-            sys.executable, "-m", "pip", "--python", python, "install", *offline, *what, cwd=cwd
+            sys.executable, "-m", "pip", "--python", python, "install", *offline, *packages, cwd=cwd
         )
         assert done.returncode == 0, done.stderr
 
-    def run(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    def run(self, *words, cwd=None):
         """Run a command with that environment first on the path."""
-        given = self.variables()
+        inputs = self.variables()
         return subprocess.run(
-            words, cwd=cwd or self.folder, env=given, capture_output=True, text=True, check=False
+            words, cwd=cwd or self.folder, env=inputs, capture_output=True, text=True, check=False
         )
 
-    def variables(self) -> dict[str, str]:
+    def variables(self):
         """Return the environment's variables: that environment first on the path, and nothing of
         ours.
         """
-        ours = ("PYTHONPATH", "OPIR_PLUGINS", "PYTEST_ADDOPTS")
-        clean = {key: value for key, value in os.environ.items() if key not in ours}
+        result = ("PYTHONPATH", "OPIR_PLUGINS", "PYTEST_ADDOPTS")
+        clean = {key: value for key, value in os.environ.items() if key not in result}
         return {**clean, "PATH": f"{self.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"}
 
 
-def third_party(folder: Path) -> Path:
+def third_party(folder):
     """Make a folder of links to all installed packages but those of this project, and return it."""
     folder.mkdir()
     for place in (Path(entry) for entry in sys.path if entry.endswith("site-packages")):
-        for found in place.iterdir():
-            link = folder / found.name
-            if "opir" not in found.name and found.suffix != ".pth" and not link.exists():
-                link.symlink_to(found)
+        for result in place.iterdir():
+            link = folder / result.name
+            if "opir" not in result.name and result.suffix != ".pth" and not link.exists():
+                link.symlink_to(result)
     return folder
 
 
 @pytest.fixture(scope="session")
-def outsider(tmp_path_factory: pytest.TempPathFactory) -> Outsider:
+def outsider(tmp_path_factory):
     """An environment of somebody else's, made once."""
     folder = tmp_path_factory.mktemp("outsider")
-    made = Outsider(folder, folder / "environment")
+    user = Outsider(folder, folder / "environment")
     build = ("-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder / "wheels"))
     for source in (ROOT, *(ROOT / "plugins" / name for name in ("opir_photons", "opir_testing"))):
         done = subprocess.run(
             [sys.executable, *build], cwd=source, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stderr
-    venv.create(made.environment, symlinks=True)
-    (site,) = (made.environment / "lib").glob("python3.*/site-packages")
+    venv.create(user.environment, symlinks=True)
+    (site,) = (user.environment / "lib").glob("python3.*/site-packages")
     (site / "third_party.pth").write_text(str(third_party(folder / "third_party")))
-    made.install(*(str(wheel) for wheel in sorted((folder / "wheels").glob("opir_*.whl"))))
-    where = made.python("-c", "import opir_core; print(opir_core.__file__)").stdout
-    assert Path(where.strip()).is_relative_to(made.environment)
-    return made
+    user.install(*(str(wheel) for wheel in sorted((folder / "wheels").glob("opir_*.whl"))))
+    where = user.python("-c", "import opir_core; print(opir_core.__file__)").stdout
+    assert Path(where.strip()).is_relative_to(user.environment)
+    return user

@@ -20,7 +20,7 @@ EXAMPLE = EXAMPLES / "first_light.yaml"
 
 
 @pytest.fixture(scope="module")
-def scored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def scored(tmp_path_factory):
     """Return the folder of a run with tracks."""
     folder = tmp_path_factory.mktemp("run")
     short = ["--set", "duration_s=20", "--tracker", "kepler-arc", "--quiet"]
@@ -29,7 +29,7 @@ def scored(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scored: Path) -> Path:
+def folder(tmp_path, monkeypatch, scored):
     """Return a working folder with a scene, the files of its run, and a folder."""
     shutil.copytree(scored, tmp_path, dirs_exist_ok=True)
     shutil.copy(EXAMPLE, tmp_path / "scene.yaml")
@@ -38,7 +38,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scored: Path) -> Pat
     return tmp_path
 
 
-def reported(capsys: pytest.CaptureFixture[str], *words: str, code: int) -> str:
+def reported(capsys, *words, code):
     assert main(list(words)) == code
     message = capsys.readouterr().err
     assert message.startswith("opir: ")
@@ -93,25 +93,23 @@ WRITING = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("words", "code", "message"), WRITING)
 def test_files_that_cannot_be_written_are_reported(
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    words: tuple[str, ...],
-    code: int,
-    message: str,
-) -> None:
+    folder,
+    capsys,
+    words,
+    code,
+    message,
+):
     assert message in reported(capsys, *RUN, *words, code=code)
     assert (folder / "scene.yaml").read_bytes() == EXAMPLE.read_bytes()
 
 
 @pytest.mark.parametrize("path", ["/dev/full", "no/y", "folder"])
-def test_tracks_that_cannot_be_written_are_reported(
-    folder: Path, capsys: pytest.CaptureFixture[str], path: str
-) -> None:
+def test_tracks_that_cannot_be_written_are_reported(folder, capsys, path):
     message = reported(capsys, *TRACKED, "--out", "x", "--tracks", path, code=5)
     assert f"the tracks file {path} cannot be written: " in message
 
 
-def test_what_keeps_nothing_may_take_several(folder: Path) -> None:
+def test_what_keeps_nothing_may_take_several(folder):
     assert (
         main([*RUN, "--out", "/dev/null", "--truth", "/dev/null", "--manifest", "/dev/null"]) == 0
     )
@@ -173,13 +171,13 @@ BROKEN = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "pattern", "other", "message"), BROKEN)
 def test_a_run_s_files_that_something_else_wrote_are_reported(
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    name: str,
-    pattern: str,
-    other: str,
-    message: str,
-) -> None:
+    folder,
+    capsys,
+    name,
+    pattern,
+    other,
+    message,
+):
     written = (folder / name).read_text()
     broken = re.sub(pattern, other, written)
     assert broken != written
@@ -190,9 +188,7 @@ def test_a_run_s_files_that_something_else_wrote_are_reported(
     )
 
 
-def test_scores_of_what_is_no_run_are_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_scores_of_what_is_no_run_are_refused(folder, capsys):
     assert "is not a file of events" in reported(capsys, "score", "", code=2)
     (folder / TRACKS).unlink()
     assert "there is no tracks file" in reported(capsys, "score", EVENTS, code=2)
@@ -201,18 +197,14 @@ def test_scores_of_what_is_no_run_are_refused(
 TABLE = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n0,{x},0,0\n10,7e6,1,0\n"
 
 
-def test_tables_that_are_none_are_reported(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_that_are_none_are_reported(folder, capsys):
     for x in ("1e300", "7e12"):
         (folder / "far.csv").write_text(TABLE.format(x=x))
         assert "beyond the Moon; check its units" in _reported_of_table(capsys, "far.csv")
     assert "targets[0].file: the path is empty" in _reported_of_table(capsys, "")
 
 
-def test_sources_that_are_none_are_reported(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sources_that_are_none_are_reported(folder, capsys):
     (folder / "fires.csv").write_bytes(b"lat_deg,lon_deg\n\xff,0\n")
     for path, words in (
         ("fires.csv", "fires.csv, line 2: is not UTF-8 text"),
@@ -226,17 +218,17 @@ def test_sources_that_are_none_are_reported(
         assert words in message
 
 
-def _reported_of_table(capsys: pytest.CaptureFixture[str], file: str) -> str:
+def _reported_of_table(capsys, file):
     target = json.dumps([{"id": "A", "model": "table", "type": "ICBM", "file": file}])
     return reported(capsys, *RUN, "--set", f"targets={target}", code=2)
 
 
 def test_a_command_that_is_none_is_reported_all_that_are(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    with pytest.raises(SystemExit) as left:
+    capsys,
+):
+    with pytest.raises(SystemExit) as exit_info:
         main(["srve"])
-    assert left.value.code == 2
+    assert exit_info.value.code == 2
     assert "'serve'" in capsys.readouterr().err
 
 
@@ -253,12 +245,12 @@ def test_a_command_that_is_none_is_reported_all_that_are(
     ],
 )
 def test_a_missing_package_of_this_project_is_named(
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    words: tuple[str, ...],
-    package: str,
-) -> None:
+    folder,
+    capsys,
+    monkeypatch,
+    words,
+    package,
+):
     monkeypatch.setattr(discovery, "distributions_with", lambda groups: [])
     message = reported(capsys, *words, code=3)
     folder = f"./plugins/{package.replace('-', '_')}"
@@ -292,12 +284,12 @@ def test_a_missing_package_of_this_project_is_named(
     ],
 )
 def test_an_unknown_option_is_refused_with_the_usage_of_its_command(
-    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], usage: str, error: str
-) -> None:
-    with pytest.raises(SystemExit) as left:
+    folder, capsys, words, usage, error
+):
+    with pytest.raises(SystemExit) as exit_info:
         main(list(words))
     message = capsys.readouterr().err
-    assert left.value.code == 2
+    assert exit_info.value.code == 2
     assert message.startswith(usage)
     assert message.endswith(f"\n{error}\n")
 
@@ -305,15 +297,13 @@ def test_an_unknown_option_is_refused_with_the_usage_of_its_command(
 @pytest.mark.parametrize(
     "words", [("-q", "-o", "short.jsonl"), ("--quiet", "--out", "short.jsonl")]
 )
-def test_common_options_have_letters(
-    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
-) -> None:
+def test_common_options_have_letters(folder, capsys, words):
     assert main(["run", "scene.yaml", "--set", "duration_s=12", *words]) == 0
     assert capsys.readouterr() == ("", "")
     assert Path("short.jsonl").is_file()
 
 
-def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_help_lists_the_exit_codes(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     listed = set(re.findall(r"^  (\d+)  +\w", capsys.readouterr().out, re.MULTILINE))
@@ -323,9 +313,7 @@ def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> No
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("words", [("plugins",), ("explain", str(EXAMPLE)), ("run", str(EXAMPLE))])
-def test_a_full_standard_output_is_an_output_that_failed(
-    words: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_a_full_standard_output_is_an_output_that_failed(words, tmp_path):
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         command = [sys.executable, "-m", "opir_core", *words]
         done = subprocess.run(

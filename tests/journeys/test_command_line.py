@@ -23,7 +23,7 @@ SHORT = (PACIFIC, "--set", "duration_s=80")
 Opir = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def process(folder: Path, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def process(folder, *words, **environment):
     """Run the command in a process of its own."""
     return subprocess.run(
         [sys.executable, "-m", "opir_core", *words],
@@ -36,8 +36,8 @@ def process(folder: Path, *words: str, **environment: str) -> subprocess.Complet
 
 
 def test_the_command_has_one_thread_for_linear_algebra_unless_the_user_says_otherwise(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    monkeypatch, capsys
+):
     monkeypatch.setattr(os, "environ", {**os.environ, "OMP_NUM_THREADS": "4"})
     os.environ.pop("OPENBLAS_NUM_THREADS", None)
     monkeypatch.setattr(sys, "argv", ["opir", "plugins"])
@@ -48,13 +48,11 @@ def test_the_command_has_one_thread_for_linear_algebra_unless_the_user_says_othe
 
 
 @pytest.fixture
-def opir(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Opir:
+def opir(tmp_path, monkeypatch, capsys):
     """Return a function that runs the command in this process."""
     monkeypatch.chdir(tmp_path)
 
-    def run(*words: str) -> subprocess.CompletedProcess[str]:
+    def run(*words):
         capsys.readouterr()
         try:
             code = main(list(words))
@@ -68,21 +66,21 @@ def opir(
 
 @pytest.fixture(scope="module")
 def pacific(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    tmp_path_factory,
+):
     """Return the folder of a run in a process of its own, and what it said."""
     folder = tmp_path_factory.mktemp("pacific")
     return folder, process(folder, "run", *SHORT, PYTHONHASHSEED="42")
 
 
-def lines(path: Path) -> list[dict[str, object]]:
+def lines(path):
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 @pytest.mark.slow
 def test_a_run_writes_events_truth_and_manifest_and_says_so(
-    pacific: tuple[Path, subprocess.CompletedProcess[str]],
-) -> None:
+    pacific,
+):
     folder, done = pacific
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -103,8 +101,8 @@ def test_a_run_writes_events_truth_and_manifest_and_says_so(
 
 @pytest.mark.slow
 def test_a_run_says_first_who_saw_what_and_where_it_goes(
-    pacific: tuple[Path, subprocess.CompletedProcess[str]],
-) -> None:
+    pacific,
+):
     folder, done = pacific
     truth = {
         row["target_id"]: row
@@ -117,12 +115,12 @@ def test_a_run_says_first_who_saw_what_and_where_it_goes(
         if "detection_id" in row
     }
     answers = dict(line.split(": ", 1) for line in done.stdout.splitlines()[2 : 2 + len(truth)])
-    first = {}
+    detections = {}
     for event in lines(folder / "events.jsonl"):
-        first.setdefault(ids[event["detection_id"]], event["sensor_id"])
+        detections.setdefault(ids[event["detection_id"]], event["sensor_id"])
     for name, row in truth.items():
         reported = answers[f"{name} ({row['type']})"]
-        assert reported.startswith(f"first seen by {first[name]} after ")
+        assert reported.startswith(f"first seen by {detections[name]} after ")
         # In mid-burn an intercontinental missile may as well be a space launch: then the answer is
         # one of both.
         answers_for = {"ICBM": "(ICBM|SLV)"}.get(row["type"], row["type"])
@@ -134,7 +132,7 @@ def test_a_run_says_first_who_saw_what_and_where_it_goes(
     assert done.stdout.index(f"{name} (") < done.stdout.index("sensor ")
 
 
-def test_many_targets_are_answered_in_few_lines(tmp_path: Path, opir: Opir) -> None:
+def test_many_targets_are_answered_in_few_lines(tmp_path, opir):
     scene = tmp_path / "raid.yaml"
     target = {
         "type": "SRBM",
@@ -158,44 +156,42 @@ def test_many_targets_are_answered_in_few_lines(tmp_path: Path, opir: Opir) -> N
 
 
 @pytest.mark.slow
-def test_a_terminal_sees_progress_and_the_table_stays_clean(
-    tmp_path: Path, pacific: tuple[Path, subprocess.CompletedProcess[str]]
-) -> None:
-    ours, theirs = os.openpty()
+def test_a_terminal_sees_progress_and_the_table_stays_clean(tmp_path, pacific):
+    result, reference = os.openpty()
     try:
         done = subprocess.run(
             [sys.executable, "-m", "opir_core", "run", *SHORT],
             cwd=tmp_path,
             stdout=subprocess.PIPE,
-            stderr=theirs,
+            stderr=reference,
             text=True,
             check=False,
             env={**os.environ, "TERM": "xterm"},
         )
-        os.close(theirs)
-        shown = os.read(ours, 65536).decode()
+        os.close(reference)
+        shown = os.read(result, 65536).decode()
     finally:
-        os.close(ours)
+        os.close(result)
     assert done.returncode == 0, shown
     assert "pacific-test-range" in shown
     assert done.stdout == pacific[1].stdout
 
 
-def test_events_hold_no_truth(pacific: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+def test_events_hold_no_truth(pacific):
     events = pacific[0] / "events.jsonl"
     assert '"T1"' not in events.read_text(encoding="utf-8")
     assert not {"target_id", "range_m", "probability", "emission_s"} & set(lines(events)[0])
 
 
-def test_a_manifest_is_enough_to_repeat_the_run(tmp_path: Path, opir: Opir) -> None:
+def test_a_manifest_is_enough_to_repeat_the_run(tmp_path, opir):
     opir("run", FIRST_LIGHT, "--seed", "11", "--set", "sensors[0].scan_period_ms=250", "--quiet")
     manifest = json.loads((tmp_path / "events.manifest.json").read_text(encoding="utf-8"))
-    again = opir_core.simulate(opir_core.scene_from_mapping(manifest["scene"]))
-    assert again.manifest["scene_hash"] == manifest["scene_hash"]
-    assert again.manifest["counts"] == manifest["counts"]
+    repeat = opir_core.simulate(opir_core.scene_from_mapping(manifest["scene"]))
+    assert repeat.manifest["scene_hash"] == manifest["scene_hash"]
+    assert repeat.manifest["counts"] == manifest["counts"]
 
 
-def test_settings_reach_the_run(tmp_path: Path, opir: Opir) -> None:
+def test_settings_reach_the_run(tmp_path, opir):
     done = opir(
         "run", FIRST_LIGHT, "--out", "a.jsonl", "--truth", "t.jsonl", "--manifest", "m.json", "--seed", "11",
         "--set", "sensors[0].scan_period_ms=1000", "--json",
@@ -208,13 +204,13 @@ def test_settings_reach_the_run(tmp_path: Path, opir: Opir) -> None:
 
 
 @pytest.mark.slow
-def test_quiet_into_memory_prints_and_writes_nothing(tmp_path: Path) -> None:
+def test_quiet_into_memory_prints_and_writes_nothing(tmp_path):
     done = process(tmp_path, "run", FIRST_LIGHT, "--tracker", "none", "--sink", "memory", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_events_on_standard_output_leave_the_summary_to_standard_error(tmp_path: Path) -> None:
+def test_events_on_standard_output_leave_the_summary_to_standard_error(tmp_path):
     done = process(tmp_path, "run", FIRST_LIGHT, "--out", "-")
     assert all(json.loads(line)["sensor_id"] == "DSP-1" for line in done.stdout.splitlines())
     assert "first-light" in done.stderr
@@ -222,7 +218,7 @@ def test_events_on_standard_output_leave_the_summary_to_standard_error(tmp_path:
 
 
 @pytest.mark.slow
-def test_a_reader_that_goes_away_ends_the_run_quietly(tmp_path: Path) -> None:
+def test_a_reader_that_goes_away_ends_the_run_quietly(tmp_path):
     command = f"{sys.executable} -m opir_core run {FIRST_LIGHT} --out - --quiet | head -1"
     done = subprocess.run(
         command, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False
@@ -231,16 +227,18 @@ def test_a_reader_that_goes_away_ends_the_run_quietly(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_validate_says_good_or_all_that_is_wrong(opir: Opir) -> None:
-    good = opir("validate", PACIFIC)
-    assert (good.returncode, good.stderr) == (0, "")
-    bad = opir("validate", PACIFIC, "--set", "targets[0].launch.lat_deg=134.7", "--set", "sed=3")
-    assert bad.returncode == 2
-    assert "targets[0].launch.lat_deg: 134.7 is outside [-90, 90]" in bad.stderr
-    assert "seed" in bad.stderr
+def test_validate_says_good_or_all_that_is_wrong(opir):
+    valid = opir("validate", PACIFIC)
+    assert (valid.returncode, valid.stderr) == (0, "")
+    invalid = opir(
+        "validate", PACIFIC, "--set", "targets[0].launch.lat_deg=134.7", "--set", "sed=3"
+    )
+    assert invalid.returncode == 2
+    assert "targets[0].launch.lat_deg: 134.7 is outside [-90, 90]" in invalid.stderr
+    assert "seed" in invalid.stderr
 
 
-def test_an_aim_out_of_reach_says_what_the_class_reaches(opir: Opir) -> None:
+def test_an_aim_out_of_reach_says_what_the_class_reaches(opir):
     done = opir("validate", FIRST_LIGHT, "--set", "targets[0].type=SRBM")
     assert done.returncode == 2
     assert done.stderr.startswith(f"opir: {FIRST_LIGHT}: 1 problem")
@@ -249,7 +247,7 @@ def test_an_aim_out_of_reach_says_what_the_class_reaches(opir: Opir) -> None:
     assert " km" in done.stderr
 
 
-def test_explain_tells_pairs_and_what_is_skipped(opir: Opir) -> None:
+def test_explain_tells_pairs_and_what_is_skipped(opir):
     reported = json.loads(opir("explain", PACIFIC, "--json").stdout)
     assert reported["pairs"]
     assert reported["skipped"]
@@ -274,7 +272,7 @@ def test_explain_tells_pairs_and_what_is_skipped(opir: Opir) -> None:
 
 
 @pytest.mark.slow
-def test_aligned_scans_on_ignitions_are_warned_of(tmp_path: Path, opir: Opir) -> None:
+def test_aligned_scans_on_ignitions_are_warned_of(tmp_path, opir):
     aligned = ("--set", "sensors[0].preset=paper")
     done = process(tmp_path, "run", FIRST_LIGHT, *aligned)
     assert done.returncode == 0
@@ -293,15 +291,15 @@ LATE = (
 )
 
 
-def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir: Opir) -> None:
+def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir):
     prompt = opir("run", FIRST_LIGHT)
-    late = opir("run", FIRST_LIGHT, *LATE)
+    delayed = opir("run", FIRST_LIGHT, *LATE)
     assert "end to end" not in prompt.stdout
-    head, row = (late.stdout.splitlines()[number] for number in (7, 8))
+    head, row = (delayed.stdout.splitlines()[number] for number in (7, 8))
     assert head.split("  ")[:2] == ["target", "type"]
     assert head.index("end to end s") > head.index("latency s")
     first_s, report_s = map(float, row.split()[3:5])
-    assert f"after {first_s:.3f} s, reported after {report_s:.3f} s" in late.stdout
+    assert f"after {first_s:.3f} s, reported after {report_s:.3f} s" in delayed.stdout
     assert "reported after" not in prompt.stdout
     assert first_s + 2.0 < report_s < first_s + 2.0 + 5.0 + 4 * 1.5
     events = lines(Path("events.jsonl"))
@@ -311,7 +309,7 @@ def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir: 
     assert reports[-1] > max(str(event["timestamp"]) for event in events)
 
 
-def test_explain_tells_each_sensor_s_latency_and_the_order_of_tracking(opir: Opir) -> None:
+def test_explain_tells_each_sensor_s_latency_and_the_order_of_tracking(opir):
     reported = opir(
         "explain",
         FIRST_LIGHT,
@@ -336,7 +334,7 @@ def test_explain_tells_each_sensor_s_latency_and_the_order_of_tracking(opir: Opi
     assert plain["tracking"] == {"order": "observation", "lag_s": None}
 
 
-def test_plugins_are_listed_with_their_versions(opir: Opir) -> None:
+def test_plugins_are_listed_with_their_versions(opir):
     rows = json.loads(opir("plugins", "--json").stdout)
     assert {row["distribution"] for row in rows} >= {
         "opir-core",
@@ -347,7 +345,7 @@ def test_plugins_are_listed_with_their_versions(opir: Opir) -> None:
     assert "NEXTGEN-GEO" in opir("plugins").stdout
 
 
-def test_a_plugin_that_is_not_allowed_is_named(opir: Opir, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plugin_that_is_not_allowed_is_named(opir, monkeypatch):
     monkeypatch.setenv("OPIR_PLUGINS", "dsp")
     done = opir("run", PACIFIC)
     assert done.returncode == 3
@@ -355,7 +353,7 @@ def test_a_plugin_that_is_not_allowed_is_named(opir: Opir, monkeypatch: pytest.M
     assert "OPIR_PLUGINS" in done.stderr
 
 
-def test_schema_is_printed(opir: Opir) -> None:
+def test_schema_is_printed(opir):
     schema = json.loads(opir("schema", "detection").stdout)
     assert list(schema["properties"])[:9] == [
         "detection_id", "timestamp", "sensor_id", "sensor_type", "orbital_slot", "target_type", "launch_point",
@@ -377,9 +375,7 @@ def test_schema_is_printed(opir: Opir) -> None:
         ((), 2, "COMMAND"),
     ],
 )
-def test_what_cannot_be_done_is_one_message_and_an_exit_code(
-    opir: Opir, words: tuple[str, ...], code: int, message: str
-) -> None:
+def test_what_cannot_be_done_is_one_message_and_an_exit_code(opir, words, code, message):
     done = opir(*words)
     assert done.returncode == code, done.stderr
     assert message in done.stderr
@@ -387,9 +383,7 @@ def test_what_cannot_be_done_is_one_message_and_an_exit_code(
 
 
 @pytest.mark.slow
-def test_hash_seeds_change_no_byte(
-    tmp_path: Path, pacific: tuple[Path, subprocess.CompletedProcess[str]]
-) -> None:
+def test_hash_seeds_change_no_byte(tmp_path, pacific):
     process(tmp_path, "run", *SHORT, "--quiet", PYTHONHASHSEED="0")
     for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json"):
         assert (tmp_path / name).read_bytes() == (pacific[0] / name).read_bytes()

@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 from contextlib import redirect_stdout
-from pathlib import Path
 
 import pytest
 
@@ -52,9 +51,7 @@ finish() {{ print -r -- finished; exit }}; comppostfuncs=(finish)
 
 
 @pytest.fixture(scope="module", params=["bash", "zsh", "fish"])
-def script(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[str, Path]:
+def script(request, tmp_path_factory):
     """A shell and its script in a file."""
     path = tmp_path_factory.mktemp("completion") / f"opir.{request.param}"
     with path.open("w", encoding="utf-8") as stream, redirect_stdout(stream):
@@ -62,12 +59,12 @@ def script(
     return request.param, path
 
 
-def test_every_command_is_in_the_script(script: tuple[str, Path]) -> None:
+def test_every_command_is_in_the_script(script):
     text = script[1].read_text(encoding="utf-8")
     assert all(name in text for name in COMMANDS)
 
 
-def test_the_shell_accepts_the_script(script: tuple[str, Path]) -> None:
+def test_the_shell_accepts_the_script(script):
     shell, path = script
     setup = "autoload -Uz compinit && compinit -u -D; " if shell == "zsh" else ""
     done = run_in(shell, f'{setup}eval "$(cat {path})"', path.parent)
@@ -75,16 +72,14 @@ def test_the_shell_accepts_the_script(script: tuple[str, Path]) -> None:
 
 
 @pytest.mark.parametrize(("words", "completed"), TYPED, ids=[" ".join(words) for words, _ in TYPED])
-def test_words_are_completed(
-    script: tuple[str, Path], words: list[str], completed: list[str]
-) -> None:
+def test_words_are_completed(script, words, completed):
     shell, path = script
     offered = offered_words(shell, path, " ".join(words))
     assert set(completed) <= set(offered)
     assert all(word.startswith(words[-1]) for word in offered)
 
 
-def offered_words(shell: str, script: Path, words: str) -> list[str]:
+def offered_words(shell, script, words):
     """Return the words that a shell offers for the last of those typed after `opir`."""
     (script.parent / ".zshrc").write_text(ZSHRC.format(script=script), encoding="utf-8")
     code = {"bash": BASH, "zsh": ZSH, "fish": FISH}[shell].format(
@@ -97,18 +92,18 @@ def offered_words(shell: str, script: Path, words: str) -> list[str]:
     return [line.partition("\t")[0] for line in done.stdout.splitlines()]
 
 
-def run_in(shell: str, code: str, home: Path) -> "subprocess.CompletedProcess[str]":
+def run_in(shell, code, home):
     """Run code in a shell without the user's settings; without the shell, skip the test unless it
     is required.
     """
     if shutil.which(shell) is None and os.environ.get("OPIR_SHELLS") != "required":
         pytest.skip(f"{shell} is not installed")
-    given = {
+    inputs = {
         name: value
         for name, value in os.environ.items()
         if not name.startswith(("XDG_", "ZDOTDIR"))
     }
-    given["HOME"] = str(home)
+    inputs["HOME"] = str(home)
     return subprocess.run(
-        [shell, "-c", code], capture_output=True, text=True, check=False, timeout=60, env=given
+        [shell, "-c", code], capture_output=True, text=True, check=False, timeout=60, env=inputs
     )

@@ -4,7 +4,6 @@ success.
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from http_service import SCENE
@@ -16,9 +15,7 @@ MODEL = ("opir_detection_models", "constant", "pair_probability", "detection: ro
 SINK = ("opir_sinks", "memory", "write", "")
 
 
-def ran(
-    folder: Path, part: tuple[str, ...], deed: str, *words: str
-) -> "subprocess.CompletedProcess[str]":
+def ran(folder, part, deed, *words):
     """Run a scene with a component that misbehaves."""
     hook, sound, method, more = part
     outputs = (
@@ -49,9 +46,7 @@ def ran(
     "deed", ["SystemExit", "GeneratorExit", "KeyboardInterrupt", "ZeroDivisionError"]
 )
 @pytest.mark.parametrize("part", [TRACKER, MODEL, SINK], ids=["tracker", "model", "sink"])
-def test_a_run_that_a_component_ends_is_no_success(
-    tmp_path: Path, part: tuple[str, ...], deed: str
-) -> None:
+def test_a_run_that_a_component_ends_is_no_success(tmp_path, part, deed):
     done = ran(tmp_path, part, deed, "--quiet")
     assert done.returncode not in (0, None)
     assert "Traceback" not in done.stderr
@@ -61,5 +56,5 @@ def test_a_run_that_a_component_ends_is_no_success(
 
 
 @pytest.mark.slow
-def test_the_traceback_is_printed_on_request(tmp_path: Path) -> None:
+def test_the_traceback_is_printed_on_request(tmp_path):
     assert "Traceback" in ran(tmp_path, MODEL, "ZeroDivisionError", "--debug").stderr

@@ -2,32 +2,28 @@
 overflow, and print.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from opir_coverage import CoverageSettings, computed_coverage
 from opir_coverage.page import page_of
 from opir_coverage.summary import table_rows
 from page_browser import chromium
-from playwright.sync_api import Browser
 from repository import ROOT
 
 pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(tmp_path_factory):
     settings = CoverageSettings(target_class=None, grid_deg=30.0, steps=5, heights_km=(10.0, 500.0))
-    found = computed_coverage(ROOT / "examples" / "arctic_watch.yaml", settings)
+    result = computed_coverage(ROOT / "examples" / "arctic_watch.yaml", settings)
     path = tmp_path_factory.mktemp("coverage") / "coverage.html"
-    path.write_text(page_of(found, table_rows(found)), encoding="utf-8")
+    path.write_text(page_of(result, table_rows(result)), encoding="utf-8")
     return path
 
 
@@ -40,16 +36,14 @@ _MIDDLE = """(() => {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
-def test_every_layer_is_drawn_without_a_network(
-    browser: Browser, written: Path, width: int, scheme: str
-) -> None:
+def test_every_layer_is_drawn_without_a_network(browser, written, width, scheme):
     context = browser.new_context(
         viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
     )
     page = context.new_page()
-    said: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
+    messages = []
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
     page.goto(written.as_uri())
     page.wait_for_selector("body[data-ready=in_view]")
     names = page.evaluate(
@@ -67,14 +61,12 @@ def test_every_layer_is_drawn_without_a_network(
     page.hover("#canvas", position={"x": width // 3, "y": 60})
     assert "°" in page.text_content("#reading")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert not said
+    assert not messages
     context.close()
 
 
 @pytest.mark.slow
-def test_print_has_the_map_and_no_controls_that_cannot_be_used(
-    browser: Browser, written: Path
-) -> None:
+def test_print_has_the_map_and_no_controls_that_cannot_be_used(browser, written):
     page = browser.new_context(color_scheme="dark", offline=True).new_page()
     page.goto(written.as_uri())
     page.wait_for_selector("body[data-ready=in_view]")

@@ -5,8 +5,6 @@ scene.
 import json
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
 
 import pytest
 from attrs import fields
@@ -16,13 +14,13 @@ from opir_core.host.components import Component
 from opir_core.host.host import Host
 
 
-def opir(*words: str) -> subprocess.CompletedProcess[str]:
+def opir(*words):
     return subprocess.run(
         [sys.executable, "-m", "opir_core", *words], capture_output=True, text=True, check=False
     )
 
 
-def test_text_has_every_field_with_unit_range_default_meaning_and_source() -> None:
+def test_text_has_every_field_with_unit_range_default_meaning_and_source():
     done = opir("describe", "weighted")
     assert done.returncode == 0
     assert done.stdout.splitlines()[:2] == [
@@ -35,7 +33,7 @@ def test_text_has_every_field_with_unit_range_default_meaning_and_source() -> No
     )
 
 
-def test_json_of_every_component_of_the_core_has_every_field() -> None:
+def test_json_of_every_component_of_the_core_has_every_field():
     from opir_core.cli.components import HOOK_BY_KIND, components_named, described
 
     host = Host.of()
@@ -53,18 +51,18 @@ def test_json_of_every_component_of_the_core_has_every_field() -> None:
             assert all(row["help"] for row in reported["fields"])
 
 
-def test_one_name_of_several_kinds_is_reported_of_each_or_of_one() -> None:
-    everyone: list[dict[str, Any]] = json.loads(opir("describe", "always", "--json").stdout)
+def test_one_name_of_several_kinds_is_reported_of_each_or_of_one():
+    everyone = json.loads(opir("describe", "always", "--json").stdout)
     assert [reported["kind"] for reported in everyone] == [
         "detection model",
         "confidence model",
         "classifier",
     ]
-    (one,) = json.loads(opir("describe", "always", "--kind", "classifier", "--json").stdout)
-    assert one["kind"] == "classifier"
+    (description,) = json.loads(opir("describe", "always", "--kind", "classifier", "--json").stdout)
+    assert description["kind"] == "classifier"
 
 
-def test_a_constellation_has_its_satellites() -> None:
+def test_a_constellation_has_its_satellites():
     (reported,) = json.loads(opir("describe", "DSP", "--kind", "constellation", "--json").stdout)
     assert reported["model"] == "DSP"
     assert [row["id"] for row in reported["satellites"]] == ["DSP-1", "DSP-2", "DSP-3", "DSP-4"]
@@ -72,14 +70,14 @@ def test_a_constellation_has_its_satellites() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["wieghted"], ["wieghted", "--kind", "confidence-model"]])
-def test_a_name_that_is_not_there_is_reported_with_the_nearest(words: list[str]) -> None:
+def test_a_name_that_is_not_there_is_reported_with_the_nearest(words):
     done = opir("describe", *words)
     assert done.returncode == 3
     assert "nearest: weighted" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_a_missing_setting_is_reported_with_what_it_is_to_hold(tmp_path: Path) -> None:
+def test_a_missing_setting_is_reported_with_what_it_is_to_hold(tmp_path):
     scene = EXAMPLES / "first_light.yaml"
     text = scene.read_text(encoding="utf-8").replace("lat_deg: ", "lat_dge: ", 1)
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
@@ -87,7 +85,7 @@ def test_a_missing_setting_is_reported_with_what_it_is_to_hold(tmp_path: Path) -
     assert "lat_deg: is missing: geodetic latitude (WGS 84), deg, [-90, 90]" in done.stderr
 
 
-def test_listing_plugins_imports_no_numpy() -> None:
+def test_listing_plugins_imports_no_numpy():
     code = (
         "from opir_core.cli.main import main; import sys; main(['plugins', '--json']);"
         " sys.exit('numpy' in sys.modules)"

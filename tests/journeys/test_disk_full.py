@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import kafka_broker
 import pytest
@@ -26,7 +25,7 @@ ON_A_SMALL_DISK = (
 PROBE = ["unshare", "-rm", "sh", "-c", "mount -t tmpfs -o size=100k none /mnt"]
 
 
-def can_mount() -> bool:
+def can_mount():
     return (
         shutil.which("unshare") is not None
         and subprocess.run(PROBE, capture_output=True, check=False).returncode == 0
@@ -35,39 +34,39 @@ def can_mount() -> bool:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not can_mount(), reason="this system lets nobody mount a small disk")
-def test_what_a_full_disk_kept_arrives_from_it(tmp_path: Path) -> None:
+def test_what_a_full_disk_kept_arrives_from_it(tmp_path):
     disk = tmp_path / "disk"
-    kept = tmp_path / "kept"
+    stored = tmp_path / "kept"
     disk.mkdir()
-    kept.mkdir()
+    stored.mkdir()
     with kafka_broker.broker() as broker:
         topic = broker.topic()
-        first = opir(dead_address(), topic, disk / "spool", tmp_path, small=(disk, kept))
-        assert first.returncode == 5, first.stderr
-        found = re.search(
-            r"its spool \S+ is full, with (\d+) events that wait: no broker answers", first.stderr
+        process = opir(dead_address(), topic, disk / "spool", tmp_path, small=(disk, stored))
+        assert process.returncode == 5, process.stderr
+        result = re.search(
+            r"its spool \S+ is full, with (\d+) events that wait: no broker answers", process.stderr
         )
-        assert found, first.stderr
-        assert "Traceback" not in first.stderr
-        assert int(found[1]) > 1000
-        rest = opir(broker.address, topic, kept / "spool", tmp_path, "--set", "targets=[]")
-        assert rest.returncode == 0, rest.stderr
-        assert "of them from the spool of an earlier run" in rest.stdout + rest.stderr
+        assert result, process.stderr
+        assert "Traceback" not in process.stderr
+        assert int(result[1]) > 1000
+        remainder = opir(broker.address, topic, stored / "spool", tmp_path, "--set", "targets=[]")
+        assert remainder.returncode == 0, remainder.stderr
+        assert "of them from the spool of an earlier run" in remainder.stdout + remainder.stderr
         ids = [
             json.loads(message.value())["detection_id"]
             for message in messages(broker.address, topic)
         ]
-    assert len(set(ids)) == len(ids) == int(found[1])
+    assert len(set(ids)) == len(ids) == int(result[1])
 
 
 def opir(
-    server: str,
-    topic: str,
-    spool: Path,
-    folder: Path,
-    *words: str,
-    small: tuple[Path, Path] | None = None,
-) -> "subprocess.CompletedProcess[str]":
+    server,
+    topic,
+    spool,
+    folder,
+    *words,
+    small=None,
+):
     """Run the scene into Kafka through a spool, which may be on a small disk of its own."""
     kafka = {
         "bootstrap_servers": server,

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from opir_core.geometry import gmst_rad
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.reading.scene_schema import epoch_us_of_text, text_of_epoch_us
-from opir_core.simulation.run import Run, simulate
+from opir_core.simulation.run import simulate
 
 EPOCH = "2026-04-01T12:00:00Z"
 BAR = 1e-9
@@ -26,13 +26,11 @@ FORCES: dict[str, Any] = {
 TURNS_DEG = (37.25, 180.0, -92.625)
 
 
-def lon_deg(degrees: float) -> float:
+def lon_deg(degrees):
     return (degrees + 180.0) % 360.0 - 180.0
 
 
-def scene(
-    forces: Any, turn_deg: float = 0.0, epoch: str = EPOCH, node: str = "lon_asc_node_deg"
-) -> dict[str, Any]:
+def scene(forces, turn_deg=0.0, epoch=EPOCH, node="lon_asc_node_deg"):
     """Return a scene turned as a whole: two slots, a random scan, an orbit that moves, and a target
     of each class.
     """
@@ -74,16 +72,16 @@ def scene(
     }
 
 
-def whole(mapping: dict[str, Any]) -> tuple[Plan, Run]:
+def whole(mapping):
     read = scene_from_mapping(mapping)
     return compile_plan(read), simulate(read)
 
 
-def assert_same(one: tuple[Plan, Run], other: tuple[Plan, Run], turn_deg: float) -> None:
+def assert_same(one, turned_run, turn_deg):
     """Check looks exactly, and all else to the bar: of the Earth's radius, of the circle, of each
     number.
     """
-    (plan, run), (plan_2, run_2) = one, other
+    (plan, run), (plan_2, run_2) = one, turned_run
     assert plan.pairs.looks.tobytes() == plan_2.pairs.looks.tobytes()
     assert plan.pairs.blocked.tobytes() == plan_2.pairs.blocked.tobytes()
     assert len(run.detections) > 400
@@ -106,8 +104,8 @@ def assert_same(one: tuple[Plan, Run], other: tuple[Plan, Run], turn_deg: float)
         close(target_2["impact"]["lat_deg"], target["impact"]["lat_deg"])
 
 
-def close(found: Any, expected: Any, scale: float = 0.0) -> None:
-    np.testing.assert_allclose(found, expected, rtol=BAR, atol=BAR * max(scale, 1e-3))
+def close(result, expected, scale=0.0):
+    np.testing.assert_allclose(result, expected, rtol=BAR, atol=BAR * max(scale, 1e-3))
 
 
 @pytest.mark.slow
@@ -119,11 +117,11 @@ def close(found: Any, expected: Any, scale: float = 0.0) -> None:
         *(pytest.param("drag", turn_deg, marks=pytest.mark.slow) for turn_deg in TURNS_DEG[1:]),
     ],
 )
-def test_turning_a_scene_about_the_axis_changes_nothing(forces: str, turn_deg: float) -> None:
+def test_turning_a_scene_about_the_axis_changes_nothing(forces, turn_deg):
     assert_same(whole(scene(FORCES[forces])), whole(scene(FORCES[forces], turn_deg)), turn_deg)
 
 
-def test_turning_the_sensors_alone_changes_much() -> None:
+def test_turning_the_sensors_alone_changes_much():
     """The comparison can fail."""
     turned = {**scene("kepler"), "sensors": scene("kepler", 5.0)["sensors"]}
     with pytest.raises(AssertionError):
@@ -133,7 +131,7 @@ def test_turning_the_sensors_alone_changes_much() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("days", [1, 366, 5000])
 @pytest.mark.parametrize("node", ["lon_asc_node_deg", "raan_deg"])
-def test_whole_sidereal_days_change_nothing(days: int, node: str) -> None:
+def test_whole_sidereal_days_change_nothing(days, node):
     """A node in right ascension comes back over the same ground, as nearly as epochs are whole
     microseconds.
     """
@@ -143,7 +141,7 @@ def test_whole_sidereal_days_change_nothing(days: int, node: str) -> None:
     )
 
 
-def after_sidereal_days(days: int) -> int:
+def after_sidereal_days(days):
     """Return the microsecond nearest to that many whole turns of sidereal time after the epoch."""
     start_us = epoch_us_of_text(EPOCH)
     shift_us = round(days * 86_164_090_531)
@@ -154,6 +152,6 @@ def after_sidereal_days(days: int) -> int:
     return start_us + shift_us
 
 
-def angle_between(first_us: int, second_us: int) -> float:
-    angles = [float(gmst_rad(np.datetime64(each, "us"))) for each in (first_us, second_us)]
+def angle_between(first_us, second_us):
+    angles = [float(gmst_rad(np.datetime64(time_us, "us"))) for time_us in (first_us, second_us)]
     return (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi

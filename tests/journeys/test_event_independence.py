@@ -24,7 +24,7 @@ SCENE: Mapping[str, Any] = {
 }
 
 
-def events(scene: Mapping[str, Any], window_s: float | None = None) -> bytes:
+def events(scene, window_s=None):
     """Return a scene's events as lines."""
     plan = compile_plan(opir.scene_from_mapping(dict(scene)))
     encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us))
@@ -32,7 +32,7 @@ def events(scene: Mapping[str, Any], window_s: float | None = None) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def whole() -> bytes:
+def whole():
     return events(SCENE, 300.0)
 
 
@@ -40,42 +40,42 @@ def whole() -> bytes:
 @pytest.mark.parametrize(
     "window_s", [pytest.param(0.2, marks=pytest.mark.slow), 0.77, 1.0, 13.0, 299.999, None]
 )
-def test_window_sizes_change_no_byte(whole: bytes, window_s: float | None) -> None:
-    assert events(SCENE, window_s) == whole
+def test_window_sizes_change_no_byte(total, window_s):
+    assert events(SCENE, window_s) == total
 
 
-def test_a_run_repeats_itself(whole: bytes) -> None:
-    assert events(SCENE, 300.0) == whole
+def test_a_run_repeats_itself(total):
+    assert events(SCENE, 300.0) == total
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 3])
-def test_one_more_sensor_leaves_the_other_sensors_events_alone(whole: bytes, place: int) -> None:
+def test_one_more_sensor_leaves_the_other_sensors_events_alone(total, place):
     newcomer = {"model": "DSP", "id": "NEW", "orbital_slot_deg": -120.0, "scan_phase": "random"}
     sensors = [*SCENE["sensors"][:place], newcomer, *SCENE["sensors"][place:]]
     lines = events({**SCENE, "sensors": sensors}).splitlines(keepends=True)
-    kept = [line for line in lines if json.loads(line)["sensor_id"] != "NEW"]
-    assert len(kept) < len(lines)
-    assert b"".join(kept) == whole
+    stored = [line for line in lines if json.loads(line)["sensor_id"] != "NEW"]
+    assert len(stored) < len(lines)
+    assert b"".join(stored) == total
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 1, 3])
-def test_one_more_target_leaves_the_other_targets_events_alone(whole: bytes, place: int) -> None:
+def test_one_more_target_leaves_the_other_targets_events_alone(total, place):
     newcomer = {**SCENE["targets"][0], "id": "NEW", "aim": {"lat_deg": 4.0, "lon_deg": 160.0}}
     targets = [*SCENE["targets"][:place], newcomer, *SCENE["targets"][place:]]
     scene = {**SCENE, "targets": targets}
     added = of_target(scene, "NEW")
-    kept = [
+    stored = [
         line
         for line in events(scene).splitlines(keepends=True)
         if json.loads(line)["detection_id"] not in added
     ]
     assert added
-    assert b"".join(kept) == whole
+    assert b"".join(stored) == total
 
 
-def of_target(scene: Mapping[str, Any], target_id: str) -> set[str]:
+def of_target(scene, target_id):
     """Return the ids of the detections of a target, from the truth."""
     from opir_core.random_streams.detection_ids import uuid_text
 
@@ -84,14 +84,14 @@ def of_target(scene: Mapping[str, Any], target_id: str) -> set[str]:
     return set(uuid_text(run.detections.detection_id[rows]))
 
 
-def test_a_longer_scene_begins_with_the_shorter_ones_events() -> None:
+def test_a_longer_scene_begins_with_the_shorter_ones_events():
     short = events({**SCENE, "duration_s": 80.0})
     long = events({**SCENE, "duration_s": 100.0})
     assert long.startswith(short)
     assert len(long) > len(short) > 0
 
 
-def test_the_order_of_plugins_changes_no_byte(whole: bytes) -> None:
+def test_the_order_of_plugins_changes_no_byte(total):
     from importlib import import_module
 
     names = ["opir_nextgen.plugin", "opir_dsp.plugin", "opir_sbirs.plugin"]
@@ -99,10 +99,10 @@ def test_the_order_of_plugins_changes_no_byte(whole: bytes) -> None:
         host = opir.Host.of(*(import_module(name) for name in order))
         plan = compile_plan(opir.scene_from_mapping(dict(SCENE), host=host), host)
         encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us))
-        assert b"".join(encoder.encode(window) for window in plan_windows(plan)) == whole
+        assert b"".join(encoder.encode(window) for window in plan_windows(plan)) == total
 
 
-def test_streaming_and_whole_runs_agree() -> None:
+def test_streaming_and_whole_runs_agree():
     scene = opir.scene_from_mapping(dict(SCENE))
     run = opir.simulate(scene)
     assert run.manifest["counts"]["detections"] == len(run.detections)

@@ -7,7 +7,6 @@ kilometre and 20 000 km away; epochs of 1970 and 2099; looks a nanosecond apart.
 
 import math
 import os
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +15,9 @@ from hypothesis import HealthCheck, Phase, given, settings, strategies as st
 from opir_core.errors import SceneError
 from opir_core.geometry import Geodetic, geodesic_direct, geodetic_to_ecef, is_occluded
 from opir_core.host.host import Host
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning.plan import compile_plan
 from opir_core.reading import scene_from_mapping
-from opir_core.simulation.run import Run, simulate
+from opir_core.simulation.run import simulate
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -46,17 +45,17 @@ OFFSETS_DEG = st.sampled_from(
 
 
 @st.composite
-def targets(draw: st.DrawFn, number: int) -> dict[str, Any]:
+def targets(draw, number):
     latitude = draw(LATITUDES)
     longitude = draw(LONGITUDES)
     bearing = draw(st.sampled_from([0.0, 90.0, 180.0, 270.0]) | st.floats(0.0, 360.0))
     range_m = draw(RANGES_M)
-    there = geodesic_direct(
+    place = geodesic_direct(
         *(math.radians(value) for value in (latitude, longitude, bearing)), range_m
     )
     aim = {"lat_deg": latitude, "lon_deg": longitude}
     if range_m > 0.0:
-        aim = {"lat_deg": math.degrees(there[0]), "lon_deg": math.degrees(there[1])}
+        aim = {"lat_deg": math.degrees(place[0]), "lon_deg": math.degrees(place[1])}
         aim = {
             key: max(-bound, min(bound, aim[key]))
             for key, bound in (("lat_deg", 90.0), ("lon_deg", 180.0))
@@ -75,7 +74,7 @@ def targets(draw: st.DrawFn, number: int) -> dict[str, Any]:
 
 
 @st.composite
-def sensors(draw: st.DrawFn, under: float, period_ms: float) -> list[dict[str, Any]]:
+def sensors(draw, under, period_ms):
     """Return a satellite at some angle from a longitude, and one in a low orbit over it."""
     slot_deg = (under + draw(OFFSETS_DEG) + 180.0) % 360.0 - 180.0
     circular = {
@@ -98,7 +97,7 @@ def sensors(draw: st.DrawFn, under: float, period_ms: float) -> list[dict[str, A
 
 
 @st.composite
-def scenes(draw: st.DrawFn) -> dict[str, Any]:
+def scenes(draw):
     """Return a scene of looks at usual distances, or of ten microseconds with a nanosecond between
     looks.
     """
@@ -106,8 +105,8 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
     launches = [draw(targets(number)) for number in range(draw(st.integers(1, 3)))]
     if duration_s < 1.0:
         launches = [
-            {**each, "launch": {**each["launch"], "time_s": each["launch"]["time_s"] % 9e-6}}
-            for each in launches
+            {**launch, "launch": {**launch["launch"], "time_s": launch["launch"]["time_s"] % 9e-6}}
+            for launch in launches
         ]
     return {
         "scene": "extreme",
@@ -130,7 +129,7 @@ def scenes(draw: st.DrawFn) -> dict[str, Any]:
     suppress_health_check=list(HealthCheck),
 )
 @given(mapping=scenes())
-def test_every_scene_has_its_numbers_or_says_why_not(mapping: dict[str, Any]) -> None:
+def test_every_scene_has_its_numbers_or_says_why_not(mapping):
     scene = scene_from_mapping(mapping, host=HOST)
     try:
         plan = compile_plan(scene, HOST)
@@ -141,7 +140,7 @@ def test_every_scene_has_its_numbers_or_says_why_not(mapping: dict[str, Any]) ->
     assert_detections(plan, simulate(scene, HOST))
 
 
-def assert_only_out_of_reach(mapping: dict[str, Any], reported: str) -> None:
+def assert_only_out_of_reach(mapping, reported):
     """Check that the targets refused are those whose aim lies outside all that their type flies."""
     refused = [
         number
@@ -153,40 +152,40 @@ def assert_only_out_of_reach(mapping: dict[str, Any], reported: str) -> None:
     assert "no flight of" not in reported, reported
 
 
-def assert_trajectories(plan: Plan, mapping: dict[str, Any]) -> None:
+def assert_trajectories(plan, mapping):
     targets = plan.targets
-    every = np.arange(len(targets.ids), dtype=np.int32)
+    rows = np.arange(len(targets.ids), dtype=np.int32)
     start = targets.ignition_s
     end = targets.burnout_s
     for time_s in (start, 0.5 * (start + end), np.nextafter(end, 0.0), end, start + 1e-9):
-        assert np.isfinite(targets.position_ecef_m(every, time_s)).all()
+        assert np.isfinite(targets.position_ecef_m(rows, time_s)).all()
     for time_s in (np.nextafter(start, -1.0), np.nextafter(end, np.inf)):
-        assert np.isnan(targets.position_ecef_m(every, time_s)).all()
-    for reported, asked in zip(targets.truth(), mapping["targets"], strict=True):
+        assert np.isnan(targets.position_ecef_m(rows, time_s)).all()
+    for reported, target in zip(targets.truth(), mapping["targets"], strict=True):
         assert reported["miss_m"] <= 0.01
         assert reported["impact"]["time_s"] > reported["burnout_s"]
         assert np.isfinite(
             [*reported["burnout"]["position_ecef_m"], *reported["burnout"]["velocity_ecef_m_s"]]
         ).all()
-        launch = asked["launch"]
+        launch = target["launch"]
         place = Geodetic(
             math.radians(launch["lat_deg"]), math.radians(launch["lon_deg"]), launch["height_m"]
         )
-        first = targets.position_ecef_m(
+        start_m = targets.position_ecef_m(
             np.array([targets.ids.index(reported["id"])], np.int32),
             np.array([reported["ignition_s"]]),
         )
-        assert np.linalg.norm(first - geodetic_to_ecef(*place)) <= 0.02
+        assert np.linalg.norm(start_m - geodetic_to_ecef(*place)) <= 0.02
 
 
-def assert_detections(plan: Plan, run: Run) -> None:
-    seen = run.detections
+def assert_detections(plan, run):
+    detections = run.detections
     truth = run.truth
-    azimuth, elevation = seen.angles()
+    azimuth, elevation = detections.angles()
     for column in (
-        seen.confidence,
-        seen.line_of_sight_ecef,
-        seen.sensor_ecef_m,
+        detections.confidence,
+        detections.line_of_sight_ecef,
+        detections.sensor_ecef_m,
         azimuth,
         elevation,
     ):
@@ -198,11 +197,13 @@ def assert_detections(plan: Plan, run: Run) -> None:
         truth.target_elevation_rad,
     ):
         assert np.isfinite(column).all()
-    assert ((seen.time_ns >= 0) & (seen.time_ns <= plan.end_ns)).all()
+    assert ((detections.time_ns >= 0) & (detections.time_ns <= plan.end_ns)).all()
     assert ((azimuth >= 0.0) & (azimuth < 2.0 * np.pi) & (np.abs(elevation) <= 0.5 * np.pi)).all()
-    np.testing.assert_allclose(np.sqrt((seen.line_of_sight_ecef**2).sum(axis=1)), 1.0, rtol=1e-15)
+    np.testing.assert_allclose(
+        np.sqrt((detections.line_of_sight_ecef**2).sum(axis=1)), 1.0, rtol=1e-15
+    )
     assert ((truth.range_m > 0.0) & (truth.range_m < 1e8)).all()
-    assert (truth.emission_time_s <= seen.time_s).all()
+    assert (truth.emission_time_s <= detections.time_s).all()
     burning = (truth.emission_time_s >= plan.targets.ignition_s[truth.target] - 1e-9) & (
         truth.emission_time_s <= plan.targets.burnout_s[truth.target] + 1e-9
     )
@@ -211,7 +212,7 @@ def assert_detections(plan: Plan, run: Run) -> None:
     assert plan.pairs.looks.sum() == run.summary["counts"]["looks"]
 
 
-def assert_in_view(plan: Plan, run: Run) -> None:
+def assert_in_view(plan, run):
     """Check that nothing is seen through the Earth: by the geometry of each detection, not by the
     plan's.
     """

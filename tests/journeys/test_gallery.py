@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from repository import EXAMPLES, ROOT
@@ -43,7 +42,7 @@ print(json.dumps(made))
 
 
 @pytest.mark.slow
-def test_each_script_of_the_gallery_makes_its_figures(tmp_path: Path) -> None:
+def test_each_script_of_the_gallery_makes_its_figures(tmp_path):
     environment = {**os.environ, "MPLBACKEND": "agg", "MPLCONFIGDIR": str(tmp_path)}
     words = [sys.executable, "-c", RUN, str(tmp_path), *map(str, SCRIPTS)]
     done = subprocess.run(
@@ -55,13 +54,13 @@ def test_each_script_of_the_gallery_makes_its_figures(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    made = json.loads(done.stdout.splitlines()[-1])
-    assert made == {
+    loads = json.loads(done.stdout.splitlines()[-1])
+    assert loads == {
         str(script): 1 + script.read_text(encoding="utf-8").count("\n# %%\n") for script in SCRIPTS
     }
 
 
-def test_the_pictures_of_pages_are_those_of_the_gallery() -> None:
+def test_the_pictures_of_pages_are_those_of_the_gallery():
     text = (ROOT / "docs" / "pictures.py").read_text(encoding="utf-8")
     for name in ("pacific-map", "coverage-map"):
         assert f'"{name}"' in text

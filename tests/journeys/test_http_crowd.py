@@ -2,12 +2,10 @@
 selected.
 """
 
-from collections.abc import Iterator
-
 import pytest
-from http_service import Stand, serving
+from http_service import serving
 from page_browser import PATIENCE_MS, chromium, settled
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
 pytestmark = pytest.mark.browser
 
@@ -30,13 +28,13 @@ ADDED = """(count) => {
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     with serving(tmp_path_factory.mktemp("crowd"), "--loop") as running:
         yield running
 
 
 @pytest.fixture
-def page(stand: Stand) -> Iterator[Page]:
+def page(stand):
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.set_default_timeout(PATIENCE_MS)
@@ -49,7 +47,7 @@ def page(stand: Stand) -> Iterator[Page]:
 
 
 @pytest.mark.slow
-def test_every_track_of_a_crowd_is_drawn(page: Page) -> None:
+def test_every_track_of_a_crowd_is_drawn(page):
     page.wait_for_function(
         f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}",
         timeout=PATIENCE_MS,
@@ -59,30 +57,30 @@ def test_every_track_of_a_crowd_is_drawn(page: Page) -> None:
 
 @pytest.mark.slow
 def test_every_track_of_a_crowd_has_a_line_in_the_table_of_which_those_in_view_are_made(
-    page: Page,
-) -> None:
+    page,
+):
     page.wait_for_function(
         f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}"
     )
     page.locator("#play").click()  # no new tracks while lines are counted
-    found = page.evaluate(LINES)
-    assert len(found["ids"]) == page.evaluate("opirMap.drawn.tracks")
-    assert found["ids"] == sorted(set(found["ids"]))
-    assert set(range(1000, 1000 + COUNT)) <= set(found["ids"])
-    assert found["ids"] == [int(text) for text in found["texts"]]
-    assert found["places"] == list(range(2, 2 + len(found["ids"])))
-    assert found["most"] < 60  # a screen of 900 pixels and what is around it
-    assert max(found["heights"]) - min(found["heights"]) <= 1  # whole pixels of one height
+    result = page.evaluate(LINES)
+    assert len(result["ids"]) == page.evaluate("opirMap.drawn.tracks")
+    assert result["ids"] == sorted(set(result["ids"]))
+    assert set(range(1000, 1000 + COUNT)) <= set(result["ids"])
+    assert result["ids"] == [int(text) for text in result["texts"]]
+    assert result["places"] == list(range(2, 2 + len(result["ids"])))
+    assert result["most"] < 60  # a screen of 900 pixels and what is around it
+    assert max(result["heights"]) - min(result["heights"]) <= 1  # whole pixels of one height
 
 
 @pytest.mark.slow
-def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page: Page) -> None:
+def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page):
     page.wait_for_function(
         f"() => Number(document.getElementById('track-table').ariaRowCount) > {COUNT}"
     )
     page.locator("#play").click()
     page.locator("#track-rows button").first.focus()
-    first = int(page.evaluate("document.activeElement.textContent"))
+    number = int(page.evaluate("document.activeElement.textContent"))
     for _ in range(50):
         page.keyboard.press("Tab")
         page.evaluate(
@@ -91,7 +89,7 @@ def test_the_keyboard_goes_through_lines_that_are_not_in_view_yet(page: Page) ->
     numbers = page.evaluate("[...opirStore.tracks.keys()].sort((one, other) => one - other)")
     assert (
         int(page.evaluate("document.activeElement.textContent"))
-        == numbers[numbers.index(first) + 50]
+        == numbers[numbers.index(number) + 50]
     )
 
 
@@ -115,7 +113,7 @@ LINES = """async () => {
 
 
 @pytest.mark.slow
-def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page: Page) -> None:
+def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page):
     page.wait_for_function(f"() => opirMap.drawn.tracks >= {COUNT}", timeout=PATIENCE_MS)
     settled(page)
     # Track 1045 is at 16 degrees south, 30 degrees west.

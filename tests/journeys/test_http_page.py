@@ -4,35 +4,34 @@ seen.
 
 import json
 import re
-from collections.abc import Iterator
 from hashlib import sha256
 from typing import Any
 
 import pytest
-from http_service import Stand, serving
+from http_service import serving
 from page_browser import PATIENCE_MS, chromium, opened
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import expect
 from repository import ROOT
 
 pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     words = ("--speed", "5", "--tracker", "imm", "--loop")
     with serving(tmp_path_factory.mktemp("page"), *words) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as running:
         yield running
 
 
 @pytest.mark.slow
-def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: Stand) -> None:
-    page, complaints, asked = opened(browser, stand.port, 1280, "light")
+def test_a_launch_by_the_form_is_detected_and_tracked(browser, stand):
+    page, complaints, requests = opened(browser, stand.port, 1280, "light")
     page.get_by_label("Type").select_option("IRBM")
     page.get_by_label("Latitude").first.fill("22.0")
     page.get_by_label("Longitude").first.fill("-160.0")
@@ -46,14 +45,12 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
     page.get_by_role("button", name="Launch", exact=True).click()
     expect(page.locator("#answer")).to_have_class("bad")
     assert not complaints
-    assert {url.split("/")[2] for url in asked} == {f"127.0.0.1:{stand.port}"}
+    assert {url.split("/")[2] for url in requests} == {f"127.0.0.1:{stand.port}"}
     page.context.close()
 
 
 @pytest.mark.slow
-def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(
-    browser: Browser, stand: Stand
-) -> None:
+def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "dark")
     drawn = "() => opirMap.drawn.launches && opirMap.drawn.regions"
     page.wait_for_function(drawn, timeout=180_000)
@@ -109,9 +106,7 @@ TRACK: dict[str, Any] = {
 }
 
 
-def region(
-    condition: str, probability: float, half_deg: float, samples: float | None
-) -> dict[str, Any]:
+def region(condition, probability, half_deg, samples):
     """Return a square region about the impact of `TRACK`."""
     west = 40.0 - half_deg
     east = 40.0 + half_deg
@@ -131,9 +126,7 @@ def region(
 
 
 @pytest.mark.slow
-def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(
-    browser: Browser, stand: Stand
-) -> None:
+def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     page.wait_for_function("() => opirPlayer.timeS > 0")
     page.evaluate("() => { document.getElementById('play').click(); opirStore.clear(); }")
@@ -148,13 +141,13 @@ def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(
         f"() => {{ opirStore.addTrack({json.dumps(weighed)});"
         f" opirStore.addTrack({json.dumps(plain)}); }}"
     )
-    row, other = (
+    row, second_row = (
         page.locator(f"#track-rows tr[data-track='{number}'] td") for number in (900, 901)
     )
     expect(row.nth(1)).to_have_text("ICBM 0.90", timeout=PATIENCE_MS)
     expect(row.nth(2)).to_have_text("> 0.99")
-    expect(other.nth(1)).to_have_text("ICBM")
-    expect(other.nth(2)).to_have_text("–")
+    expect(second_row.nth(1)).to_have_text("ICBM")
+    expect(second_row.nth(2)).to_have_text("–")
     assert page.locator("#track-table thead th").count() == row.count() == 12
     page.locator("#track-rows tr[data-track='900'] button").click()
     details = page.locator("#picked")
@@ -171,7 +164,7 @@ def test_a_track_shows_what_it_may_be_and_what_its_regions_presume(
     page.context.close()
 
 
-def wide(track: dict[str, Any]) -> dict[str, Any]:
+def wide(track):
     """Return a track of which nobody knows yet where it comes down: its ellipse would cross the
     map.
     """
@@ -182,9 +175,7 @@ def wide(track: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), [(375, "dark"), (1920, "dark"), (1920, "light")])
-def test_the_page_fits_its_screen_and_its_map_is_drawn(
-    browser: Browser, stand: Stand, width: int, scheme: str
-) -> None:
+def test_the_page_fits_its_screen_and_its_map_is_drawn(browser, stand, width, scheme):
     page, complaints, _ = opened(browser, stand.port, width, scheme)
     page.wait_for_function("() => document.getElementById('map').width > 300")
     assert page.evaluate("document.documentElement.scrollWidth") == width
@@ -205,7 +196,7 @@ def test_the_page_fits_its_screen_and_its_map_is_drawn(
     page.context.close()
 
 
-def contrast(page: Page) -> float:
+def contrast(page):
     """Return the least contrast of text against its panel (WCAG 2.2, relative luminance)."""
     colours = page.evaluate(
         "() => { const probe = document.createElement('i'); document.body.append(probe);"
@@ -223,23 +214,24 @@ def contrast(page: Page) -> float:
         ("ink", "ground"),
         ("on-button", "button"),
     ]
-    return min(ratio(colours[one], colours[other]) for one, other in pairs)
+    return min(ratio(colours[text], colours[ground]) for text, ground in pairs)
 
 
-def ratio(one: list[float], other: list[float]) -> float:
-    light, dark = sorted((luminance(one), luminance(other)), reverse=True)
+def ratio(colour, ground):
+    light, dark = sorted((luminance(colour), luminance(ground)), reverse=True)
     return (light + 0.05) / (dark + 0.05)
 
 
-def luminance(colour: list[float]) -> float:
-    parts = [part / 255 for part in colour[:3]]
+def luminance(colour):
+    channels = [channel / 255 for channel in colour[:3]]
     linear = [
-        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+        channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4
+        for channel in channels
     ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def test_every_file_of_the_page_is_served_and_no_other(stand: Stand) -> None:
+def test_every_file_of_the_page_is_served_and_no_other(stand):
     folder = ROOT / "plugins" / "opir_http" / "opir_http" / "page"
     for path in [*folder.glob("*.*"), *folder.glob("vendor/*.js")]:
         answer = stand.ask(
@@ -250,7 +242,7 @@ def test_every_file_of_the_page_is_served_and_no_other(stand: Stand) -> None:
     assert stand.ask("GET", "/page/..%2fserving.py").status == 404
 
 
-def test_files_from_elsewhere_are_those_of_the_table_beside_them() -> None:
+def test_files_from_elsewhere_are_those_of_the_table_beside_them():
     folder = ROOT / "plugins" / "opir_http" / "opir_http" / "page" / "vendor"
     table = re.findall(
         r"^\| `([^`]+)` .* `([0-9a-f]{64})` \|$",

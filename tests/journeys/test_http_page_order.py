@@ -2,13 +2,10 @@
 coverage.
 """
 
-from collections.abc import Iterator
-from typing import Any
-
 import pytest
-from http_service import Stand, serving
+from http_service import serving
 from page_browser import PATIENCE_MS, chromium, opened
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import expect
 
 pytestmark = pytest.mark.browser
 
@@ -19,32 +16,32 @@ ROWS = (
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     with serving(tmp_path_factory.mktemp("order"), "--speed", "5", "--tracker", "imm") as running:
         yield running
 
 
-def track(number: int, ago_s: float, **own: Any) -> dict[str, Any]:
+def track(number, ago_s, **fields):
     """Return an estimate of a track, with the seconds since it in place of its time."""
     types = {"ICBM": 0.9, "IRBM": 0.04, "SRBM": 0.04, "UNKNOWN": 0.02}
     place = {"latitude_deg": 10.0, "longitude_deg": -150.0 + number, "altitude_m": 1e3 * number}
     nothing = dict.fromkeys(("launch_point", "impact_point", "probability_launch", "end"))
-    rest = {
+    remainder = {
         "probability_burning": 0.5,
         "type_probability": types,
         "impact_regions": [],
         "hypotheses": None,
     }
-    return {"track_id": number, "ago_s": ago_s, **place, **nothing, **rest, **own}
+    return {"track_id": number, "ago_s": ago_s, **place, **nothing, **remainder, **fields}
 
 
-def shown(page: Page, tracks: list[dict[str, Any]]) -> None:
+def shown(page, tracks):
     """Show these tracks and no other, at a time that is held."""
     page.wait_for_function("() => opirPlayer.timeS > 0")
     page.evaluate(
@@ -59,7 +56,7 @@ def shown(page: Page, tracks: list[dict[str, Any]]) -> None:
 
 
 @pytest.mark.slow
-def test_live_launches_are_first_and_ended_tracks_folded(browser: Browser, stand: Stand) -> None:
+def test_live_launches_are_first_and_ended_tracks_folded(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     fire = {"hypotheses": {"ICBM": 0.01, "ground source": 0.99}, "probability_launch": 0.01}
     launch = {"hypotheses": {"ICBM": 0.8, "SLV": 0.2}, "probability_launch": 0.99}
@@ -89,7 +86,7 @@ def test_live_launches_are_first_and_ended_tracks_folded(browser: Browser, stand
 
 
 @pytest.mark.slow
-def test_tracks_of_earlier_laps_are_folded(browser: Browser, stand: Stand) -> None:
+def test_tracks_of_earlier_laps_are_folded(browser, stand):
     """By the clock of a looped scene: its laps begin at the epoch and one duration after
     another.
     """
@@ -108,7 +105,7 @@ def test_tracks_of_earlier_laps_are_folded(browser: Browser, stand: Stand) -> No
 
 
 @pytest.mark.slow
-def test_a_selected_track_has_its_history_and_region(browser: Browser, stand: Stand) -> None:
+def test_a_selected_track_has_its_history_and_region(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     ring = [[-151.0, 9.0], [-149.0, 9.0], [-149.0, 11.0], [-151.0, 11.0], [-151.0, 9.0]]
     figures = {
@@ -118,7 +115,7 @@ def test_a_selected_track_has_its_history_and_region(browser: Browser, stand: St
         "effective_samples": 500.0,
     }
     geometry = {"type": "Polygon", "coordinates": [ring]}
-    made = [
+    tracks = [
         track(
             7, ago, hypotheses={"ICBM": share, "SLV": 1.0 - share}, probability_launch=0.9,
             impact_point={"lat_deg": 10.0, "lon_deg": -150.0, "time": None, "method": "posterior", "ellipse": None},
@@ -126,7 +123,7 @@ def test_a_selected_track_has_its_history_and_region(browser: Browser, stand: St
         )
         for ago, share, area in ((30.0, 0.5, 4e6), (20.0, 0.7, 4e5), (1.0, 0.9, 48_000.0))
     ]  # fmt: skip
-    shown(page, made)
+    shown(page, tracks)
     page.locator("#track-rows tr[data-track='7'] button").click()
     label = "History: P(ICBM) 0.90; 95 % area, log 48,000 km²; Altitude 7 km"
     expect(page.locator("#history")).to_have_attribute("aria-label", label, timeout=PATIENCE_MS)
@@ -149,7 +146,7 @@ def test_a_selected_track_has_its_history_and_region(browser: Browser, stand: St
 
 
 @pytest.mark.slow
-def test_sensors_show_registration_and_innovations(browser: Browser, stand: Stand) -> None:
+def test_sensors_show_registration_and_innovations(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     expect(page.locator("#sensor-rows tr[data-sensor]")).to_have_count(
         len(stand.service.status().sensors)
@@ -176,7 +173,7 @@ def test_sensors_show_registration_and_innovations(browser: Browser, stand: Stan
 
 
 @pytest.mark.slow
-def test_coverage_marks_what_nobody_or_one_satellite_sees(browser: Browser, stand: Stand) -> None:
+def test_coverage_marks_what_nobody_or_one_satellite_sees(browser, stand):
     """Of one geostationary satellite the cap of its horizon, acos(1/6.61) = 81.3°, has the share (1
     - 1/6.61)/2.
     """

@@ -4,16 +4,14 @@ axe's rules.
 
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from http_service import SCENE, Stand, serving
+from http_service import SCENE, serving
 from opir_http.replay import Replay
 from page_browser import PATIENCE_MS, chromium, opened, settled, viewing
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import expect
 from waiting import until
 
 from opir_core.cli.main import main
@@ -23,13 +21,13 @@ pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     with serving(
         tmp_path_factory.mktemp("tools"), "--speed", "20", "--tracker", "imm", "--loop"
     ) as running:
@@ -37,7 +35,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
 
 
 @pytest.fixture(scope="module")
-def saved_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+def saved_port(tmp_path_factory):
     folder = tmp_path_factory.mktemp("saved")
     (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
     words = [
@@ -54,14 +52,14 @@ def saved_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         yield port
 
 
-def tracked(page: Page) -> int:
+def tracked(page):
     """Return the number of the first track, which has a row by then."""
     expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=PATIENCE_MS)
     return int(page.evaluate("[...opirStore.tracks.keys()][0]"))
 
 
 @pytest.mark.slow
-def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> None:
+def test_marks_and_rows_select_each_other(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     number = tracked(page)
     row = page.locator(f"#track-rows tr[data-track='{number}']")
@@ -88,7 +86,7 @@ def test_marks_and_rows_select_each_other(browser: Browser, stand: Stand) -> Non
 
 
 @pytest.mark.slow
-def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -> None:
+def test_places_chosen_on_the_map_are_launched(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     tracked(page)
     page.get_by_role("button", name="Choose both places").click()
@@ -96,11 +94,11 @@ def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -
     for lon, lat in ((-155.0, 20.0), (170.0, 5.0)):
         x, y = page.evaluate(f"opirMap.xy({lon}, {lat})")
         page.locator("#map").click(position={"x": x, "y": y})
-    given = [
+    inputs = [
         float(page.locator(f"[name={name}]").input_value())
         for name in ("launch_lon", "launch_lat", "aim_lon")
     ]
-    assert given == pytest.approx([-155.0, 20.0, 170.0], abs=0.5)
+    assert inputs == pytest.approx([-155.0, 20.0, 170.0], abs=0.5)
     page.get_by_label("Type").select_option("IRBM")
     page.get_by_role("button", name="Launch", exact=True).click()
     expect(page.locator("#answer")).to_contain_text("launches at", timeout=PATIENCE_MS)
@@ -110,9 +108,7 @@ def test_places_chosen_on_the_map_are_launched(browser: Browser, stand: Stand) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["map", "globe"])
-def test_places_are_where_d3_has_them_and_keys_move_them(
-    browser: Browser, stand: Stand, kind: str
-) -> None:
+def test_places_are_where_d3_has_them_and_keys_move_them(browser, stand, kind):
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     page.locator(f"#to-{kind}").click()
     canvas = page.locator("#map")
@@ -129,30 +125,28 @@ def test_places_are_where_d3_has_them_and_keys_move_them(
     count, farthest = page.evaluate(script)
     assert count > 50
     assert farthest < 0.01
-    before = page.evaluate("[opirMap.view.lon, opirMap.view.zoom]")
+    view = page.evaluate("[opirMap.view.lon, opirMap.view.zoom]")
     canvas.press("ArrowRight")
     canvas.press("+")
-    after = page.evaluate("[opirMap.view.lon, opirMap.view.zoom]")
-    assert (after[0] - before[0]) % 360.0 == pytest.approx(
+    moved_view = page.evaluate("[opirMap.view.lon, opirMap.view.zoom]")
+    assert (moved_view[0] - view[0]) % 360.0 == pytest.approx(
         60.0 / (math.pi / 180 * radius(page) / 1.4), rel=0.7
     )
-    assert after[1] == pytest.approx(1.4 * before[1])
+    assert moved_view[1] == pytest.approx(1.4 * view[1])
     assert not complaints
     page.context.close()
 
 
-def radius(page: Page) -> float:
+def radius(page):
     return float(page.evaluate("opirMap.view.radius"))
 
 
 @pytest.mark.slow
-def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(
-    browser: Browser, stand: Stand
-) -> None:
+def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(browser, stand):
     page, _, _ = opened(browser, stand.port, 1280, "light")
     page.locator("#to-globe").click()
     page.evaluate("(opirMap.view.zoom = 0.13, opirMap.view.lookAt(0, 0))")
-    seen = (
+    visible = (
         "([lon, height]) => import('/page/view.js').then((view) =>"
         " opirMap.view.at(view.prepared(lon, 0, height)))"
     )
@@ -161,20 +155,20 @@ def test_only_what_lies_behind_the_earth_is_hidden_on_the_globe(
     # r) of its back.
     hidden_deg = math.degrees(math.asin(6_378_137.0 / (6_378_137.0 + height_m)))
     for away_deg, is_seen in ((hidden_deg + 0.5, True), (hidden_deg - 0.5, False), (90.0, True)):
-        assert page.evaluate(seen, [180.0 - away_deg, height_m]) is is_seen
-    assert page.evaluate(seen, [89.5, 0.0]) is True
-    assert page.evaluate(seen, [90.5, 0.0]) is False
+        assert page.evaluate(visible, [180.0 - away_deg, height_m]) is is_seen
+    assert page.evaluate(visible, [89.5, 0.0]) is True
+    assert page.evaluate(visible, [90.5, 0.0]) is False
     page.context.close()
 
 
 @pytest.mark.slow
-def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None:
-    first, _, _ = opened(browser, stand.port, 1280, "light")
-    number = tracked(first)
-    first.wait_for_function(
+def test_a_page_opened_late_has_the_past(browser, stand):
+    early_page, _, _ = opened(browser, stand.port, 1280, "light")
+    number = tracked(early_page)
+    early_page.wait_for_function(
         f"() => opirStore.tracks.get({number}).trail.length > 5", timeout=PATIENCE_MS
     )
-    first.context.close()
+    early_page.context.close()
     page, complaints, _ = opened(browser, stand.port, 1280, "light")
     page.wait_for_function("() => opirStore.hits.length > 0 && opirStore.tracks.size > 0")
     spans = page.evaluate("[...opirStore.tracks.values()].map((track) => track.trail.length)")
@@ -186,8 +180,8 @@ def test_a_page_opened_late_has_the_past(browser: Browser, stand: Stand) -> None
 
 
 @pytest.mark.slow
-def test_a_saved_run_plays_and_is_searched(browser: Browser, saved_port: int) -> None:
-    page, complaints, asked = opened(browser, saved_port, 1280, "dark", "saved")
+def test_a_saved_run_plays_and_is_searched(browser, saved_port):
+    page, complaints, requests = opened(browser, saved_port, 1280, "dark", "saved")
     expect(page.locator("#launch-panel")).to_be_hidden()
     expect(page.locator("#track-rows tr[data-track]").first).to_be_visible(timeout=PATIENCE_MS)
     page.get_by_role("button", name="Pause").click()
@@ -206,7 +200,7 @@ def test_a_saved_run_plays_and_is_searched(browser: Browser, saved_port: int) ->
     page.evaluate(SEEK, 0.5)
     expect(page.locator("#track-rows")).to_contain_text("None yet")
     assert not complaints
-    assert {url.split("/")[2] for url in asked} == {f"127.0.0.1:{saved_port}"}
+    assert {url.split("/")[2] for url in requests} == {f"127.0.0.1:{saved_port}"}
     page.context.close()
 
 
@@ -220,9 +214,7 @@ SEEK = (
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [400, 1024, 1600])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing(
-    browser: Browser, stand: Stand, saved_port: int, width: int, scheme: str
-) -> None:
+def test_axe_finds_nothing(browser, stand, saved_port, width, scheme):
     for port, state in ((stand.port, "running"), (saved_port, "saved")):
         page, complaints, _ = opened(browser, port, width, scheme, state)
         tracked(page)
@@ -236,13 +228,16 @@ def test_axe_finds_nothing(
         page.context.close()
 
 
-def violations(page: Page) -> list[Any]:
-    found = Axe().run(page).response["violations"]
-    return [(each["id"], json.dumps([node["target"] for node in each["nodes"]])) for each in found]
+def violations(page):
+    result = Axe().run(page).response["violations"]
+    return [
+        (violation["id"], json.dumps([node["target"] for node in violation["nodes"]]))
+        for violation in result
+    ]
 
 
 @pytest.mark.slow
-def test_the_description_sends_requests(browser: Browser, stand: Stand) -> None:
+def test_the_description_sends_requests(browser, stand):
     page, complaints, _ = opened(browser, stand.port, 1024, "light")
     page.goto(f"http://127.0.0.1:{stand.port}/page/api.html")
     page.get_by_role("button", name="Send GET /status").click()

@@ -11,12 +11,10 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from attrs import evolve
-from http_service import Stand, serving
+from http_service import serving
 from opir_http.routes import document
 from peer_libraries import missing
 
@@ -46,14 +44,14 @@ missing_required_header.expected-statuses = [400, 415, 422, 428]
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     words = ("--speed", "5", "--loop", "--max-targets", "50")
     with serving(tmp_path_factory.mktemp("stand"), *words) as running:
         running.service.settings = evolve(running.service.settings, writes_per_s=10_000.0)
         yield running
 
 
-def examined(stand: Stand, folder: Path, phases: str, *words: str) -> str:
+def examined(stand, folder, phases, *words):
     """Let schemathesis ask; return what it says, which must be that nothing is wrong."""
     (folder / "schemathesis.toml").write_text(SETTINGS, encoding="utf-8")
     command = [sys.executable, "-m", "schemathesis.cli", "--config-file", "schemathesis.toml"]
@@ -83,27 +81,25 @@ def examined(stand: Stand, folder: Path, phases: str, *words: str) -> str:
 
 
 @pytest.mark.slow
-def test_the_service_keeps_to_its_document_whatever_it_is_asked(
-    stand: Stand, tmp_path: Path
-) -> None:
+def test_the_service_keeps_to_its_document_whatever_it_is_asked(stand, tmp_path):
     more = ("--max-time", str(FOR_S), "--max-examples", str(5 * FOR_S))
     examined(stand, tmp_path, "examples,coverage,fuzzing", *more)
 
 
 @pytest.mark.slow
-def test_the_service_keeps_to_its_document_along_the_links_of_its_answers(
-    stand: Stand, tmp_path: Path
-) -> None:
+def test_the_service_keeps_to_its_document_along_the_links_of_its_answers(stand, tmp_path):
     reported = examined(stand, tmp_path, "stateful", *STEPS, "--max-examples", str(SCENARIOS))
-    found = re.search(r"API Links: +(\d+) covered / (\d+) selected", reported)
-    assert found, reported
-    assert int(found[2]) >= links()
-    assert int(found[1]) >= 3, reported
+    result = re.search(r"API Links: +(\d+) covered / (\d+) selected", reported)
+    assert result, reported
+    assert int(result[2]) >= links()
+    assert int(result[1]) >= 3, reported
 
 
-def links() -> int:
+def links():
     """Return how many links the document has."""
-    operations = [each for item in document()["paths"].values() for each in item.values()]
+    operations = [operation for item in document()["paths"].values() for operation in item.values()]
     return sum(
-        len(answer.get("links", {})) for each in operations for answer in each["responses"].values()
+        len(answer.get("links", {}))
+        for operation in operations
+        for answer in operation["responses"].values()
     )

@@ -4,8 +4,6 @@ import http.client
 import json
 import math
 import time
-from pathlib import Path
-from typing import Any
 
 import http_service
 import jsonschema
@@ -19,13 +17,13 @@ from opir_testing.doubles import stub_estimates, stub_hypotheses, stub_regions
 
 from opir_core.scene import core_hypotheses
 
-HYPOTHESES = tuple(each.name for each in core_hypotheses())
+HYPOTHESES = tuple(core_hypothese.name for core_hypothese in core_hypotheses())
 LAUNCH = (34.73, -120.57)
 AIM = (32.0, -124.0)
 
 
 @pytest.mark.slow
-def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_path: Path) -> None:
+def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_path):
     scene = http_service.SCENE.replace("duration_s: 600", "duration_s: 140").replace(
         "type: ICBM", "type: SRBM"
     )
@@ -54,7 +52,7 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
         assert positive(track["state"]["covariance_ecef"])
 
 
-def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> None:
+def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses():
     reported = stub_estimates(
         1,
         tick_s=60.0,
@@ -86,11 +84,11 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
     validate({"tracks": [track]})
 
 
-def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() -> None:
+def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended():
     over = stub_regions(
         9.0, 167.7, 60.0, condition="burn over", probability=0.75, effective_samples=500.0
     )
-    again = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
+    relights = stub_regions(9.0, 167.7, 400.0, condition="relights", probability=0.125)
     reported = stub_estimates(
         2,
         track=[0, 1],
@@ -98,20 +96,20 @@ def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() ->
             stub_hypotheses(ICBM=0.9, SLV=0.05),
             np.full(len(HYPOTHESES), np.nan),
         ],
-        impact_regions=[(*over, *again), over],
+        impact_regions=[(*over, *relights), over],
         end=[0, 3],
     )
-    first, second = json.loads(
+    track, second = json.loads(
         msgspec.json.encode(TrackDocuments(0, hypotheses=HYPOTHESES).take(reported))
     )["tracks"]
-    validate({"tracks": [first, second]})
-    assert list(first["hypotheses"]) == list(HYPOTHESES)
-    assert (first["hypotheses"]["ICBM"], first["hypotheses"]["none of these"]) == (0.9, 0.05)
-    sums = [first[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
-    assert (sums, first["end"]) == ([0.95, 0.9, 0.05, 0.875], None)
+    validate({"tracks": [track, second]})
+    assert list(track["hypotheses"]) == list(HYPOTHESES)
+    assert (track["hypotheses"]["ICBM"], track["hypotheses"]["none of these"]) == (0.9, 0.05)
+    sums = [track[f"probability_{name}"] for name in ("launch", "missile", "orbit", "comes_down")]
+    assert (sums, track["end"]) == ([0.95, 0.9, 0.05, 0.875], None)
     figures = [
-        [each[name] for name in ("condition", "probability", "effective_samples")]
-        for each in first["impact_regions"]
+        [impact_region[name] for name in ("condition", "probability", "effective_samples")]
+        for impact_region in track["impact_regions"]
     ]
     assert figures == [["burn over", 0.75, 500.0]] * 3 + [["relights", 0.125, None]] * 3
     assert (
@@ -122,9 +120,7 @@ def test_a_track_says_what_it_may_be_whether_it_comes_down_and_how_it_ended() ->
     assert second["end"] == "lost"
 
 
-def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts() -> (
-    None
-):
+def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts():
     reported = stub_estimates(
         1,
         impact=np.radians([9.0, 179.9, 0.0]),
@@ -140,7 +136,7 @@ def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_m
     validate({"tracks": [track]})
 
 
-def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
+def test_tracks_that_were_not_updated_for_longest_are_removed():
     documents = TrackDocuments(0, 3)
     for number in (0, 1, 2, 0, 3):
         documents.take(stub_estimates(1, tick_s=1.0, track=np.array([number])))
@@ -151,7 +147,7 @@ def test_tracks_that_were_not_updated_for_longest_are_removed() -> None:
 
 
 @pytest.mark.slow
-def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_are_old() -> None:
+def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_are_old():
     documents = TrackDocuments(0)
     reported = []
     for second in range(1, 301):
@@ -161,30 +157,30 @@ def test_earlier_positions_are_those_that_were_reported_and_thinned_where_they_a
             [track[name] for name in ("timestamp", "latitude_deg", "longitude_deg", "altitude_m")]
         )
     assert "trail" not in documents.latest(1)[0]
-    found = json.loads(msgspec.json.encode(documents.latest(1, trail=True)))
-    validate({"tracks": found})
-    trail = found[0]["trail"]
+    result = json.loads(msgspec.json.encode(documents.latest(1, trail=True)))
+    validate({"tracks": result})
+    trail = result[0]["trail"]
     assert len(trail) <= TRAIL
     assert trail[-TRAIL // 4 :] == reported[-TRAIL // 4 :]
     assert [position for position in reported if position in trail] == trail
     assert TrackDocuments(0).latest(1, trail=True) == []
 
 
-def validate(tracks: Any) -> None:
+def validate(tracks):
     """Require documents to follow the service's OpenAPI document."""
     jsonschema.validate(
         tracks, {"$ref": "#/components/schemas/Tracks", "components": document()["components"]}
     )
 
 
-def positive(terms: list[float]) -> bool:
+def positive(terms):
     """Return whether the lower triangle, row by row, is that of a positive definite matrix."""
     lower = np.zeros((6, 6))
     lower[np.tril_indices(6)] = terms
     return bool(np.linalg.eigvalsh(lower, UPLO="L").min() > 0.0)
 
 
-def streamed_track(port: int) -> Any:
+def streamed_track(port):
     """Return the first track of the stream that is two minutes old."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     give_up_at = time.monotonic() + 180.0
@@ -204,13 +200,13 @@ def streamed_track(port: int) -> Any:
         connection.close()
 
 
-def away_km(point: Any, place: tuple[float, float]) -> float:
+def away_km(point, place):
     """Return the great-circle distance, haversine formula, on a sphere of 6371 km."""
-    first = math.radians(point["lat_deg"])
+    latitude = math.radians(point["lat_deg"])
     second = math.radians(place[0])
     across = math.radians(point["lon_deg"] - place[1])
     half = (
-        math.sin((second - first) / 2) ** 2
-        + math.cos(first) * math.cos(second) * math.sin(across / 2) ** 2
+        math.sin((second - latitude) / 2) ** 2
+        + math.cos(latitude) * math.cos(second) * math.sin(across / 2) ** 2
     )
     return 2 * 6371.0 * math.asin(math.sqrt(half))

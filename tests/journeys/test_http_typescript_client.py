@@ -31,7 +31,7 @@ CHECKED = (
 
 
 @pytest.fixture(scope="module")
-def modules() -> Path:
+def modules():
     """Return the folder `node_modules` with the generator and the compiler; npm installs them
     once.
     """
@@ -39,28 +39,28 @@ def modules() -> Path:
         pytest.skip(f"the TypeScript client is left out: there is no {' and no '.join(missing)}")
     package = SOURCES / "package.json"
     mark = hashlib.sha256(package.read_bytes()).hexdigest()[:16]
-    kept = (
+    stored = (
         Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
         / "opir-tests"
         / f"typescript-{mark}"
     )
-    if not (kept / "complete").is_file():
-        kept.mkdir(parents=True, exist_ok=True)
-        shutil.copy(package, kept)
+    if not (stored / "complete").is_file():
+        stored.mkdir(parents=True, exist_ok=True)
+        shutil.copy(package, stored)
         words = ["npm", "install", "--ignore-scripts", "--no-audit", "--no-fund"]
         done = subprocess.run(
-            words, cwd=kept, capture_output=True, text=True, timeout=300, check=False
+            words, cwd=stored, capture_output=True, text=True, timeout=300, check=False
         )
         if done.returncode:
             pytest.skip(
                 f"the TypeScript client is left out: npm does not get the packages:"
                 f" {done.stderr[-200:]}"
             )
-        (kept / "complete").touch()
-    return kept / "node_modules"
+        (stored / "complete").touch()
+    return stored / "node_modules"
 
 
-def run(folder: Path, *words: str) -> str:
+def run(folder, *words):
     done = subprocess.run(
         words, cwd=folder, capture_output=True, text=True, timeout=120, check=False
     )
@@ -69,7 +69,7 @@ def run(folder: Path, *words: str) -> str:
 
 
 @pytest.fixture
-def program(modules: Path, tmp_path: Path) -> Path:
+def program(modules, tmp_path):
     """Return a folder with the program and the types that are generated for it."""
     shutil.copy(SOURCES / "reads.ts", tmp_path)
     (tmp_path / "package.json").write_text('{"type": "module"}')
@@ -86,16 +86,16 @@ def program(modules: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_typed_program_reads_a_service(modules: Path, program: Path) -> None:
+def test_a_typed_program_reads_a_service(modules, program):
     run(program, "node", f"{modules}/typescript/bin/tsc", *CHECKED, "reads.ts", "node.d.ts")
     with serving(program) as stand:
-        found = json.loads(run(program, "node", "reads.js", f"http://127.0.0.1:{stand.port}"))
-    assert found["state"] in {"starting", "running"}
-    assert found["launched"] >= 1
-    assert isinstance(found["places"], list)
+        result = json.loads(run(program, "node", "reads.js", f"http://127.0.0.1:{stand.port}"))
+    assert result["state"] in {"starting", "running"}
+    assert result["launched"] >= 1
+    assert isinstance(result["places"], list)
 
 
-def test_a_name_that_is_not_in_the_document_is_an_error(modules: Path, program: Path) -> None:
+def test_a_name_that_is_not_in_the_document_is_an_error(modules, program):
     source = program / "reads.ts"
     source.write_text(source.read_text().replace("targets_launched", "targets_flown"))
     words = ("node", f"{modules}/typescript/bin/tsc", *CHECKED, "--noEmit", "reads.ts", "node.d.ts")

@@ -40,7 +40,7 @@ SCENE: Mapping[str, Any] = {
 }
 
 
-def tracks_of(scene: Mapping[str, Any], window_s: float | None = None) -> tuple[Tracks, np.ndarray]:
+def tracks_of(scene, window_s=None):
     """Return a scene's tracks, and the track of each detection."""
     windows = list(plan_windows(compile_plan(opir.scene_from_mapping(dict(scene))), window_s))
     labels = np.concatenate([window.detections.track for window in windows])
@@ -48,42 +48,42 @@ def tracks_of(scene: Mapping[str, Any], window_s: float | None = None) -> tuple[
 
 
 @pytest.fixture(scope="module")
-def whole() -> tuple[Tracks, np.ndarray]:
+def whole():
     return tracks_of(SCENE)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("window_s", [0.37, 1.0, 7.0])
-def test_window_sizes_change_no_bit(whole: tuple[Tracks, np.ndarray], window_s: float) -> None:
+def test_window_sizes_change_no_bit(total, window_s):
     tracks, labels = tracks_of(SCENE, window_s)
-    assert np.array_equal(labels, whole[1])
-    assert np.array_equal(tracks.state, whole[0].state)
-    assert np.array_equal(tracks.state_covariance, whole[0].state_covariance)
+    assert np.array_equal(labels, total[1])
+    assert np.array_equal(tracks.state, total[0].state)
+    assert np.array_equal(tracks.state_covariance, total[0].state_covariance)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tracker", [{}, {"slice_s": 0.2}])
-def test_each_target_has_one_track_near_the_truth(tracker: Mapping[str, Any]) -> None:
+def test_each_target_has_one_track_near_the_truth(tracker):
     run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", **tracker}}))
     assert len(np.unique(run.tracks.track)) == 2
     labelled = run.detections.track >= 0
     for number in np.unique(run.tracks.track):
         assert len(np.unique(run.truth.target[labelled & (run.detections.track == number)])) == 1
     trajectories = compile_plan(opir.scene_from_mapping(dict(SCENE))).targets
-    last = run.tracks.take(run.tracks.tick_s == 40.0)
+    final = run.tracks.take(run.tracks.tick_s == 40.0)
     truth = trajectories.position_ecef_m(np.array([0, 1], dtype=np.int32), np.full(2, 40.0))
-    apart = np.linalg.norm(last.state[:, None, :3] - truth[None], axis=2)
-    nearest = np.argmin(apart, axis=1)
+    separation = np.linalg.norm(final.state[:, None, :3] - truth[None], axis=2)
+    nearest = np.argmin(separation, axis=1)
     assert sorted(nearest.tolist()) == [0, 1]
-    error = last.state[:, :3] - truth[nearest]
+    error = final.state[:, :3] - truth[nearest]
     distance = np.einsum(
-        "ni,nij,nj->n", error, np.linalg.inv(last.state_covariance[:, :3, :3]), error
+        "ni,nij,nj->n", error, np.linalg.inv(final.state_covariance[:, :3, :3]), error
     )
     assert np.all(distance < 21.1), "99.99 % of a chi-squared of three"
-    assert np.all(apart[[0, 1], nearest] < 1000.0)
+    assert np.all(separation[[0, 1], nearest] < 1000.0)
 
 
-def test_one_sensor_alone_is_honest_about_the_depth() -> None:
+def test_one_sensor_alone_is_honest_about_the_depth():
     """Along the line of sight little is known early on, and the covariance says so; before, it is
     probably a fire.
     """
@@ -111,7 +111,7 @@ TRACKERS = ("imm", "kepler-arc")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", TRACKERS)
-def test_of_how_many_scans_a_target_has_to_be_seen_in_the_user_decides(model: str) -> None:
+def test_of_how_many_scans_a_target_has_to_be_seen_in_the_user_decides(model):
     first_s = []
     for needed in (2, 10, 20):
         tracker = {"model": model, "needed_scans": needed, "recent_scans": 40}
@@ -124,12 +124,12 @@ def test_of_how_many_scans_a_target_has_to_be_seen_in_the_user_decides(model: st
 
 
 @pytest.mark.parametrize("model", TRACKERS)
-def test_more_scans_than_are_kept_are_reported_with_their_place(model: str) -> None:
+def test_more_scans_than_are_kept_are_reported_with_their_place(model):
     with pytest.raises(opir.SceneError, match=r"tracker.*needed_scans"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": model, "needed_scans": 9}})
 
 
-def test_bad_settings_are_reported_with_their_place() -> None:
+def test_bad_settings_are_reported_with_their_place():
     with pytest.raises(opir.SceneError, match=r"tracker\.motion"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "motion": "glide"}})
     for gone, value in (
@@ -143,7 +143,7 @@ def test_bad_settings_are_reported_with_their_place() -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down() -> None:
+def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down():
     """Nothing is seen after the burn, and little acts on a free flight: where it comes down is as
     sure as it was.
     """
@@ -179,7 +179,7 @@ def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down() -> Non
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 @pytest.mark.parametrize("sigma_urad", [0.0, 0.001])
-def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: float) -> None:
+def test_sensors_without_error_are_followed_as_any(tracker, sigma_urad):
     slots = {"A": -135.0, "B": -90.0}
     scanner = {"model": "generic-scanner", "line_of_sight_sigma_urad": sigma_urad}
     launch = {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 5.0}
@@ -201,7 +201,7 @@ def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: flo
 
 
 @pytest.mark.slow
-def test_sharp_sensors_that_look_at_one_instant_begin_tracks() -> None:
+def test_sharp_sensors_that_look_at_one_instant_begin_tracks():
     """Five sensors of 1 urad that first see two launches in one scan: all unclaimed rays are of one
     instant.
     """

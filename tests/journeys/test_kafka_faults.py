@@ -11,9 +11,6 @@ import random
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import kafka_broker
 import pytest
@@ -77,30 +74,30 @@ PASSING_CODES = (
 
 
 @pytest.fixture(scope="module")
-def one_broker() -> Iterator[Any]:
+def one_broker():
     with kafka_broker.broker() as made:
         yield made
 
 
 @pytest.fixture
-def broker(one_broker: Any) -> Iterator[Any]:
+def broker(one_broker):
     yield one_broker
     one_broker.heal()
 
 
 @pytest.fixture
-def mock(broker: Any) -> Any:
+def mock(broker):
     if not broker.can_be_spoilt:
         pytest.skip("only the mock broker can be spoilt")
     return broker
 
 
 @pytest.fixture
-def spool(tmp_path: Path) -> Path:
+def spool(tmp_path):
     return tmp_path / "spool"
 
 
-def test_all_is_well(broker: Any, spool: Path) -> None:
+def test_all_is_well(broker, spool):
     topic = broker.topic()
     sink = kafka_sink(broker.address, topic, spool)
     fill(sink, 3, 700, 0, 0.0)
@@ -113,9 +110,7 @@ def test_all_is_well(broker: Any, spool: Path) -> None:
     }
 
 
-def test_the_broker_is_absent_from_first_to_last_and_there_at_the_next_run(
-    broker: Any, spool: Path
-) -> None:
+def test_the_broker_is_absent_from_first_to_last_and_there_at_the_next_run(broker, spool):
     topic = broker.topic()
     absent = kafka_sink(dead_address(), topic, spool, brief())
     fill(absent, 3, 50, 0, 0.0)
@@ -128,7 +123,7 @@ def test_the_broker_is_absent_from_first_to_last_and_there_at_the_next_run(
 
 
 @pytest.mark.parametrize("is_spooled", [True, False])
-def test_the_broker_comes_late(mock: Any, spool: Path, is_spooled: bool) -> None:
+def test_the_broker_comes_late(mock, spool, is_spooled):
     topic = mock.topic()
     mock.tell("down")
     sink = kafka_sink(mock.address, topic, spool if is_spooled else None)
@@ -141,7 +136,7 @@ def test_the_broker_comes_late(mock: Any, spool: Path, is_spooled: bool) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("is_spooled", [True, False])
-def test_the_broker_goes_and_comes_back(mock: Any, spool: Path, is_spooled: bool) -> None:
+def test_the_broker_goes_and_comes_back(mock, spool, is_spooled):
     topic = mock.topic()
     sink = kafka_sink(mock.address, topic, spool if is_spooled else None)
     fill(sink, 10, 30, 0, 0.01)
@@ -154,7 +149,7 @@ def test_the_broker_goes_and_comes_back(mock: Any, spool: Path, is_spooled: bool
 
 
 @pytest.mark.slow
-def test_the_broker_goes_and_the_run_ends_without_it(mock: Any, spool: Path) -> None:
+def test_the_broker_goes_and_the_run_ends_without_it(mock, spool):
     topic = mock.topic()
     sink = kafka_sink(mock.address, topic, spool, brief())
     fill(sink, 10, 30, 0, 0.02)
@@ -171,13 +166,13 @@ def test_the_broker_goes_and_the_run_ends_without_it(mock: Any, spool: Path) -> 
 
 
 @pytest.mark.slow
-def test_the_broker_flaps(mock: Any, spool: Path) -> None:
+def test_the_broker_flaps(mock, spool):
     topic = mock.topic()
     rng = random.Random(5)
     sink = kafka_sink(mock.address, topic, spool)
     over = threading.Event()
 
-    def flap() -> None:
+    def flap():
         while not over.is_set():
             mock.tell("down")
             time.sleep(0.15 * rng.random())
@@ -194,7 +189,7 @@ def test_the_broker_flaps(mock: Any, spool: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_broker_is_slow(mock: Any, spool: Path) -> None:
+def test_the_broker_is_slow(mock, spool):
     topic = mock.topic()
     mock.tell("slow", 150)
     sink = kafka_sink(mock.address, topic, spool)
@@ -204,7 +199,7 @@ def test_the_broker_is_slow(mock: Any, spool: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_broker_is_slower_than_every_deadline(mock: Any, spool: Path) -> None:
+def test_the_broker_is_slower_than_every_deadline(mock, spool):
     topic = mock.topic()
     sink = kafka_sink(mock.address, topic, spool)
     fill(sink, 5, 20, 0, 0.05)
@@ -219,7 +214,7 @@ def test_the_broker_is_slower_than_every_deadline(mock: Any, spool: Path) -> Non
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system cannot stop a process")
-def test_the_broker_stops_answering_with_every_connection_open(mock: Any, spool: Path) -> None:
+def test_the_broker_stops_answering_with_every_connection_open(mock, spool):
     topic = mock.topic()
     sink = kafka_sink(mock.address, topic, spool, brief(stall_s=2.5))
     fill(sink, 5, 20, 0, 0.02)
@@ -236,7 +231,7 @@ def test_the_broker_stops_answering_with_every_connection_open(mock: Any, spool:
 
 
 @pytest.mark.slow
-def test_the_broker_answers_with_every_code_that_may_pass(mock: Any, spool: Path) -> None:
+def test_the_broker_answers_with_every_code_that_may_pass(mock, spool):
     topic = mock.topic(1)
     sink = kafka_sink(mock.address, topic, spool)
     fill(sink, 1, 20, 0, 0.0)
@@ -248,7 +243,7 @@ def test_the_broker_answers_with_every_code_that_may_pass(mock: Any, spool: Path
 
 @pytest.mark.slow
 @pytest.mark.parametrize("code", PERMANENT_CODES)
-def test_the_broker_answers_with_a_code_that_cannot_pass(mock: Any, spool: Path, code: int) -> None:
+def test_the_broker_answers_with_a_code_that_cannot_pass(mock, spool, code):
     topic = mock.topic(1)
     mock.tell("error", PRODUCE, *[code] * 20)
     sink = kafka_sink(mock.address, topic, spool, brief(stall_s=5.0))
@@ -264,9 +259,7 @@ def test_the_broker_answers_with_a_code_that_cannot_pass(mock: Any, spool: Path,
 
 
 @pytest.mark.parametrize("is_reported", [False, True])
-def test_a_permission_that_is_lost_and_given_back_loses_nothing(
-    mock: Any, spool: Path, is_reported: bool
-) -> None:
+def test_a_permission_that_is_lost_and_given_back_loses_nothing(mock, spool, is_reported):
     topic = mock.topic()
     policy = evolve(brief(stall_s=8.0), retry_s=60.0 if is_reported else 0.3)
     sink = kafka_sink(mock.address, topic, spool, policy)
@@ -287,13 +280,13 @@ def test_a_permission_that_is_lost_and_given_back_loses_nothing(
     examine(mock, topic, 300)
 
 
-def test_a_login_that_is_refused_and_let_in_loses_nothing(mock: Any, spool: Path) -> None:
+def test_a_login_that_is_refused_and_let_in_loses_nothing(mock, spool):
     topic = mock.topic()
     settings = kafka_broker.config(mock.address, topic)
     connect = connector(settings)
     refusals = [errors.SaslAuthenticationFailed(), errors.SaslAuthenticationFailed()]
 
-    async def refused_at_first() -> Any:
+    async def refused_at_first():
         if refusals:
             raise refusals.pop()
         return await connect()
@@ -315,7 +308,7 @@ def test_a_login_that_is_refused_and_let_in_loses_nothing(mock: Any, spool: Path
 
 @pytest.mark.slow
 @pytest.mark.parametrize("api", [METADATA, INIT_PRODUCER_ID])
-def test_the_broker_cannot_even_begin(mock: Any, spool: Path, api: int) -> None:
+def test_the_broker_cannot_even_begin(mock, spool, api):
     topic = mock.topic()
     mock.tell("error", api, *(3, 5, 7, 8, 15, 41, -1)[: 3 if api == METADATA else 7])
     sink = kafka_sink(mock.address, topic, spool)
@@ -325,7 +318,7 @@ def test_the_broker_cannot_even_begin(mock: Any, spool: Path, api: int) -> None:
 
 
 @pytest.mark.slow
-def test_the_topic_is_not_there_yet(mock: Any, spool: Path) -> None:
+def test_the_topic_is_not_there_yet(mock, spool):
     topic = mock.topic()
     mock.tell("topic-error", topic, 3)
     sink = kafka_sink(mock.address, topic, spool)
@@ -335,27 +328,27 @@ def test_the_topic_is_not_there_yet(mock: Any, spool: Path) -> None:
     examine(mock, topic, 100)
 
 
-def test_the_disk_is_full_and_the_broker_away(broker: Any, spool: Path) -> None:
+def test_the_disk_is_full_and_the_broker_away(broker, spool):
     """SQLite's own bound on pages stands for the disk's: both are reported as SQLITE_FULL."""
     topic = broker.topic()
     sink = kafka_sink(dead_address(), topic, spool, brief())
-    database: Any = sink._store.backlog
+    database = sink._store.backlog
     pages = database._database.execute("PRAGMA page_count").fetchone()[0]
     database._database.execute(f"PRAGMA max_page_count = {pages + 300}")
     with pytest.raises(SinkError, match=r"is full, with \d+ events that wait: no broker answers"):
         fill(sink, 1000, 100, 0, 0.0)
-    kept = closed(sink).spooled
-    assert kept >= 1000
+    stored = closed(sink).spooled
+    assert stored >= 1000
     assert closed(kafka_sink(broker.address, topic, spool)) == Delivery(
-        delivered=kept, recovered=kept
+        delivered=stored, recovered=stored
     )
-    examine(broker, topic, kept)
+    examine(broker, topic, stored)
 
 
-def test_the_clock_jumps(broker: Any, spool: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    now = time.time()
+def test_the_clock_jumps(broker, spool, monkeypatch):
+    time_s = time.time()
     jumps = random.Random(3)
-    monkeypatch.setattr(time, "time", lambda: now + jumps.uniform(-1e6, 1e6))
+    monkeypatch.setattr(time, "time", lambda: time_s + jumps.uniform(-1e6, 1e6))
     topic = broker.topic()
     sink = kafka_sink(broker.address, topic, spool)
     fill(sink, 10, 20, 0, 0.01)
@@ -365,11 +358,11 @@ def test_the_clock_jumps(broker: Any, spool: Path, monkeypatch: pytest.MonkeyPat
     examine(broker, topic, 200)
 
 
-def test_of_two_sinks_one_is_dead(broker: Any, tmp_path: Path) -> None:
+def test_of_two_sinks_one_is_dead(broker, tmp_path):
     topic = broker.topic()
-    other = broker.topic()
+    second_topic = broker.topic()
     sinks = {
-        "dead": kafka_sink(dead_address(), other, tmp_path / "dead", brief()),
+        "dead": kafka_sink(dead_address(), second_topic, tmp_path / "dead", brief()),
         "alive": kafka_sink(broker.address, topic, tmp_path / "alive"),
     }
     with SinkGroup(sinks) as outlets:
@@ -378,12 +371,12 @@ def test_of_two_sinks_one_is_dead(broker: Any, tmp_path: Path) -> None:
     dead, alive = outlets.report().sinks
     assert (dead.spooled, dead.error) == (400, None)
     assert (alive.delivered, alive.error) == (400, None)
-    assert closed(kafka_sink(broker.address, other, tmp_path / "dead")).delivered == 400
-    for each in (topic, other):
-        examine(broker, each, 400)
+    assert closed(kafka_sink(broker.address, second_topic, tmp_path / "dead")).delivered == 400
+    for name in (topic, second_topic):
+        examine(broker, name, 400)
 
 
-def test_without_a_spool_what_is_lost_is_counted(spool: Path) -> None:
+def test_without_a_spool_what_is_lost_is_counted(spool):
     sink = kafka_sink(dead_address(), "nowhere", None, brief())
     fill(sink, 5, 20, 0, 0.0)
     reported = closed(sink)
@@ -392,19 +385,19 @@ def test_without_a_spool_what_is_lost_is_counted(spool: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_process_is_killed_at_20_moments(broker: Any, tmp_path: Path) -> None:
+def test_the_process_is_killed_at_20_moments(broker, tmp_path):
     topic = broker.topic()
-    first = killed_at_random(
+    start = killed_at_random(
         "kafka_broker", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic
     )
-    rest = kafka_sink(broker.address, topic, tmp_path / "spool")
-    rest.write(window(7, first))  # the window whose writing was not noted may have been taken
-    reported_last = closed(rest)
+    remainder = kafka_sink(broker.address, topic, tmp_path / "spool")
+    remainder.write(window(7, start))  # the window whose writing was not noted may have been taken
+    reported_last = closed(remainder)
     assert (reported_last.spooled, reported_last.dropped) == (0, 0)
-    examine(broker, topic, first + 7)
+    examine(broker, topic, start + 7)
 
 
-def test_there_are_sensors_for_every_partition() -> None:
+def test_there_are_sensors_for_every_partition():
     assert len(SENSORS) > kafka_broker.PARTITIONS
 
 
@@ -414,9 +407,7 @@ PATIENT = {"connect_timeout_s": 20.0, "request_timeout_s": 20.0, "acknowledgemen
 
 @pytest.mark.slow
 @pytest.mark.parametrize("slow_ms", [200, 1_000, 1_500, 5_000])
-def test_a_broker_that_answers_slowly_gets_everything_once(
-    mock: Any, spool: Path, slow_ms: int
-) -> None:
+def test_a_broker_that_answers_slowly_gets_everything_once(mock, spool, slow_ms):
     topic = mock.topic(1)
     sink = kafka_sink(mock.address, topic, spool, Policy(stall_s=30.0, trouble_s=3.0), **PATIENT)
     until(lambda: sink.delivery_so_far().complaint is None)
@@ -430,7 +421,7 @@ def test_a_broker_that_answers_slowly_gets_everything_once(
 
 
 @pytest.mark.slow
-def test_what_is_acknowledged_of_a_batch_is_not_sent_again(mock: Any, spool: Path) -> None:
+def test_what_is_acknowledged_of_a_batch_is_not_sent_again(mock, spool):
     topic = mock.topic(1)
     events = 750
     sink = kafka_sink(mock.address, topic, spool, brief(stall_s=4.0), **PATIENT)
@@ -443,9 +434,9 @@ def test_what_is_acknowledged_of_a_batch_is_not_sent_again(mock: Any, spool: Pat
     assert 0 < reported.delivered < events
     assert reported.delivered + reported.spooled == events
     time.sleep(1.0)
-    again = closed(kafka_sink(mock.address, topic, spool))
-    assert again == Delivery(delivered=reported.spooled, recovered=reported.spooled)
-    found = messages(mock.address, topic)
-    assert len({json.loads(each.value())["detection_id"] for each in found}) == events
+    repeat = closed(kafka_sink(mock.address, topic, spool))
+    assert repeat == Delivery(delivered=reported.spooled, recovered=reported.spooled)
+    result = messages(mock.address, topic)
+    assert len({json.loads(message.value())["detection_id"] for message in result}) == events
     # What was under way at the end may arrive twice: one batch of the broker's, not all.
-    assert len(found) <= events + events // 3
+    assert len(result) <= events + events // 3

@@ -4,8 +4,6 @@ lost.
 
 import json
 import time
-from pathlib import Path
-from typing import Any
 
 import kafka_broker
 import pytest
@@ -22,7 +20,7 @@ SCENE = str(EXAMPLES / "first_light.yaml")
 STOP_S = 60.0
 
 
-def run_of(address: str, topic: str, spool: Path, host: Host) -> LiveRun:
+def run_of(address, topic, spool, host):
     kafka = {
         "bootstrap_servers": address,
         "topic": topic,
@@ -33,7 +31,7 @@ def run_of(address: str, topic: str, spool: Path, host: Host) -> LiveRun:
     return LiveRun(scene, host, LiveSettings(speed=None))
 
 
-def stopped(run: LiveRun) -> Any:
+def stopped(run):
     began = time.monotonic()
     status = run.stop(within_s=4.0)
     assert time.monotonic() - began < STOP_S
@@ -42,8 +40,8 @@ def stopped(run: LiveRun) -> Any:
 
 @pytest.mark.slow
 def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_delivers_all(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     host = Host.discover()
     with kafka_broker.broker() as broker:
         topic = broker.topic()

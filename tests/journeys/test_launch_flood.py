@@ -10,10 +10,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from pathlib import Path
-from typing import Any
 
 import pytest
 from http_service import SCENE
@@ -31,7 +28,7 @@ REFUSED = 429
 
 
 @contextmanager
-def served(folder: Path) -> Iterator[int]:
+def served(folder):
     """Yield the port of a service in a process of its own."""
     (folder / "scene.yaml").write_text(SCENE + "tracker: imm\n", encoding="utf-8")
     command = [
@@ -54,13 +51,11 @@ def served(folder: Path) -> Iterator[int]:
         process.communicate(timeout=60.0)
 
 
-def connected(port: int) -> closing[http.client.HTTPConnection]:
+def connected(port):
     return closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60.0))
 
 
-def asked(
-    connection: http.client.HTTPConnection, method: str, path: str, body: Any = None
-) -> tuple[int, Any]:
+def asked(connection, method, path, body=None):
     headers = {} if body is None else {"Content-Type": "application/json", "If-Match": "*"}
     connection.request(method, path, None if body is None else json.dumps(body), headers)
     answer = connection.getresponse()
@@ -72,14 +67,14 @@ class Watch(threading.Thread):
     while it was ready.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port):
         super().__init__(daemon=True)
-        self.late_s: list[float] = []
+        self.late_s = []
         self.over = threading.Event()
         self._port = port
         self.start()
 
-    def run(self) -> None:
+    def run(self):
         with connected(self._port) as connection:
             while not self.over.wait(0.05):
                 _, status = asked(connection, "GET", "/status")
@@ -89,7 +84,7 @@ class Watch(threading.Thread):
                     )
 
 
-def launch_of(rng: random.Random) -> dict[str, Any]:
+def launch_of(rng):
     """Return a launch from anywhere near the equator to 80 degrees further east."""
     latitude_deg = rng.uniform(-30.0, 30.0)
     longitude_deg = rng.uniform(-180.0, 100.0)
@@ -99,7 +94,7 @@ def launch_of(rng: random.Random) -> dict[str, Any]:
     return {"type": "ICBM", "launch": site, "aim": aim}
 
 
-def test_a_flood_of_launches_is_refused_before_it_makes_the_run_late(tmp_path: Path) -> None:
+def test_a_flood_of_launches_is_refused_before_it_makes_the_run_late(tmp_path):
     rng = random.Random(44)
     answers = Counter[int]()
     with served(tmp_path) as port, connected(port) as connection:

@@ -7,8 +7,6 @@ import json
 import re
 from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path
-from typing import Any
 
 import pytest
 from opir_testing.commands.new_plugin import KINDS
@@ -26,12 +24,10 @@ Opir = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def opir(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Opir:
+def opir(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
 
-    def run(*words: str) -> tuple[int, str, str]:
+    def run(*words):
         code = main(words)
         return (code, *capsys.readouterr())
 
@@ -40,9 +36,7 @@ def opir(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_package_has_what_a_package_needs_and_no_placeholder_left(
-    opir: Opir, tmp_path: Path, kind: str
-) -> None:
+def test_a_package_has_what_a_package_needs_and_no_placeholder_left(opir, tmp_path, kind):
     code, out, _ = opir("new-plugin", kind, "my-part")
     assert code == 0
     written = sorted(path.name for path in (tmp_path / "my-part").iterdir())
@@ -55,7 +49,7 @@ def test_a_package_has_what_a_package_needs_and_no_placeholder_left(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_a_package_imports_is_public_and_there(opir: Opir, tmp_path: Path, kind: str) -> None:
+def test_what_a_package_imports_is_public_and_there(opir, tmp_path, kind):
     opir("new-plugin", kind, "my-part")
     for name in ("my_part.py", "test_my_part.py"):
         tree = ast.parse((tmp_path / "my-part" / name).read_text(encoding="utf-8"))
@@ -67,18 +61,18 @@ def test_what_a_package_imports_is_public_and_there(opir: Opir, tmp_path: Path, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_name_stands_once_in_the_code(opir: Opir, tmp_path: Path, kind: str) -> None:
+def test_the_name_stands_once_in_the_code(opir, tmp_path, kind):
     opir("new-plugin", kind, "my-part")
     code = (tmp_path / "my-part" / "my_part.py").read_text(encoding="utf-8")
     assert re.findall(r".*my.part.*", code, re.IGNORECASE) == ['NAME = "my-part"']
 
 
-def test_every_kind_of_component_has_a_template() -> None:
+def test_every_kind_of_component_has_a_template():
     without = {"opir_renderers"}  # a faster renderer is compiled code, which no template brings
     assert {f"opir_{kind.hook}" for kind in KINDS.values()} == set(CATALOGUE) - without
 
 
-def out_order(names: list[str]) -> list[str]:
+def out_order(names):
     return sorted(
         names,
         key=["pyproject.toml", "README.md", "my_part.py", "scene.yaml", "test_my_part.py"].index,
@@ -100,9 +94,7 @@ def out_order(names: list[str]) -> list[str]:
         (("tracker", "dsp"), "a plugin of that name is installed"),
     ],
 )
-def test_a_name_that_cannot_be_is_reported_why(
-    opir: Opir, tmp_path: Path, words: tuple[str, str], reason: str
-) -> None:
+def test_a_name_that_cannot_be_is_reported_why(opir, tmp_path, words, reason):
     code, _, reported = opir("new-plugin", *words)
     assert code == 3
     assert f"cannot be named {words[1]!r}" in reported
@@ -110,7 +102,7 @@ def test_a_name_that_cannot_be_is_reported_why(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_nothing_is_overwritten(opir: Opir, tmp_path: Path) -> None:
+def test_nothing_is_overwritten(opir, tmp_path):
     (tmp_path / "my-part").mkdir()
     (tmp_path / "my-part" / "mine").touch()
     code, _, reported = opir("new-plugin", "sink", "my-part")
@@ -119,7 +111,7 @@ def test_nothing_is_overwritten(opir: Opir, tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "my-part").iterdir()] == ["mine"]
 
 
-def test_a_place_that_cannot_be_written_is_reported(opir: Opir, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_reported(opir, tmp_path):
     (tmp_path / "file").touch()
     code, _, reported = opir("new-plugin", "sink", "my-part", "--into", "file/below")
     assert code == 3
@@ -127,7 +119,7 @@ def test_a_place_that_cannot_be_written_is_reported(opir: Opir, tmp_path: Path) 
 
 
 @pytest.fixture(scope="session")
-def packages(outsider: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def packages(outsider, tmp_path_factory):
     """A package of each kind, written by the wheel's `opir` and installed beside it.
 
     Made once per process, as `outsider` is: with `--dist=worksteal` a worker may come back to a
@@ -142,7 +134,7 @@ def packages(outsider: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_each_kind_installs_and_passes_its_contract(outsider: Any, packages: Path) -> None:
+def test_each_kind_installs_and_passes_its_contract(outsider, packages):
     done = outsider.python(
         "-m", "pytest", "-q", "-p", "no:cacheprovider", *NAMES.values(), cwd=packages
     )
@@ -152,7 +144,7 @@ def test_each_kind_installs_and_passes_its_contract(outsider: Any, packages: Pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_runs_its_scene(outsider: Any, packages: Path, kind: str, tmp_path: Path) -> None:
+def test_each_kind_runs_its_scene(outsider, packages, kind, tmp_path):
     done = outsider.opir("run", str(packages / NAMES[kind] / "scene.yaml"), "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     reported = json.loads(done.stdout)
@@ -166,9 +158,7 @@ def test_each_kind_runs_its_scene(outsider: Any, packages: Path, kind: str, tmp_
 
 
 @pytest.mark.slow
-def test_installed_plugins_are_listed_with_the_api_they_declare(
-    outsider: Any, packages: Path
-) -> None:
+def test_installed_plugins_are_listed_with_the_api_they_declare(outsider, packages):
     rows = {
         row["plugin"]: row
         for row in json.loads(outsider.opir("plugins", "--json", cwd=packages).stdout)
@@ -185,7 +175,7 @@ def test_installed_plugins_are_listed_with_the_api_they_declare(
 MINIMAL = EXAMPLES / "minimal_plugin"
 
 
-def test_the_minimal_plugin_is_minimal() -> None:
+def test_the_minimal_plugin_is_minimal():
     assert (
         sum(
             len(path.read_text(encoding="utf-8").splitlines())
@@ -197,9 +187,7 @@ def test_the_minimal_plugin_is_minimal() -> None:
 
 
 @pytest.mark.slow
-def test_the_minimal_plugin_installs_beside_the_wheel_and_runs(
-    outsider: Any, tmp_path: Path
-) -> None:
+def test_the_minimal_plugin_installs_beside_the_wheel_and_runs(outsider, tmp_path):
     copied = tmp_path / "minimal_plugin"
     copied.mkdir()
     for path in MINIMAL.glob("*.*"):

@@ -5,13 +5,12 @@ method and remedy.
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from attrs import evolve
 from live_scene import mapping
-from rogue_components import Deed, raising, rogue_host
+from rogue_components import raising, rogue_host
 
 import opir_core as opir
 from opir_core.errors import ModelError
@@ -53,9 +52,9 @@ PARTS = {
 }
 
 
-def error_of(part: tuple[Any, ...], deed: Deed) -> str:
+def error_of(component, deed):
     """Return the message of a run with a component that misbehaves."""
-    hook, sound, method, changes = part
+    hook, sound, method, changes = component
     host = rogue_host(hook, sound, method, deed)
     with pytest.raises(ModelError) as refused:
         opir.simulate(scene_from_mapping(mapping(**changes), host=host), host)
@@ -67,9 +66,7 @@ def error_of(part: tuple[Any, ...], deed: Deed) -> str:
     "error", [ZeroDivisionError("x\x1b[31m"), SystemExit(0), GeneratorExit(), RecursionError()]
 )
 @pytest.mark.parametrize("part", PARTS)
-def test_an_exception_names_the_plugin_the_method_the_line_and_the_remedy(
-    part: str, error: BaseException
-) -> None:
+def test_an_exception_names_the_plugin_the_method_the_line_and_the_remedy(part, error):
     reported = error_of(PARTS[part], raising(error))
     assert "'rogue' of plugin rogue (registered by this program)" in reported
     assert f"raised {type(error).__name__}" in reported
@@ -169,9 +166,9 @@ WRONG = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_result_names_the_plugin_the_method_and_the_remedy(case: str) -> None:
-    part, deed, words = WRONG[case]
-    reported = error_of(part, deed)
+def test_a_wrong_result_names_the_plugin_the_method_and_the_remedy(case):
+    component, deed, words = WRONG[case]
+    reported = error_of(component, deed)
     assert "'rogue' of plugin rogue" in reported
     assert words in reported, reported
     assert reported.endswith("`opir check rogue` shows what is required")
@@ -179,9 +176,7 @@ def test_a_wrong_result_names_the_plugin_the_method_and_the_remedy(case: str) ->
 
 @pytest.mark.parametrize("method", ["write", "close"])
 @pytest.mark.parametrize("deed", [raising(SystemExit(0)), raising(KeyError("x"))])
-def test_a_sink_that_fails_is_named_and_the_others_go_on(
-    tmp_path: Path, method: str, deed: Deed
-) -> None:
+def test_a_sink_that_fails_is_named_and_the_others_go_on(tmp_path, method, deed):
     host = rogue_host("opir_sinks", "memory", method, deed)
     outputs = [{"rogue": {}}, {"jsonl": {"path": str(tmp_path / "events.jsonl")}}]
     outcome = deliver(compile_plan(scene_from_mapping(mapping(outputs=outputs), host=host), host))
@@ -191,7 +186,7 @@ def test_a_sink_that_fails_is_named_and_the_others_go_on(
     assert (sound.error, sound.delivered) == (None, outcome.report.events)
 
 
-def test_a_sink_whose_counts_are_none_is_named(tmp_path: Path) -> None:
+def test_a_sink_whose_counts_are_none_is_named(tmp_path):
     host = rogue_host("opir_sinks", "memory", "close", lambda delivery: delivery.delivered)
     outcome = deliver(
         compile_plan(scene_from_mapping(mapping(outputs=[{"rogue": {}}]), host=host), host)
@@ -211,7 +206,7 @@ ENCODED = {
 
 
 @pytest.mark.parametrize("case", ENCODED)
-def test_an_encoder_that_is_wrong_is_named(tmp_path: Path, case: str) -> None:
+def test_an_encoder_that_is_wrong_is_named(tmp_path, case):
     deed, words = ENCODED[case]
     host = rogue_host("opir_event_encoders", "forge", "encode", deed)
     outputs = [{"jsonl": {"path": str(tmp_path / "events.jsonl"), "encoder": "rogue"}}]
@@ -221,7 +216,7 @@ def test_an_encoder_that_is_wrong_is_named(tmp_path: Path, case: str) -> None:
     assert words in error, error
 
 
-def test_a_default_that_is_out_of_range_is_blamed_on_its_plugin() -> None:
+def test_a_default_that_is_out_of_range_is_blamed_on_its_plugin():
     from attrs import frozen
 
     @frozen(kw_only=True)
@@ -230,7 +225,7 @@ def test_a_default_that_is_out_of_range_is_blamed_on_its_plugin() -> None:
 
     class Plugin:
         @hookimpl
-        def opir_trackers(self) -> Any:
+        def opir_trackers(self):
             yield TrackerModel(name="odd", summary="odd", config=Config, build=lambda *_: None)
 
     host = Host.of(Plugin())
@@ -259,7 +254,7 @@ sys.exit(main(sys.argv[1:]))
 
 
 @pytest.mark.slow
-def test_what_a_plugin_prints_does_not_reach_the_events(tmp_path: Path) -> None:
+def test_what_a_plugin_prints_does_not_reach_the_events(tmp_path):
     import json
 
     support = Path(__file__).parents[1] / "support"

@@ -7,9 +7,8 @@ import random
 import sys
 import sysconfig
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -62,9 +61,7 @@ BROKEN = "raise RuntimeError('broken, as plugins are at times')\n"
 Choose = Callable[[Sequence[Path]], None]
 
 
-def metadata(
-    folder: Path, name: str, version: str, groups: Mapping[str, Mapping[str, str]]
-) -> None:
+def metadata(folder, name, version, groups):
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(
@@ -78,18 +75,16 @@ def metadata(
     (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
 
 
-def real(folder: Path, source: Path) -> Path:
+def real(folder, source):
     """Install a plugin of this house into a folder of its own."""
-    project: dict[str, Any] = tomllib.loads(
-        (source / "pyproject.toml").read_text(encoding="utf-8")
-    )["project"]
+    project = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     place = folder / source.name
     metadata(place, project["name"], project["version"], project["entry-points"])
     (place / source.name).symlink_to(source / source.name)
     return place
 
 
-def foreign_plugin(folder: Path, name: str, code: str) -> Path:
+def foreign_plugin(folder, name, code):
     """Install a plugin of somebody else's into a folder of its own."""
     place = folder / name
     metadata(place, f"opir-{name}", "1.0", {"opir": {name: f"foreign_{name}"}})
@@ -98,7 +93,7 @@ def foreign_plugin(folder: Path, name: str, code: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def shelf(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
+def shelf(tmp_path_factory):
     """Every plugin of this house, and some of others, each in a folder that is not yet on the
     path.
     """
@@ -111,25 +106,25 @@ def shelf(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
 
 
 @pytest.fixture
-def path_of_folders(monkeypatch: pytest.MonkeyPatch) -> Choose:
+def path_of_folders(monkeypatch):
     """A function that makes folders, in an order, all that is installed beside Python itself."""
     standard = [sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib")]
     standard.append(str(Path(sysconfig.get_path("platstdlib")) / "lib-dynload"))
     monkeypatch.delenv("OPIR_PLUGINS", raising=False)
 
-    def forget() -> None:
+    def forget():
         for name in [name for name in sys.modules if name.startswith(("opir_", "foreign_"))]:
             if name.partition(".")[0] != "opir_core":
                 monkeypatch.delitem(sys.modules, name)
 
-    def choose(folders: Sequence[Path]) -> None:
+    def choose(folders):
         forget()
         monkeypatch.setattr(sys, "path", [*map(str, folders), *standard])
 
     return choose
 
 
-def results(scene: Mapping[str, Any]) -> tuple[bytes, str]:
+def results(scene):
     """Return a scene's events and its manifest, with what is installed."""
     plan = planned(scene, Host.discover())
     tally = Tally(plan)
@@ -138,24 +133,22 @@ def results(scene: Mapping[str, Any]) -> tuple[bytes, str]:
     return events, json.dumps(run_manifest(plan, tally.counts()), sort_keys=True)
 
 
-def orders(needed: Sequence[str], others: Sequence[str]) -> Iterator[list[str]]:
+def orders(needed, plugins):
     """Yield what is installed, in order: the least, each pair in both orders, and by chance."""
-    everything = [*needed, *others]
+    everything = [*needed, *plugins]
     yield from (list(needed), everything, everything[::-1])
     rng = random.Random(20260401)
     for _ in range(2):
-        chosen = [*needed, *(other for other in others if rng.random() < 0.5)]
-        rng.shuffle(chosen)
-        yield chosen
+        selected = [*needed, *(plugin for plugin in plugins if rng.random() < 0.5)]
+        rng.shuffle(selected)
+        yield selected
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["first_light", pytest.param("pacific_test_range", marks=pytest.mark.slow)]
 )
-def test_other_plugins_and_their_order_change_no_byte(
-    name: str, shelf: Mapping[str, Path], path_of_folders: Choose
-) -> None:
+def test_other_plugins_and_their_order_change_no_byte(name, shelf, path_of_folders):
     scene = {
         **yaml.safe_load((ROOT / "examples" / f"{name}.yaml").read_text(encoding="utf-8")),
         "duration_s": 80.0,

@@ -4,11 +4,9 @@ new ones, whole.
 
 import json
 import os
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 
 import pytest
-from power_cuts import PowerCut, Recording, can_record, kills, power_cuts, record
+from power_cuts import can_record, kills, power_cuts, record
 from study_scene import PERIOD, SCENE
 
 from opir_core.cli.main import main
@@ -49,7 +47,7 @@ COMMANDS = {
 }
 
 
-def finish(disk: Path) -> None:
+def finish(disk):
     """Do what the next command that reads or writes the files does."""
     for manifest in disk.rglob("*.part"):
         finish_interrupted(manifest.with_name(manifest.name.removesuffix(".part")))
@@ -57,7 +55,7 @@ def finish(disk: Path) -> None:
         OutputFiles(folder=folder).abandon()
 
 
-def contents(disk: Path) -> dict[str, bytes]:
+def contents(disk):
     """Return the files of a folder, without temporary ones, parts of studies and times."""
     return {
         str(path.relative_to(disk)): path.read_bytes()
@@ -69,7 +67,7 @@ def contents(disk: Path) -> dict[str, bytes]:
     }
 
 
-def parts(disk: Path) -> dict[str, bytes]:
+def parts(disk):
     """Return the parts of the studies in a folder."""
     return {path.name: path.read_bytes() for path in disk.rglob("parts/*.parquet")}
 
@@ -77,7 +75,7 @@ def parts(disk: Path) -> dict[str, bytes]:
 class Stage:
     """A folder with the files of a command, and the means to make them anew."""
 
-    def __init__(self, scratch: Path, command: str) -> None:
+    def __init__(self, scratch, command):
         self.scratch = scratch
         self._command = command
         self.disk = scratch / "disk"
@@ -93,61 +91,63 @@ class Stage:
             (scratch / f"run{number}").mkdir()
             assert main([*run.split(), "--out", f"{scratch}/run{number}/e.jsonl"]) == 0
 
-    def arguments(self, number: int, disk: Path | None = None) -> list[str]:
+    def arguments(self, number, disk=None):
         """Return the arguments of the command with the files before, 1, or the new ones, 2."""
         places = {"scene": "scene.yaml", "ephemeris": f"states{number}.csv", "run": f"run{number}"}
-        given = {key: self.scratch / name for key, name in places.items()}
+        inputs = {key: self.scratch / name for key, name in places.items()}
         return self._command.format(
-            **given, disk=disk or self.disk, number=number, period=PERIOD
+            **inputs, disk=disk or self.disk, number=number, period=PERIOD
         ).split()
 
 
 @pytest.fixture
-def stage(tmp_path: Path) -> Callable[[str], Stage]:
+def stage(tmp_path):
     return lambda name: Stage(tmp_path, COMMANDS[name])
 
 
-def recorded(stage: Stage) -> tuple[Recording, dict[str, bytes], dict[str, bytes]]:
+def recorded(stage):
     """Return what the command does that makes the new files, and the files before and after."""
-    before = contents(stage.disk)
+    contents_before = contents(stage.disk)
     recording = record(stage.disk, PROGRAM, stage.scratch, stage.disk, *stage.arguments(2))
-    return recording, before, contents(stage.disk)
+    return recording, contents_before, contents(stage.disk)
 
 
-def require_old_or_new(
-    stage: Stage, interrupted: Callable[[Recording], Iterable[PowerCut]]
-) -> set[bool]:
+def require_old_or_new(stage, interrupted):
     """Return whether the new files were there after interruptions; fail if neither they nor those
     before were.
     """
     recording, old, new = recorded(stage)
-    known = parts(stage.disk)
+    files = parts(stage.disk)
     found_new = set[bool]()
     for cut in interrupted(recording):
         place = cut.make(stage.scratch / "cut")
         finish(place)
-        found = contents(place)
-        assert found in (old, new), f"cut {cut.seed} after call {cut.calls}"
-        assert parts(place).items() <= known.items()
-        assert found == new or not cut.notes, f"cut {cut.seed}: undone after the end of the command"
-        found_new.add(found == new)
+        result = contents(place)
+        assert result in (old, new), f"cut {cut.seed} after call {cut.calls}"
+        assert parts(place).items() <= files.items()
+        assert result == new or not cut.notes, (
+            f"cut {cut.seed}: undone after the end of the command"
+        )
+        found_new.add(result == new)
     return found_new
 
 
-def require_resumable(stage: Stage, seeds: Sequence[int]) -> None:
+def require_resumable(stage, seeds):
     """Fail if the command does not make the new files from what cuts leave."""
     recording, _old, new = recorded(stage)
     for cut in power_cuts(recording, seeds):
         place = cut.make(stage.scratch / "cut")
         assert main(stage.arguments(2, place)) == 0
-        found = contents(place)
+        result = contents(place)
         different = {
-            path for path in new if found[path] != new[path] and not path.endswith(".manifest.json")
+            path
+            for path in new
+            if result[path] != new[path] and not path.endswith(".manifest.json")
         }
         assert not different, f"cut {cut.seed} after call {cut.calls}"
 
 
-def test_a_run_over_another_is_old_or_new_after_a_power_cut(stage: Callable[[str], Stage]) -> None:
+def test_a_run_over_another_is_old_or_new_after_a_power_cut(stage):
     of_run = stage("run")
     assert main(of_run.arguments(1)) == 0
     assert require_old_or_new(of_run, lambda calls: power_cuts(calls, range(FEW))) == {True, False}
@@ -156,9 +156,7 @@ def test_a_run_over_another_is_old_or_new_after_a_power_cut(stage: Callable[[str
 @pytest.mark.slow
 @pytest.mark.parametrize("is_first", [True, False])
 @pytest.mark.parametrize("name", COMMANDS)
-def test_files_are_old_or_new_after_a_power_cut(
-    stage: Callable[[str], Stage], name: str, is_first: bool
-) -> None:
+def test_files_are_old_or_new_after_a_power_cut(stage, name, is_first):
     of_command = stage(name)
     if not is_first:
         assert main(of_command.arguments(1)) == 0
@@ -171,9 +169,7 @@ def test_files_are_old_or_new_after_a_power_cut(
 @pytest.mark.slow
 @pytest.mark.parametrize("is_first", [True, False])
 @pytest.mark.parametrize("name", COMMANDS)
-def test_files_are_old_or_new_after_a_kill_at_any_call(
-    stage: Callable[[str], Stage], name: str, is_first: bool
-) -> None:
+def test_files_are_old_or_new_after_a_kill_at_any_call(stage, name, is_first):
     of_command = stage(name)
     if not is_first:
         assert main(of_command.arguments(1)) == 0
@@ -182,7 +178,7 @@ def test_files_are_old_or_new_after_a_kill_at_any_call(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_goes_on_after_a_power_cut(stage: Callable[[str], Stage], name: str) -> None:
+def test_a_command_goes_on_after_a_power_cut(stage, name):
     of_command = stage(name)
     assert main(of_command.arguments(1)) == 0
     require_resumable(of_command, range(12))

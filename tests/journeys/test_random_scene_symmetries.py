@@ -1,7 +1,5 @@
 """Scenes at random: the order of targets, and windows, change no detection and no track."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -20,9 +18,7 @@ from examples import examples
     tracker=st.sampled_from(TRACKERS),
     seed=st.integers(0, 1000),
 )
-def test_neither_windows_nor_the_order_of_targets_change_a_track(
-    sensors: list[dict[str, Any]], targets: list[dict[str, Any]], tracker: Any, seed: int
-) -> None:
+def test_neither_windows_nor_the_order_of_targets_change_a_track(sensors, targets, tracker, seed):
     scene = {**tracked_scene(sensors, targets, tracker, seed), "detection": "constant"}
     run = simulated(scene)
     reversed_run = simulated({**scene, "targets": targets[::-1]}, window_s=1.7)

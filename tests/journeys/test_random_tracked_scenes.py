@@ -2,8 +2,6 @@
 is worth.
 """
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -11,7 +9,6 @@ from random_scenes import TRACKERS, sensors, targets, tracked_scene
 
 import opir_core as opir
 from examples import examples
-from opir_core.interfaces.records import Tracks
 
 SEEN = {
     "launch": "launch_covariance",
@@ -20,23 +17,23 @@ SEEN = {
 }
 
 
-def assert_sound(covariance: np.ndarray, where: str) -> None:
+def assert_sound(covariance, where):
     """Fail where covariances (n, d, d) are neither positive definite, each scaled to a unit
     diagonal, nor all nan.
     """
-    known = np.isfinite(covariance).all(axis=(1, 2))
-    assert np.isnan(covariance[~known]).all(), where
-    some = covariance[known]
-    assert np.array_equal(some, some.transpose(0, 2, 1)), where
-    variance = np.diagonal(some, axis1=1, axis2=2)
+    rows = np.isfinite(covariance).all(axis=(1, 2))
+    assert np.isnan(covariance[~rows]).all(), where
+    matrices = covariance[rows]
+    assert np.array_equal(matrices, matrices.transpose(0, 2, 1)), where
+    variance = np.diagonal(matrices, axis1=1, axis2=2)
     assert (variance > 0.0).all(), where
     sigma = np.sqrt(variance)
-    assert np.linalg.eigvalsh(some / sigma[:, :, None] / sigma[:, None]).min(initial=1.0) > -1e-9, (
-        where
-    )
+    assert (
+        np.linalg.eigvalsh(matrices / sigma[:, :, None] / sigma[:, None]).min(initial=1.0) > -1e-9
+    ), where
 
 
-def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
+def assert_all_sound(tracks, is_arc):
     # A track may have no Keplerian arc yet, and an arc through a thrusting target may be as fast as
     # it likes.
     assert is_arc or np.isfinite(tracks.state).all()
@@ -64,8 +61,6 @@ def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
     tracker=st.sampled_from(TRACKERS),
     seed=st.integers(0, 1000),
 )
-def test_what_is_reported_is_sound(
-    sensors: list[dict[str, Any]], targets: list[dict[str, Any]], tracker: Any, seed: int
-) -> None:
+def test_what_is_reported_is_sound(sensors, targets, tracker, seed):
     scene = tracked_scene(sensors, targets, tracker, seed)
     assert_all_sound(opir.simulate(opir.scene_from_mapping(scene)).tracks, tracker == "kepler-arc")

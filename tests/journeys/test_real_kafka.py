@@ -10,10 +10,7 @@ import signal
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
-from typing import Any
 
 import confluent_kafka
 import kafka_cluster
@@ -32,7 +29,6 @@ from confluent_kafka.admin import (
     UserScramCredentialUpsertion,
 )
 from kafka_broker import brief, closed, examine, kafka_sink, messages
-from kafka_cluster import Cluster
 from opir_kafka.settings import SecurityConfig
 from spool_transports import fill
 from waiting import until
@@ -57,47 +53,47 @@ PATIENT = Policy(wait_s=60.0, stall_s=90.0)
 
 
 @pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def one(tmp_path_factory):
     """Return a broker with a listener that asks for a login and checks permissions."""
     if kafka_cluster.why_absent():
         pytest.skip(kafka_cluster.why_absent())
-    with kafka_cluster.cluster(tmp_path_factory.mktemp("one"), **ONE_NODE) as made:
-        yield made
+    with kafka_cluster.cluster(tmp_path_factory.mktemp("one"), **ONE_NODE) as cluster:
+        yield cluster
 
 
 @pytest.fixture(scope="module")
-def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def three(tmp_path_factory):
     """Return three brokers; a topic with three replicas takes messages while two of them are in
     sync.
     """
     if kafka_cluster.why_absent():
         pytest.skip(kafka_cluster.why_absent())
-    with kafka_cluster.cluster(tmp_path_factory.mktemp("three"), 3) as made:
-        yield made
+    with kafka_cluster.cluster(tmp_path_factory.mktemp("three"), 3) as cluster:
+        yield cluster
 
 
 @pytest.fixture
-def spool(tmp_path: Path) -> Path:
+def spool(tmp_path):
     return tmp_path / "spool"
 
 
 @pytest.fixture
-def login(monkeypatch: pytest.MonkeyPatch) -> SecurityConfig:
+def login(monkeypatch):
     monkeypatch.setenv("OPIR_TEST_PASSWORD", PASSWORD)
     return SecurityConfig(
         protocol="SASL_PLAINTEXT", username="opir", password_variable="OPIR_TEST_PASSWORD"
     )
 
 
-def let_in(admin: Any) -> None:
+def let_in(admin):
     """Make the user opir."""
-    known = ScramCredentialInfo(ScramMechanism.SCRAM_SHA_512, 4096)
-    change = UserScramCredentialUpsertion("opir", known, PASSWORD.encode())
+    credential = ScramCredentialInfo(ScramMechanism.SCRAM_SHA_512, 4096)
+    change = UserScramCredentialUpsertion("opir", credential, PASSWORD.encode())
     for done in admin.alter_user_scram_credentials([change]).values():
         done.result(30.0)
 
 
-def shut_out(admin: Any) -> None:
+def shut_out(admin):
     """Take the user opir away, which another test may have made."""
     for done in admin.alter_user_scram_credentials(
         [UserScramCredentialDeletion("opir", ScramMechanism.SCRAM_SHA_512)]
@@ -106,26 +102,26 @@ def shut_out(admin: Any) -> None:
             done.result(30.0)
 
 
-def permission(topic: str) -> AclBinding:
-    parts = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
-    return AclBinding(*parts, AclOperation.WRITE, AclPermissionType.ALLOW)
+def permission(topic):
+    resource = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
+    return AclBinding(*resource, AclOperation.WRITE, AclPermissionType.ALLOW)
 
 
-def permit(admin: Any, topic: str) -> None:
+def permit(admin, topic):
     for done in admin.create_acls([permission(topic)]).values():
         done.result(30.0)
 
 
-def forbid(admin: Any, topic: str | None) -> None:
+def forbid(admin, topic):
     """Take the login's permission to write to a topic, or to any."""
-    parts = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
-    every = AclBindingFilter(*parts, AclOperation.ANY, AclPermissionType.ANY)
-    for done in admin.delete_acls([every]).values():
+    resource = ResourceType.TOPIC, topic, ResourcePatternType.LITERAL, "User:opir", "*"
+    acl_filter = AclBindingFilter(*resource, AclOperation.ANY, AclPermissionType.ANY)
+    for done in admin.delete_acls([acl_filter]).values():
         done.result(30.0)
 
 
 @pytest.mark.parametrize("compression", ["none", "gzip", "lz4", "zstd", "snappy"])
-def test_each_compression_is_read_by_others(one: Cluster, spool: Path, compression: str) -> None:
+def test_each_compression_is_read_by_others(one, spool, compression):
     topic = one.topic()
     sink = kafka_sink(one.address, topic, spool, compression=compression)
     fill(sink, 3, 700, 0, 0.0)
@@ -134,7 +130,7 @@ def test_each_compression_is_read_by_others(one: Cluster, spool: Path, compressi
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
-def test_the_broker_restarts_under_a_run(one: Cluster, spool: Path, how: signal.Signals) -> None:
+def test_the_broker_restarts_under_a_run(one, spool, how):
     topic = one.topic()
     sink = kafka_sink(one.address, topic, spool, PATIENT)
     fill(sink, 10, 30, 0, 0.01)
@@ -148,7 +144,7 @@ def test_the_broker_restarts_under_a_run(one: Cluster, spool: Path, how: signal.
     examine(one, topic, 900)
 
 
-def test_the_broker_is_stopped_for_a_while(one: Cluster, spool: Path) -> None:
+def test_the_broker_is_stopped_for_a_while(one, spool):
     topic = one.topic()
     sink = kafka_sink(one.address, topic, spool, PATIENT)
     fill(sink, 5, 30, 0, 0.01)
@@ -161,12 +157,12 @@ def test_the_broker_is_stopped_for_a_while(one: Cluster, spool: Path) -> None:
     examine(one, topic, 600)
 
 
-def lacks_a_login(admin: Any, topic: str) -> None:
+def lacks_a_login(admin, topic):
     shut_out(admin)
     permit(admin, topic)
 
 
-def lacks_every_permission(admin: Any, _topic: str) -> None:
+def lacks_every_permission(admin, _topic):
     let_in(admin)
     forbid(admin, None)
 
@@ -179,9 +175,7 @@ def lacks_every_permission(admin: Any, _topic: str) -> None:
     ],
     ids=["no login", "no permission at all"],
 )
-def test_a_login_is_refused_until_what_it_lacks_is_given(
-    one: Cluster, spool: Path, login: SecurityConfig, lacks: Any, reason: str, mend: Any
-) -> None:
+def test_a_login_is_refused_until_what_it_lacks_is_given(one, spool, login, lacks, reason, mend):
     topic = one.topic()
     admin = one.admin()
     lacks(admin, topic)
@@ -196,14 +190,12 @@ def test_a_login_is_refused_until_what_it_lacks_is_given(
     examine(one, topic, 100)
 
 
-def test_a_permission_is_missing_given_taken_and_given_back(
-    one: Cluster, spool: Path, login: SecurityConfig
-) -> None:
+def test_a_permission_is_missing_given_taken_and_given_back(one, spool, login):
     topic = one.topic()
-    other = one.topic()
+    second_topic = one.topic()
     admin = one.admin()
     let_in(admin)
-    permit(admin, other)  # who may write to no topic at all gets no producer's number
+    permit(admin, second_topic)  # who may write to no topic at all gets no producer's number
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
     sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
     fill(sink, 5, 20, 0, 0.0)
@@ -221,9 +213,7 @@ def test_a_permission_is_missing_given_taken_and_given_back(
     examine(one, topic, 300)
 
 
-def test_a_login_refused_after_a_good_one_is_parked(
-    one: Cluster, spool: Path, login: SecurityConfig
-) -> None:
+def test_a_login_refused_after_a_good_one_is_parked(one, spool, login):
     topic = one.topic()
     admin = one.admin()
     let_in(admin)
@@ -247,7 +237,7 @@ def test_a_login_refused_after_a_good_one_is_parked(
     examine(one, topic, 200)
 
 
-def test_the_topic_is_made_late(one: Cluster, spool: Path) -> None:
+def test_the_topic_is_made_late(one, spool):
     name = f"late-{time.time_ns()}"
     sink = kafka_sink(one.address, name, spool, PATIENT)
     fill(sink, 5, 20, 0, 0.2)
@@ -259,11 +249,11 @@ def test_the_topic_is_made_late(one: Cluster, spool: Path) -> None:
     examine(one, name, 200)
 
 
-def test_the_topic_is_made_anew_with_fewer_partitions(one: Cluster, spool: Path) -> None:
+def test_the_topic_is_made_anew_with_fewer_partitions(one, spool):
     name = one.topic(3)
-    first = kafka_sink(one.address, name, spool)
-    fill(first, 5, 20, 0, 0.0)
-    assert closed(first) == Delivery(delivered=100)
+    sink = kafka_sink(one.address, name, spool)
+    fill(sink, 5, 20, 0, 0.0)
+    assert closed(sink) == Delivery(delivered=100)
     one.admin().delete_topics([name])[name].result(60.0)
     until(lambda: name not in one.admin().list_topics(timeout=10.0).topics)
     one.topic(1, name=name)
@@ -275,7 +265,7 @@ def test_the_topic_is_made_anew_with_fewer_partitions(one: Cluster, spool: Path)
     examine(one, name, 100)
 
 
-def test_partitions_are_added_under_a_run(one: Cluster, spool: Path) -> None:
+def test_partitions_are_added_under_a_run(one, spool):
     name = one.topic(1)
     sink = kafka_sink(one.address, name, spool, PATIENT)
     fill(sink, 5, 20, 0, 0.0)
@@ -287,7 +277,7 @@ def test_partitions_are_added_under_a_run(one: Cluster, spool: Path) -> None:
     assert len(messages(one.address, name)) == 200
 
 
-def test_batches_larger_than_the_topic_takes_arrive_in_parts(one: Cluster, spool: Path) -> None:
+def test_batches_larger_than_the_topic_takes_arrive_in_parts(one, spool):
     topic = one.topic(1, max_message_bytes="4000")
     sink = kafka_sink(one.address, topic, spool, PATIENT, compression="none")
     fill(sink, 3, 500, 0, 0.0)
@@ -296,9 +286,7 @@ def test_batches_larger_than_the_topic_takes_arrive_in_parts(one: Cluster, spool
     examine(one, topic, 1500)
 
 
-def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(
-    one: Cluster, spool: Path
-) -> None:
+def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(one, spool):
     topic = one.topic(1, max_message_bytes="300")
     admin = one.admin()
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
@@ -319,10 +307,10 @@ def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(
     examine(one, topic, 40)
 
 
-def test_a_quota_slows_and_loses_nothing(one: Cluster, spool: Path) -> None:
+def test_a_quota_slows_and_loses_nothing(one, spool):
     topic = one.topic()
-    who = ("--entity-type", "clients", "--entity-name", "slow")
-    words = ("--bootstrap-server", one.address, "--alter", *who)
+    client = ("--entity-type", "clients", "--entity-name", "slow")
+    words = ("--bootstrap-server", one.address, "--alter", *client)
     kafka_cluster.java(
         "kafka.admin.ConfigCommand", *words, "--add-config", "producer_byte_rate=60000"
     )
@@ -338,15 +326,13 @@ def test_a_quota_slows_and_loses_nothing(one: Cluster, spool: Path) -> None:
     examine(one, topic, 2000)
 
 
-def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(
-    one: Cluster, spool: Path
-) -> None:
+def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one, spool):
     topic = one.topic(4)
-    found = defaultdict(list)
+    result = defaultdict(list)
     stop = threading.Event()
     group = f"group-{time.time_ns()}"
 
-    def consume(until_stopped: threading.Event) -> None:
+    def consume(until_stopped):
         settings = {
             "group.id": group,
             "auto.offset.reset": "earliest",
@@ -358,7 +344,7 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(
         while not until_stopped.is_set():
             message = consumer.poll(0.2)
             if message is not None and message.error() is None:
-                found[message.partition()].append((message.offset(), message.value()))
+                result[message.partition()].append((message.offset(), message.value()))
                 consumer.commit(message, asynchronous=False)
         consumer.close()
 
@@ -375,8 +361,8 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(
     fill(sink, 10, 20, 600, 0.05)
     assert closed(sink) == Delivery(delivered=800)
 
-    def ids() -> set[str]:
-        values = (value for rows in found.values() for _, value in rows)
+    def ids():
+        values = (value for rows in result.values() for _, value in rows)
         return {json.loads(value)["detection_id"] for value in values}
 
     try:
@@ -389,7 +375,7 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(
     examine(one, topic, 800)
 
 
-def test_leaders_change_under_a_run(three: Cluster, spool: Path) -> None:
+def test_leaders_change_under_a_run(three, spool):
     topic = three.topic(3, 3, min_insync_replicas="2")
     sink = kafka_sink(three.address, topic, spool, PATIENT)
     fill(sink, 10, 30, 0, 0.01)
@@ -405,7 +391,7 @@ def test_leaders_change_under_a_run(three: Cluster, spool: Path) -> None:
     examine(three, topic, 1000)
 
 
-def test_a_rolling_restart_loses_nothing(three: Cluster, spool: Path) -> None:
+def test_a_rolling_restart_loses_nothing(three, spool):
     topic = three.topic(3, 3, min_insync_replicas="2")
     sink = kafka_sink(three.address, topic, spool, PATIENT)
     for number, node in enumerate(three.nodes):
@@ -415,7 +401,7 @@ def test_a_rolling_restart_loses_nothing(three: Cluster, spool: Path) -> None:
         node.start()
         three.wait_for_brokers(3)
         until(
-            lambda: all(len(part.isrs) == 3 for part in three.partitions(topic).values()),
+            lambda: all(len(partition.isrs) == 3 for partition in three.partitions(topic).values()),
             within_s=120.0,
         )
     until(lambda: sink.delivery_so_far().delivered == 1800, within_s=120.0)
@@ -423,9 +409,7 @@ def test_a_rolling_restart_loses_nothing(three: Cluster, spool: Path) -> None:
     examine(three, topic, 1800)
 
 
-def test_too_few_replicas_acknowledge_nothing_and_nothing_is_lost(
-    three: Cluster, spool: Path
-) -> None:
+def test_too_few_replicas_acknowledge_nothing_and_nothing_is_lost(three, spool):
     topic = three.topic(1, 3, min_insync_replicas="3")
     sink = kafka_sink(three.address, topic, spool, PATIENT)
     fill(sink, 5, 20, 0, 0.01)

@@ -2,9 +2,8 @@
 does not.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import kafka_cluster
 import pytest
@@ -36,25 +35,27 @@ class Stand(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+def stand(tmp_path_factory):
     if why := kafka_cluster.why_absent() or WHY_ABSENT:
         pytest.skip(why)
     folder = tmp_path_factory.mktemp("tls")
-    ours = Authority(folder, "ours")
-    others = Authority(folder, "others")
-    certificate, key = ours.signed("broker", f"IP:{ADDRESS}")
+    result = Authority(folder, "ours")
+    strangers = Authority(folder, "others")
+    certificate, key = result.signed("broker", f"IP:{ADDRESS}")
     store = folder / "store.pem"
     store.write_text(key.read_text() + certificate.read_text())
-    settings = _settings(store, ours.certificate)
+    settings = _settings(store, result.certificate)
     with kafka_cluster.cluster(folder / "nodes", listeners=LISTENERS, settings=settings) as cluster:
         files = [
-            dict(zip(("certificate_file", "key_file"), map(str, who.signed("me")), strict=True))
-            for who in (ours, others)
+            dict(
+                zip(("certificate_file", "key_file"), map(str, authority.signed("me")), strict=True)
+            )
+            for authority in (result, strangers)
         ]
-        yield Stand(cluster, str(ours.certificate), str(others.certificate), *files)
+        yield Stand(cluster, str(result.certificate), str(strangers.certificate), *files)
 
 
-def _settings(store: Path, trusted: Path) -> dict[str, str]:
+def _settings(store, trusted):
     """Return the settings of the listeners; Kafka reads PEM files itself."""
     pem = {
         "keystore.type": "PEM",
@@ -78,7 +79,7 @@ def _settings(store: Path, trusted: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("listener", ["SSL", "MUTUAL"])
-def test_events_arrive_through_tls(stand: Stand, tmp_path: Path, listener: str) -> None:
+def test_events_arrive_through_tls(stand, tmp_path, listener):
     topic = stand.cluster.topic()
     files = stand.client if listener == "MUTUAL" else {}
     security = SecurityConfig(protocol="SSL", ca_file=stand.ca, **files)
@@ -138,12 +139,10 @@ def test_events_arrive_through_tls(stand: Stand, tmp_path: Path, listener: str) 
         "no login",
     ],
 )
-def test_the_reason_and_the_remedy_are_in_the_message(
-    stand: Stand, listener: str, host: str, security: Any, reason: str
-) -> None:
+def test_the_reason_and_the_remedy_are_in_the_message(stand, listener, host, security, reason):
     address = stand.cluster.addresses(listener).replace(ADDRESS, host)
-    given = SecurityConfig(**{"protocol": "SSL", **security(stand)})
-    sink = kafka_sink(address, "topic", None, brief(stall_s=1.0), security=given)
+    inputs = SecurityConfig(**{"protocol": "SSL", **security(stand)})
+    sink = kafka_sink(address, "topic", None, brief(stall_s=1.0), security=inputs)
     fill(sink, 1, 5, 0, 0.0)
     until(lambda: reason in (sink.trouble or ""))
     delivery = closed(sink)
@@ -152,19 +151,19 @@ def test_the_reason_and_the_remedy_are_in_the_message(
     assert "no broker answers" not in (delivery.complaint or "")
 
 
-def test_a_certificate_that_is_refused_is_mended_under_a_run(stand: Stand, tmp_path: Path) -> None:
+def test_a_certificate_that_is_refused_is_mended_under_a_run(stand, tmp_path):
     topic = stand.cluster.topic()
     trusted = tmp_path / "ca.pem"
     trusted.write_text(Path(stand.other_ca).read_text())
     security = SecurityConfig(protocol="SSL", ca_file=str(trusted))
     policy = brief(stall_s=30.0)
-    first = kafka_sink(
+    sink = kafka_sink(
         stand.cluster.addresses("SSL"), topic, tmp_path / "spool", policy, security=security
     )
-    fill(first, 5, 20, 0, 0.0)
-    until(lambda: first.parked is not None)
-    assert "see security.ca_file" in (first.parked or "")
-    assert closed(first).spooled == 100
+    fill(sink, 5, 20, 0, 0.0)
+    until(lambda: sink.parked is not None)
+    assert "see security.ca_file" in (sink.parked or "")
+    assert closed(sink).spooled == 100
     trusted.write_text(Path(stand.ca).read_text())
     second = kafka_sink(
         stand.cluster.addresses("SSL"), topic, tmp_path / "spool", security=security

@@ -2,48 +2,42 @@
 and print.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from opir_report import write_run_report
 from page_browser import chromium
-from playwright.sync_api import Browser
 from reported_runs import scored_run
 
 pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with chromium() as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report(tmp_path_factory):
     return write_run_report(scored_run(), tmp_path_factory.mktemp("page") / "report.html")[0]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 400])
-def test_the_report_opens_without_a_network(
-    browser: Browser, report: Path, width: int, scheme: str
-) -> None:
+def test_the_report_opens_without_a_network(browser, report, width, scheme):
     context = browser.new_context(
         viewport={"width": width, "height": 900}, color_scheme=scheme, offline=True
     )
     page = context.new_page()
-    said: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
+    messages = []
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
     page.on(
         "request",
-        lambda request: said.append(request.url) if request.url != report.as_uri() else None,
+        lambda request: messages.append(request.url) if request.url != report.as_uri() else None,
     )
     page.goto(report.as_uri())
-    assert not said
+    assert not messages
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     ink, paper = page.evaluate(
         "[getComputedStyle(document.documentElement).color, _paper()]".replace("_paper()", _PAPER)
@@ -58,13 +52,13 @@ _INK = "getComputedStyle(document.documentElement).color"
 _PAPER = "getComputedStyle(document.documentElement).backgroundColor"
 
 
-def brightness(colour: str) -> int:
+def brightness(colour):
     """Return the sum of the parts of `rgb(1, 2, 3)`."""
-    return sum(int(part) for part in colour.removeprefix("rgb(").removesuffix(")").split(","))
+    return sum(int(channel) for channel in colour.removeprefix("rgb(").removesuffix(")").split(","))
 
 
 @pytest.mark.slow
-def test_print_is_light_and_no_picture_is_cut(browser: Browser, report: Path) -> None:
+def test_print_is_light_and_no_picture_is_cut(browser, report):
     page = browser.new_context(color_scheme="dark", offline=True).new_page()
     page.goto(report.as_uri())
     page.emulate_media(media="print")

@@ -11,7 +11,6 @@ OPIR_SERVICE_MACHINE_S=3600 lets it run for that time, with new sequences.
 import errno
 import os
 import time
-from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -55,12 +54,12 @@ class ServiceMachine(RuleBasedStateMachine):
     service: WatchedService
 
     @initialize()
-    def begin(self) -> None:
+    def begin(self):
         self.service = WatchedService(self.nurse, self.broker)
 
     @precondition(lambda self: not self.service.is_faulty)
     @rule()
-    def launch(self) -> None:
+    def launch(self):
         self.service.launch()
 
     @precondition(lambda self: not self.service.is_faulty)
@@ -68,49 +67,49 @@ class ServiceMachine(RuleBasedStateMachine):
         period_ms=st.sampled_from([1000.0, 5000.0, 10000.0]),
         client=st.sampled_from(["opir", "other"]),
     )
-    def configure(self, period_ms: float, client: str) -> None:
+    def configure(self, period_ms, client):
         self.service.configure(period_ms, client)
 
     @rule(is_up=st.booleans())
-    def broker_goes_or_comes(self, is_up: bool) -> None:
+    def broker_goes_or_comes(self, is_up):
         if not self.service.is_frozen:
             self.broker.tell("up" if is_up else "down")
 
     @rule(code=st.sampled_from([2, 5, 6, 7, 19, 29, 42, 47]), count=st.sampled_from([1, 3, 50]))
-    def broker_answers_with_errors(self, code: int, count: int) -> None:
+    def broker_answers_with_errors(self, code, count):
         if not self.service.is_frozen:
             self.broker.tell("error", PRODUCE, *[code] * count)
 
     @rule(
         api=st.sampled_from([METADATA, INIT_PRODUCER_ID]), slow_ms=st.sampled_from([0, 100, 2500])
     )
-    def broker_is_slow(self, api: int, slow_ms: int) -> None:
+    def broker_is_slow(self, api, slow_ms):
         if not self.service.is_frozen:
             self.broker.tell("slow", slow_ms)
             self.broker.tell("error", api, 7, -1)
 
     @rule(is_frozen=st.booleans())
-    def broker_stops_answering(self, is_frozen: bool) -> None:
+    def broker_stops_answering(self, is_frozen):
         (self.service.freeze if is_frozen else self.service.thaw)()
 
     @rule(number=st.integers(1, 40), error=ERRORS, lasts=st.booleans(), kinds=KINDS)
-    def disk_fails(self, number: int, error: int, lasts: bool, kinds: tuple[str, ...]) -> None:
+    def disk_fails(self, number, error, lasts, kinds):
         self.service.fail_disk(number, error, lasts, kinds)
 
     @rule()
-    def disk_heals(self) -> None:
+    def disk_heals(self):
         self.service.heal_disk()
 
     @rule(output=st.sampled_from(["jsonl", "kafka"]))
-    def output_is_retried(self, output: str) -> None:
+    def output_is_retried(self, output):
         assert self.service.ask("POST", f"/outputs/{output}/retry")[0] < 500
 
     @rule()
-    def time_passes(self) -> None:
+    def time_passes(self):
         time.sleep(0.5)
 
     @rule(is_killed=st.booleans())
-    def restarts(self, is_killed: bool) -> None:
+    def restarts(self, is_killed):
         (self.service.kill if is_killed else self.service.stop)()
         self.service.start()
 
@@ -119,23 +118,23 @@ class ServiceMachine(RuleBasedStateMachine):
         seed=st.integers(0, 99),
         flips=st.sampled_from([1, 64]),
     )
-    def spool_is_damaged(self, name: str, seed: int, flips: int) -> None:
+    def spool_is_damaged(self, name, seed, flips):
         self.service.stop()
         self.service.damage(name, seed, flips)
         self.service.start()
 
     @invariant()
-    def books_and_readiness(self) -> None:
+    def books_and_readiness(self):
         if hasattr(self, "service"):
             self.service.observe()
 
-    def teardown(self) -> None:
+    def teardown(self):
         if hasattr(self, "service"):
             self.service.close()
 
 
 @contextmanager
-def surroundings() -> Iterator[None]:
+def surroundings():
     """Have a broker and a place where processes come from."""
     with closing(kafka_broker.MockBroker()) as broker, nursery("faulty_process") as nurse:
         ServiceMachine.broker = broker
@@ -143,7 +142,7 @@ def surroundings() -> Iterator[None]:
         yield
 
 
-def profile(**changes: Any) -> settings:
+def profile(**changes):
     # A failure is shown as it is: to shrink it would take hours.
     return settings(
         deadline=None,
@@ -156,7 +155,7 @@ def profile(**changes: Any) -> settings:
     )
 
 
-def test_any_sequence_keeps_the_books() -> None:
+def test_any_sequence_keeps_the_books():
     if not LONG_S:
         with surroundings():
             run_state_machine_as_test(

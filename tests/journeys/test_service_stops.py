@@ -11,10 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import pytest
 from attrs import frozen
@@ -50,7 +47,7 @@ class Running:
     process: "subprocess.Popen[str]"
     port: int
 
-    def ask(self, method: str, path: str, body: Any = None) -> tuple[int, Any]:
+    def ask(self, method, path, body=None):
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
         try:
             connection.request(
@@ -61,18 +58,17 @@ class Running:
         finally:
             connection.close()
 
-    def sink(self) -> Mapping[str, Any]:
-        reported: Mapping[str, Any] = self.ask("GET", "/status")[1]["sinks"][0]
-        return reported
+    def sink(self):
+        return self.ask("GET", "/status")[1]["sinks"][0]
 
-    def terminated(self) -> str:
+    def terminated(self):
         """Tell it to stop; return what it prints."""
         self.process.send_signal(signal.SIGTERM)
         return self.process.communicate(timeout=STOP_S)[0]
 
 
 @contextmanager
-def serving(folder: Path, *words: str, stderr: int = subprocess.DEVNULL) -> Iterator[Running]:
+def serving(folder, *words, stderr=subprocess.DEVNULL):
     scene = folder / "scene.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     command = [sys.executable, "-m", "opir_core", "serve", str(scene), "--port", "0", *words]
@@ -87,19 +83,19 @@ def serving(folder: Path, *words: str, stderr: int = subprocess.DEVNULL) -> Iter
             process.stdout.close()
 
 
-def waiting(spool: Path) -> int:
+def waiting(spool):
     """Return how many events are in a spool's file."""
     with sqlite3.connect(spool) as opened:
         assert opened.execute("PRAGMA integrity_check").fetchone() == ("ok",)
         return int(opened.execute("SELECT coalesce(sum(events), 0) FROM parcel").fetchone()[0])
 
 
-def test_what_a_stop_may_take_adds_up_to_five_seconds() -> None:
+def test_what_a_stop_may_take_adds_up_to_five_seconds():
     assert serving_.STOP_S + serving_._LEAST_S <= 5.0
 
 
 @pytest.mark.slow
-def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path: Path) -> None:
+def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path):
     kafka = {
         "bootstrap_servers": dead_address(),
         "topic": "t",
@@ -114,17 +110,17 @@ def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path
             viewer.settimeout(60.0)
             assert b"event: end" in b"".join(iter(lambda: viewer.recv(65536), b""))
         assert running.process.returncode == 0
-    found = re.search(
+    result = re.search(
         r"(\d+) detections.*\n.*kafka\): 0 delivered, (\d+) spooled, 0 dropped", reported
     )
-    assert found, reported
-    assert int(found[1]) == int(found[2]) == waiting(tmp_path / "spool")
+    assert result, reported
+    assert int(result[1]) == int(result[2]) == waiting(tmp_path / "spool")
 
 
 @pytest.mark.slow
 def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     words = ("--set", 'outputs=["null"]', "--speed", "max", "--loop")
     with serving(tmp_path, *words, stderr=subprocess.STDOUT) as running, socket.socket() as viewer:
         viewer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 12)
@@ -139,18 +135,18 @@ def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(
 
 @pytest.mark.slow
 def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_waits(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     pipe = tmp_path / "pipe"
     spool = tmp_path / "spool"
     os.mkfifo(pipe)
-    kept = {"path": str(spool), "max_bytes": 1 << 20, "when_full": "wait", "wait_s": 600}
-    outputs = f"outputs=[{{jsonl: {json.dumps({'path': str(pipe), 'spool': kept})}}}]"
+    stored = {"path": str(spool), "max_bytes": 1 << 20, "when_full": "wait", "wait_s": 600}
+    outputs = f"outputs=[{{jsonl: {json.dumps({'path': str(pipe), 'spool': stored})}}}]"
     reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)  # and nobody reads
     try:
         with serving(tmp_path, "--set", outputs, "--speed", "max", "--loop") as running:
             until(lambda: running.sink()["waits"] > 0)
-            answers: list[tuple[int, Any]] = []
+            answers = []
             asking = threading.Thread(
                 target=lambda: answers.append(running.ask("POST", "/trigger", LAUNCH))
             )
@@ -172,7 +168,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX s
 
 
 @pytest.mark.slow
-def test_a_service_that_was_paused_for_longer_than_it_may_be_stuck_goes_on(tmp_path: Path) -> None:
+def test_a_service_that_was_paused_for_longer_than_it_may_be_stuck_goes_on(tmp_path):
     words = (
         "--set",
         'outputs=["null"]',
@@ -190,16 +186,16 @@ def test_a_service_that_was_paused_for_longer_than_it_may_be_stuck_goes_on(tmp_p
         running.process.send_signal(signal.SIGCONT)
         time.sleep(6.0)
         assert running.process.poll() is None
-        before = running.sink()["given"]
-        until(lambda: running.sink()["given"] > before)
+        events = running.sink()["given"]
+        until(lambda: running.sink()["given"] > events)
         running.terminated()
         assert running.process.returncode == 0
 
 
 @pytest.mark.slow
 def test_a_service_that_dropped_events_ends_with_the_exit_code_of_a_run_that_did(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     with serving(tmp_path, "--set", "outputs=[{jsonl: {path: /dev/full}}]", "--loop") as running:
         until(lambda: running.sink()["dropped"] > 0)
         assert "no space left" in running.sink()["error"]

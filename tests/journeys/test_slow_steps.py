@@ -8,9 +8,7 @@ from opir_core.cli import terminal
 
 
 @pytest.mark.parametrize("is_shown", [True, False])
-def test_a_slow_step_is_reported(
-    is_shown: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_slow_step_is_reported(is_shown, capsys, monkeypatch):
     monkeypatch.setattr(terminal, "_SLOW_S", 0.01)
     with terminal.slow_notice("reading scene.yaml", is_shown=is_shown):
         Event().wait(0.3)
@@ -24,11 +22,11 @@ def test_a_slow_step_is_reported(
     assert len(lines) <= 6
 
 
-def test_a_quick_step_says_nothing_and_leaves_no_thread(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_quick_step_says_nothing_and_leaves_no_thread(capsys):
     from threading import enumerate as threads
 
-    before = threads()
+    running = threads()
     with terminal.slow_notice("reading scene.yaml", is_shown=True):
         pass
     assert not capsys.readouterr().err
-    assert threads() == before
+    assert threads() == running

@@ -5,15 +5,13 @@ wait for it.
 import re
 import socket
 import time
-from pathlib import Path
-from typing import Any
 
 import pytest
-from http_service import Stand, serving
+from http_service import serving
 
 
 @pytest.mark.slow
-def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
+def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path):
     with (
         serving(tmp_path, "--speed", "max", "--loop") as running,
         viewer(running) as idle,
@@ -24,12 +22,12 @@ def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
         while not dropped(running):
             assert time.monotonic() < give_up_at
             received += busy.recv(1 << 20)
-        before = running.ask("GET", "/status", timeout_s=30.0).json
+        status = running.ask("GET", "/status", timeout_s=30.0).json
         busy_for(busy, received, 0.3)
-        after = running.ask("GET", "/status", timeout_s=30.0).json
-        assert after["clock"]["cycle"] > before["clock"]["cycle"]
-        assert after["sinks"][0]["delivered"] > before["sinks"][0]["delivered"]
-        assert after["sinks"][0]["dropped"] == 0
+        final_status = running.ask("GET", "/status", timeout_s=30.0).json
+        assert final_status["clock"]["cycle"] > status["clock"]["cycle"]
+        assert final_status["sinks"][0]["delivered"] > status["sinks"][0]["delivered"]
+        assert final_status["sinks"][0]["dropped"] == 0
         late = bytearray()
         reported = None
         while reported is None:
@@ -40,22 +38,22 @@ def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
         assert b"event: detections" in received
 
 
-def viewer(running: Stand) -> socket.socket:
+def viewer(running):
     """Return a connection to the stream, with little room for what is not read."""
-    made = socket.socket()
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)
-    made.settimeout(20.0)
-    made.connect(("127.0.0.1", running.port))
-    made.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
-    return made
+    connection = socket.socket()
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)
+    connection.settimeout(20.0)
+    connection.connect(("127.0.0.1", running.port))
+    connection.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    return connection
 
 
-def dropped(running: Stand) -> int:
-    reported: Any = running.ask("GET", "/status", timeout_s=30.0).json["viewers"]
+def dropped(running):
+    reported = running.ask("GET", "/status", timeout_s=30.0).json["viewers"]
     return int(reported["dropped_frames"])
 
 
-def busy_for(busy: socket.socket, received: bytearray, seconds: float) -> None:
+def busy_for(busy, received, seconds):
     end_at = time.monotonic() + seconds
     while time.monotonic() < end_at:
         received += busy.recv(1 << 20)

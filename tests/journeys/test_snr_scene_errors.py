@@ -2,8 +2,6 @@
 out.
 """
 
-from pathlib import Path
-
 import pytest
 from repository import EXAMPLES
 
@@ -98,12 +96,10 @@ MISTAKES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_reported_with_its_place_and_the_way_out(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_mistake_is_reported_with_its_place_and_the_way_out(name, capsys):
     changes, code, message = MISTAKES[name]
     assert (
-        main(["validate", SCENE, *(part for change in changes for part in ("--set", change))])
+        main(["validate", SCENE, *(word for change in changes for word in ("--set", change))])
         == code
     )
     reported = capsys.readouterr().err
@@ -120,9 +116,7 @@ def test_a_mistake_is_reported_with_its_place_and_the_way_out(
         ("lat_deg,lon_deg,area_m2\n40,-110,-3\n", "line 2: area_m2: -3.0 is outside"),
     ],
 )
-def test_a_bad_row_of_fires_is_reported_with_file_and_line(
-    text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bad_row_of_fires_is_reported_with_file_and_line(text, message, tmp_path, capsys):
     (tmp_path / "fires.csv").write_text(text, encoding="utf-8")
     block = f"sources[0]={{id: fires, model: fires, csv: {tmp_path / 'fires.csv'}}}"
     assert main(["run", SCENE, "--quiet", "--set", block]) == 2
@@ -131,21 +125,21 @@ def test_a_bad_row_of_fires_is_reported_with_file_and_line(
 
 
 @pytest.mark.slow
-def test_what_opir_advises_for_a_band_works(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_opir_advises_for_a_band_works(capsys):
     advice = [f"{sky}.bands={{MWIR: MWIRW_3.5_4.0}}" for sky in ("atmosphere", "background")]
     assert (
         main(
             [
                 "validate",
                 SCENE,
-                *(part for change in (NARROW, *advice) for part in ("--set", change)),
+                *(word for change in (NARROW, *advice) for word in ("--set", change)),
             ]
         )
         == 0
     )
 
 
-def test_physics_refuses_what_is_no_number_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+def test_physics_refuses_what_is_no_number_in_words(capsys):
     for value in ("abc", "-1", "nan", "inf"):
         with pytest.raises(SystemExit):
             main(["physics", "min-intensity", f"--nei={value}"])

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from power_cuts import Recording, can_record, power_cuts, record
+from power_cuts import can_record, power_cuts, record
 from spool_sessions import SPOOL, ids_in, left, spooled_after
 from spool_transports import ENCODER, SENSORS, filled_spool, window
 
@@ -47,33 +47,31 @@ os._exit(0)
 """
 
 
-def filled(tmp_path: Path, kind: str, *, survives: bool, seconds: float) -> Recording:
+def filled(tmp_path, kind, *, survives, seconds):
     disk = tmp_path / "disk"
     disk.mkdir()
     return record(disk, FILL, tmp_path, disk, kind, survives, seconds)
 
 
-def require_kept(
-    tmp_path: Path, kind: str, *, survives: bool, seconds: float, cuts: int
-) -> tuple[int, float]:
+def require_kept(tmp_path, kind, *, survives, seconds, cuts):
     """Fail if a cut damages or loses more than it may; return the most events lost, and from how
     long before, s.
     """
-    most = 0
+    loss_s = 0
     longest_s = 0.0
     for cut in power_cuts(filled(tmp_path, kind, survives=survives, seconds=seconds), range(cuts)):
-        found = left(cut, cut.make(tmp_path / "cut"), kind)
+        result = left(cut, cut.make(tmp_path / "cut"), kind)
         where = f"cut {cut.seed} after call {cut.calls}"
-        assert found.lost_s <= (0.0 if survives else UNDONE_S), (
-            f"{where}: {len(found.lost)} events lost"
+        assert result.lost_s <= (0.0 if survives else UNDONE_S), (
+            f"{where}: {len(result.lost)} events lost"
         )
-        most = max(most, len(found.lost))
-        longest_s = max(longest_s, found.lost_s)
-    return most, longest_s
+        loss_s = max(loss_s, len(result.lost))
+        longest_s = max(longest_s, result.lost_s)
+    return loss_s, longest_s
 
 
 @pytest.mark.parametrize("kind", ["held", "jsonl"])
-def test_a_power_cut_takes_nothing_from_a_spool_that_survives_it(tmp_path: Path, kind: str) -> None:
+def test_a_power_cut_takes_nothing_from_a_spool_that_survives_it(tmp_path, kind):
     assert require_kept(tmp_path, kind, survives=True, seconds=SHORT_S, cuts=FEW) == (0, 0.0)
 
 
@@ -81,14 +79,12 @@ def test_a_power_cut_takes_nothing_from_a_spool_that_survives_it(tmp_path: Path,
 @pytest.mark.timeout(100 + CUTS)
 @pytest.mark.parametrize("survives", [True, False])
 @pytest.mark.parametrize("kind", ["held", "jsonl"])
-def test_a_power_cut_takes_at_most_the_last_second_from_a_spool(
-    tmp_path: Path, kind: str, survives: bool
-) -> None:
-    most, _ = require_kept(tmp_path, kind, survives=survives, seconds=LONG_S, cuts=CUTS)
-    assert survives or most > 0
+def test_a_power_cut_takes_at_most_the_last_second_from_a_spool(tmp_path, kind, survives):
+    loss_s, _ = require_kept(tmp_path, kind, survives=survives, seconds=LONG_S, cuts=CUTS)
+    assert survives or loss_s > 0
 
 
-def damaged(disk: Path) -> set[str]:
+def damaged(disk):
     """Make a damaged spool in a folder, and return the ids of its whole batches."""
     disk.mkdir()
     filled_spool(disk / SPOOL, 6, 20)
@@ -98,10 +94,10 @@ def damaged(disk: Path) -> set[str]:
         next(EncodedBatcher(ENCODER, SENSORS).batches(window(20, 20 * number)))
         for number in range(6)
     ]
-    return {each for number, batch in enumerate(batches) if number != 2 for each in ids_in(batch)}
+    return {name for number, batch in enumerate(batches) if number != 2 for name in ids_in(batch)}
 
 
-def cut_off(disk: Path) -> None:
+def cut_off(disk):
     """Make of a damaged spool what a power cut leaves before its end: the new spool is ready, the
     old one has a log.
     """
@@ -114,15 +110,13 @@ def cut_off(disk: Path) -> None:
 @pytest.mark.parametrize(
     "cuts", [3 * FEW, pytest.param(CUTS, marks=[pytest.mark.slow, pytest.mark.timeout(100 + CUTS)])]
 )
-def test_a_power_cut_while_a_spool_is_salvaged_loses_no_whole_batch(
-    tmp_path: Path, program: str, cuts: int
-) -> None:
+def test_a_power_cut_while_a_spool_is_salvaged_loses_no_whole_batch(tmp_path, program, cuts):
     disk = tmp_path / "disk"
-    whole = damaged(disk)
+    total = damaged(disk)
     if program == FINISH:
         cut_off(disk)
     for cut in power_cuts(record(disk, program, tmp_path, disk / SPOOL), range(cuts)):
         place = cut.make(tmp_path / "cut")
         where = f"cut {cut.seed} after call {cut.calls}: {sorted(cut.tree)}"
         salvaged_at_start(place / SPOOL)
-        assert spooled_after(place) >= whole, where
+        assert spooled_after(place) >= total, where

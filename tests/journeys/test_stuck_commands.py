@@ -30,12 +30,10 @@ SCENE: dict[str, Any] = {
 TRACKER = ("opir_trackers", "kepler-arc")
 
 
-def ended(
-    folder: Path, part: tuple[str, ...], *words: str, **changes: Any
-) -> subprocess.CompletedProcess[str]:
+def ended(folder, component, *words, **changes):
     """Run a command whose component `rogue` hangs; it may take a minute at most."""
     (folder / "scene.yaml").write_text(yaml.safe_dump({**SCENE, **changes}), encoding="utf-8")
-    command = [sys.executable, str(SCRIPT), *part, "hang", *words]
+    command = [sys.executable, str(SCRIPT), *component, "hang", *words]
     return subprocess.run(
         command, cwd=folder, capture_output=True, text=True, timeout=60.0, check=False
     )
@@ -53,9 +51,7 @@ def ended(
         ),
     ],
 )
-def test_a_run(
-    tmp_path: Path, workers: str, part: tuple[str, ...], changes: dict[str, Any], reported: str
-) -> None:
+def test_a_run(tmp_path, workers, part, changes, reported):
     done = ended(
         tmp_path, part, "run", "scene.yaml", "--dead-after", "2", "--workers", workers, **changes
     )
@@ -65,11 +61,19 @@ def test_a_run(
     assert not (tmp_path / "events.jsonl").exists()
 
 
-def test_the_start_of_a_service(tmp_path: Path) -> None:
+def test_the_start_of_a_service(tmp_path):
     target = {**SCENE["targets"][0], "model": "rogue"}
-    part = ("opir_target_models", "ballistic", "build")
+    component = ("opir_target_models", "ballistic", "build")
     done = ended(
-        tmp_path, part, "serve", "scene.yaml", "--port", "0", "--dead-after", "2", targets=[target]
+        tmp_path,
+        component,
+        "serve",
+        "scene.yaml",
+        "--port",
+        "0",
+        "--dead-after",
+        "2",
+        targets=[target],
     )
     assert done.returncode == 6
     assert "opir: targets[0]: the target model 'rogue' of " in done.stderr
@@ -80,9 +84,7 @@ def test_the_start_of_a_service(tmp_path: Path) -> None:
     ("method", "words", "limit_s"),
     [("write", ("--dead-after", "3"), 3), ("close", ("--dead-after", "36"), 36), ("close", (), 30)],
 )
-def test_a_sink_of_a_run_fails_alone(
-    tmp_path: Path, method: str, words: tuple[str, ...], limit_s: int
-) -> None:
+def test_a_sink_of_a_run_fails_alone(tmp_path, method, words, limit_s):
     outputs = [{"jsonl": {"path": "other.jsonl"}}, "rogue"]
     done = ended(
         tmp_path, ("opir_sinks", "null", method), "run", "scene.yaml", "-q", *words, outputs=outputs
@@ -93,7 +95,7 @@ def test_a_sink_of_a_run_fails_alone(
     assert len((tmp_path / "other.jsonl").read_text(encoding="utf-8").splitlines()) > 100
 
 
-def test_a_study_in_this_process(tmp_path: Path) -> None:
+def test_a_study_in_this_process(tmp_path):
     words = ("sweep", "scene.yaml", "--runs", "2", "--executor", "serial", "--dead-after", "2")
     done = ended(tmp_path, (*TRACKER, "step"), *words, tracker="rogue")
     assert done.returncode == 6, done.stderr

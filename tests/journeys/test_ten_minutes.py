@@ -2,8 +2,6 @@
 
 import re
 import subprocess
-from pathlib import Path
-from typing import Any
 
 import pytest
 from repository import ROOT
@@ -23,7 +21,7 @@ SETTINGS = {
 }
 
 
-def reported(outsider: Any, command: str, folder: Path) -> str:
+def reported(outsider, command, folder):
     """Return what a command prints in somebody else's environment, both streams, without what never
     repeats.
     """
@@ -45,11 +43,11 @@ def reported(outsider: Any, command: str, folder: Path) -> str:
 
 
 @pytest.mark.slow
-def test_every_line_of_the_ten_minutes_is_real(outsider: Any, tmp_path: Path) -> None:
+def test_every_line_of_the_ten_minutes_is_real(outsider, tmp_path):
     commands = 0
     for block in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
-        parts = COMMAND.split(block)
-        for command, shown in zip(parts[1::2], parts[2::2], strict=True):
+        words = COMMAND.split(block)
+        for command, shown in zip(words[1::2], words[2::2], strict=True):
             assert reported(outsider, command, tmp_path) == shown.strip(), command
             commands += 1
     assert commands >= 10

@@ -27,14 +27,14 @@ ONE_FILE = ("kml", "geojson", "czml", "tdm")
 
 
 @pytest.fixture(scope="module")
-def events(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def events(tmp_path_factory):
     """Return the events of a short run with tracks, its truth, tracks and manifest beside them."""
-    path: Path = tmp_path_factory.mktemp("run") / "events.jsonl"
+    path = tmp_path_factory.mktemp("run") / "events.jsonl"
     assert run_into(path) == 0
     return path
 
 
-def run_into(path: Path, *more: str) -> int:
+def run_into(path, *more):
     scene = str(EXAMPLES / "first_light.yaml")
     return main(
         [
@@ -53,20 +53,20 @@ def run_into(path: Path, *more: str) -> int:
 
 
 @pytest.fixture(scope="module")
-def run(events: Path) -> opir_core.Run:
+def run(events):
     return opir_core.load_run(events)
 
 
 @cache
-def page_of(run: opir_core.Run) -> Any:
+def page_of(run):
     return run_page(run)
 
 
-def small_study() -> Study:
+def small_study():
     return Study(scene=SCENE, study="s", vary={PERIOD: [100, 400]}, runs=2, executor="serial")
 
 
-def exporting(name: str) -> Callable[[Any, Path], object]:
+def exporting(name):
     return lambda run, path: exported(run, name, path)
 
 
@@ -79,9 +79,7 @@ WRITERS: dict[str, Callable[[Any, Path], object]] = {
 
 
 @pytest.mark.parametrize("name", ONE_FILE)
-def test_an_export_is_written_through_a_pipe_which_stays_one(
-    run: Any, tmp_path: Path, name: str
-) -> None:
+def test_an_export_is_written_through_a_pipe_which_stays_one(run, tmp_path, name):
     pipe = tmp_path / "pipe"
     read = list[bytes]()
     os.mkfifo(pipe)
@@ -94,7 +92,7 @@ def test_an_export_is_written_through_a_pipe_which_stays_one(
     assert read == [(tmp_path / "file").read_bytes()]
 
 
-def device(path: Path, minor: int) -> Path:
+def device(path, minor):
     try:
         os.mknod(path, 0o666 | stat.S_IFCHR, os.makedev(1, minor))
         path.open("wb").close()
@@ -104,7 +102,7 @@ def device(path: Path, minor: int) -> Path:
 
 
 @pytest.mark.parametrize("name", ONE_FILE)
-def test_an_export_to_a_device_leaves_the_device(run: Any, tmp_path: Path, name: str) -> None:
+def test_an_export_to_a_device_leaves_the_device(run, tmp_path, name):
     null = device(tmp_path / "null", 3)
     full = device(tmp_path / "full", 7)
     exported(run, name, null)
@@ -115,15 +113,15 @@ def test_an_export_to_a_device_leaves_the_device(run: Any, tmp_path: Path, name:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["full", "null"]
 
 
-def linked(path: Path, victim: Path) -> None:
+def linked(path, victim):
     path.symlink_to(victim)
 
 
-def hard_linked(path: Path, victim: Path) -> None:
+def hard_linked(path, victim):
     path.hardlink_to(victim)
 
 
-def dangling(path: Path, victim: Path) -> None:
+def dangling(path, victim):
     path.symlink_to(victim.with_name("new"))
 
 
@@ -143,11 +141,11 @@ PARTS = tuple(f"{name}.part" for name in ("e.jsonl", *MADE_UP))
     ],
 )
 def test_a_run_writes_through_no_link_under_a_name_that_it_makes_up(
-    tmp_path: Path,
-    name: str,
-    plant: Callable[[Path, Path], None],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    tmp_path,
+    name,
+    plant,
+    capsys,
+):
     victim = tmp_path / "victim"
     folder = tmp_path / "out"
     folder.mkdir()
@@ -166,7 +164,7 @@ def test_a_run_writes_through_no_link_under_a_name_that_it_makes_up(
     assert [path.name for path in folder.iterdir()] == [name]
 
 
-def test_a_path_that_the_user_gives_may_be_a_link_which_stays_one(tmp_path: Path) -> None:
+def test_a_path_that_the_user_gives_may_be_a_link_which_stays_one(tmp_path):
     (tmp_path / "far").mkdir()
     for name in ("e.jsonl", "t.jsonl"):
         (tmp_path / name).symlink_to(tmp_path / "far" / name)
@@ -176,9 +174,7 @@ def test_a_path_that_the_user_gives_may_be_a_link_which_stays_one(tmp_path: Path
     assert (tmp_path / "t.jsonl").is_symlink()
 
 
-def test_a_pipe_under_a_name_that_opir_makes_up_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_pipe_under_a_name_that_opir_makes_up_is_refused(tmp_path, capsys):
     os.mkfifo(tmp_path / "e.truth.jsonl")
     assert run_into(tmp_path / "e.jsonl") == 5
     assert "a device or a pipe has its name" in capsys.readouterr().err
@@ -200,9 +196,7 @@ def test_a_pipe_under_a_name_that_opir_makes_up_is_refused(
         ("sweep", "out/made/study/parts"),
     ],
 )
-def test_exports_reports_and_studies_write_through_no_planted_link(
-    run: Any, tmp_path: Path, name: str, place: str
-) -> None:
+def test_exports_reports_and_studies_write_through_no_planted_link(run, tmp_path, name, place):
     victim = tmp_path / "victim"
     victim.mkdir() if place.endswith((".data", "parts")) else victim.write_bytes(
         b"of somebody else"
@@ -220,17 +214,17 @@ def test_exports_reports_and_studies_write_through_no_planted_link(
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_what_is_renamed_and_every_folder_that_was_made_is_on_disk(
-    run: Any, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    run, tmp_path, name, monkeypatch
+):
     calls = list[tuple[str, Path]]()
     fsync = os.fsync
     replace = Path.replace
 
-    def synced(descriptor: int) -> None:
+    def synced(descriptor):
         calls.append(("sync", Path(f"/proc/self/fd/{descriptor}").readlink()))
         fsync(descriptor)
 
-    def renamed(path: Path, target: Any) -> Path:
+    def renamed(path, target):
         calls.append(("rename", Path(target)))
         assert ("sync", path) in calls, f"{path} is renamed before its content is on disk"
         return replace(path, target)
@@ -239,35 +233,35 @@ def test_what_is_renamed_and_every_folder_that_was_made_is_on_disk(
     monkeypatch.setattr(Path, "replace", renamed)
     if name in ("run", "report"):
         (tmp_path / "out").mkdir()
-    before = {tmp_path, *tmp_path.iterdir()}
+    paths = {tmp_path, *tmp_path.iterdir()}
     WRITERS[name](run, tmp_path / "out")
-    made = [path for path in tmp_path.rglob("*") if path not in before]
-    files = [path for path in made if path.is_file()]
+    new_paths = [path for path in tmp_path.rglob("*") if path not in paths]
+    files = [path for path in new_paths if path.is_file()]
     assert files
     assert not [path for path in files if path.name.endswith(".part")]
     for path in files:
         at = calls.index(("rename", path))
         assert ("sync", path.parent) in calls[at:], f"the name of {path} is not on disk"
-    for folder in (path for path in made if path.is_dir()):
+    for folder in (path for path in new_paths if path.is_dir()):
         assert ("sync", folder.parent) in calls, f"the folder {folder} is not on disk"
 
 
-def killed_at(number: int, write: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> bool:
+def killed_at(number, write, monkeypatch):
     """Let a process be killed at the n-th call that changes names or syncs, and return whether it
     was.
     """
     child = os.fork()
     if child:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
-    seen = 0
+    calls = 0
 
-    def counted(real: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*given: Any, **named: Any) -> Any:
-            nonlocal seen
-            seen += 1
-            if seen == number:
+    def counted(real):
+        def call(*inputs, **named):
+            nonlocal calls
+            calls += 1
+            if calls == number:
                 os._exit(9)
-            return real(*given, **named)
+            return real(*inputs, **named)
 
         return call
 
@@ -280,7 +274,7 @@ def killed_at(number: int, write: Callable[[], object], monkeypatch: pytest.Monk
         os._exit(1)
 
 
-def contents(folder: Path) -> dict[str, bytes]:
+def contents(folder):
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in folder.rglob("*")
@@ -290,20 +284,18 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["kml", "parquet", "report"])
-def test_a_kill_leaves_the_old_files_or_the_new_ones(
-    run: Any, events: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_kill_leaves_the_old_files_or_the_new_ones(run, events, tmp_path, name, monkeypatch):
     other = opir_core.load_run(events)
     path = tmp_path / "out"
     states = list[dict[str, bytes]]()
     object.__setattr__(other.plan.scene, "name", "another")
     page_of(run), page_of(other)
-    for each in (run, other):
+    for state in (run, other):
         place = tmp_path / str(len(states)) / "out"
         place.parent.mkdir()
         if name == "report":
             place.mkdir()
-        WRITERS[name](each, place)
+        WRITERS[name](state, place)
         states.append(contents(place.parent))
     if name == "report":
         path.mkdir()
@@ -315,20 +307,20 @@ def test_a_kill_leaves_the_old_files_or_the_new_ones(
         write(run, path)
         if not killed_at(number, lambda: write(other, path), monkeypatch):
             break
-        found = contents(tmp_path / "out") if path.is_dir() else {"out": path.read_bytes()}
+        result = contents(tmp_path / "out") if path.is_dir() else {"out": path.read_bytes()}
         old, new = (
-            {name.removeprefix("out/"): text for name, text in each.items()} for each in states
+            {name.removeprefix("out/"): text for name, text in state.items()} for state in states
         )
-        assert all(found[name] in (old[name], new[name]) for name in old), (
+        assert all(result[name] in (old[name], new[name]) for name in old), (
             f"half a file at call {number}"
         )
-        stages.add(found == old)
+        stages.add(result == old)
     assert stages == {True, False} or name == "parquet"
     assert number > 5
 
 
 @pytest.mark.parametrize("file", ["part", "results.parquet", "runs.parquet", "results.csv"])
-def test_a_flipped_bit_in_a_study_is_reported(tmp_path: Path, file: str) -> None:
+def test_a_flipped_bit_in_a_study_is_reported(tmp_path, file):
     sweep(small_study(), tmp_path)
     path = next((tmp_path / "parts").glob("*.parquet")) if file == "part" else tmp_path / file
     content = path.read_bytes()
@@ -343,7 +335,7 @@ def test_a_flipped_bit_in_a_study_is_reported(tmp_path: Path, file: str) -> None
     assert load_study(tmp_path).runs.num_rows == 4
 
 
-def test_the_definition_of_a_study_has_the_sum_of_each_table(tmp_path: Path) -> None:
+def test_the_definition_of_a_study_has_the_sum_of_each_table(tmp_path):
     definition = sweep(small_study(), tmp_path).definition
     listed = {entry["name"]: entry["sha256"] for entry in definition["written_files"]}
     assert listed == {

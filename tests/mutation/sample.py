@@ -27,10 +27,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any
 
 from attrs import asdict, evolve, frozen
 
@@ -39,7 +37,7 @@ sys.path.insert(0, str(ROOT / "tests" / "support"))
 
 from import_distances import distances, imports_of, source_files  # noqa: E402
 from mutation_environment import UnfitEnvironment, check_installation, check_libraries, packages_of  # noqa: E402
-from one_token_mutants import Site, mutated, sites  # noqa: E402
+from one_token_mutants import mutated, sites  # noqa: E402
 
 #: Folders of tests that import the code, and tests of tests/house that run it without an import of
 #: their own.
@@ -113,11 +111,11 @@ class Stage:
     """
 
     files: list[str]
-    chosen: str
+    selected: str
     left_out: tuple[str, ...] = ()
     collected_only: bool = False
 
-    def words(self) -> list[str]:
+    def words(self):
         """Return these tests as arguments of pytest."""
         left_out = (f"--deselect={test}" for test in self.left_out)
         return [
@@ -153,33 +151,33 @@ class Work:
     stages: list[Stage]
 
 
-def main() -> None:
+def main():
     """Draw the mutants, run their tests and print the survivors."""
-    asked = _arguments()
+    options = _arguments()
     check_libraries()
     packages = packages_of(source_files(ROOT))
     check_installation(ROOT, packages)
-    limits = Limits(asked.test_limit_s, asked.limit_s)
-    work = _work(asked.draws, asked.seed, asked.deselect)
+    limits = Limits(options.test_limit_s, options.limit_s)
+    work = _work(options.draws, options.seed, options.deselect)
     results = list[Result]()
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
-        copies: queue.SimpleQueue[Path] = queue.SimpleQueue()
-        for job in range(asked.jobs):
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
+        copies = queue.SimpleQueue()
+        for job in range(options.jobs):
             copy = _copy(Path(folder, str(job)).resolve())
             check_installation(copy, packages, _variables(copy))
             copies.put(copy)
-        running = [pool.submit(_result, each, copies, limits) for each in work]
+        running = [pool.submit(_result, task, copies, limits) for task in work]
         for done in as_completed(running):
             results.append(_judged(done, pool))
             print(f"{len(results)}/{len(work)} {_words(results[-1])}", flush=True)
-            if asked.out:
-                asked.out.write_text(
+            if options.out:
+                options.out.write_text(
                     json.dumps([asdict(result) for result in results], indent=1) + "\n"
                 )
     _print_summary(results)
 
 
-def _arguments() -> argparse.Namespace:
+def _arguments():
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--draws", type=int, default=20, help="mutants to draw (default 20)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw (default 1)")
@@ -197,7 +195,7 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _work(draws: int, seed: int, left_out: Sequence[str]) -> list[Work]:
+def _work(draws, seed, left_out):
     files = source_files(ROOT)
     tests = [path for folder in RUNNING for path in (ROOT / "tests" / folder).rglob("*.py")]
     others = [
@@ -210,23 +208,23 @@ def _work(draws: int, seed: int, left_out: Sequence[str]) -> list[Work]:
     ]
 
 
-def draw(sources: dict[str, str], draws: int, seed: int) -> list[tuple[Mutant, str]]:
+def draw(sources, draws, seed):
     """Return mutants of different tokens of `sources` (by file), all equally likely, with their
     sources.
     """
     rng = random.Random(seed)
     places = [(file, site) for file, source in sources.items() for site in sites(source)]
-    chosen = rng.sample(places, min(draws, len(places)))
-    return [_mutant(file, sources[file], site, rng.choice(site.choices)) for file, site in chosen]
+    selected = rng.sample(places, min(draws, len(places)))
+    return [_mutant(file, sources[file], site, rng.choice(site.choices)) for file, site in selected]
 
 
-def _mutant(file: str, source: str, site: Site, choice: str) -> tuple[Mutant, str]:
+def _mutant(file, source, site, choice):
     changed = mutated(source, site, choice)
     before, after = (text.split("\n")[site.line - 1].strip() for text in (source, changed))
     return Mutant(file, site.line, source[site.start : site.end], choice, before, after), changed
 
 
-def stages_of(file: str, imports: dict[str, set[str]], left_out: Sequence[str] = ()) -> list[Stage]:
+def stages_of(file, imports, left_out=()):
     """Return the stages of a module's mutants that have files."""
     own, others = tests_of(file, imports)
     stages = [
@@ -235,10 +233,10 @@ def stages_of(file: str, imports: dict[str, set[str]], left_out: Sequence[str] =
         ([*others, *DOCUMENTED], "not slow"),
         (others, "slow"),
     ]
-    return [Stage(files, chosen, tuple(left_out)) for files, chosen in stages if files]
+    return [Stage(files, selected, tuple(left_out)) for files, selected in stages if files]
 
 
-def tests_of(file: str, imports: dict[str, set[str]]) -> tuple[list[str], list[str]]:
+def tests_of(file, imports):
     """Return the test files of a module's folder, and the others that import the module; in each,
     the nearest first.
     """
@@ -247,27 +245,27 @@ def tests_of(file: str, imports: dict[str, set[str]]) -> tuple[list[str], list[s
     folder = mirror(file)
     own = {str(path.relative_to(ROOT)) for path in folder.rglob("test_*.py")} if folder else set()
 
-    def nearness(test: str) -> tuple[bool, int, str]:
+    def nearness(test):
         return Path(file).stem not in test, steps.get(test, len(imports)), test
 
     return sorted(own, key=nearness), sorted(users - own, key=nearness)
 
 
-def mirror(file: str) -> Path | None:
+def mirror(file):
     """Return the folder of tests that mirrors a module's folder, or the nearest one above it."""
-    parts = Path(file).parts[:-1]
-    if parts == ("plugins", "opir_testing", "opir_testing", "contracts"):
+    names = Path(file).parts[:-1]
+    if names == ("plugins", "opir_testing", "opir_testing", "contracts"):
         return ROOT / "tests" / "contracts"
-    top = ("core",) if parts[0] == "opir_core" else ("plugins", parts[1].removeprefix("opir_"))
-    inner = parts[1:] if parts[0] == "opir_core" else parts[3:]
-    least = 1 if parts[0] == "opir_core" else 0
+    top = ("core",) if names[0] == "opir_core" else ("plugins", names[1].removeprefix("opir_"))
+    inner = names[1:] if names[0] == "opir_core" else names[3:]
+    least = 1 if names[0] == "opir_core" else 0
     folders = (
         Path(ROOT, "tests", *top, *inner[:depth]) for depth in range(len(inner), least - 1, -1)
     )
     return next((folder for folder in folders if folder.is_dir()), None)
 
 
-def _copy(place: Path) -> Path:
+def _copy(place):
     """Copy the files that git knows."""
     listed = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
@@ -279,7 +277,7 @@ def _copy(place: Path) -> Path:
     return place
 
 
-def _judged(done: "Future[Result]", pool: ThreadPoolExecutor) -> Result:
+def _judged(done, pool):
     """Return the result of a mutant; begin no others if the environment is refused."""
     try:
         return done.result()
@@ -288,7 +286,7 @@ def _judged(done: "Future[Result]", pool: ThreadPoolExecutor) -> Result:
         raise
 
 
-def _result(work: Work, copies: "queue.SimpleQueue[Path]", limits: Limits) -> Result:
+def _result(work, copies, limits):
     copy = copies.get()
     start = time.monotonic()
     place = copy / work.mutant.file
@@ -311,7 +309,7 @@ def _result(work: Work, copies: "queue.SimpleQueue[Path]", limits: Limits) -> Re
     return Result(work.mutant, outcome.kind, by, round(time.monotonic() - start, 1))
 
 
-def _confirmed(copy: Path, stage: Stage, outcome: Outcome, limits: Limits) -> Outcome:
+def _confirmed(copy, stage, outcome, limits):
     """Return the outcome of a stage, or "survived" for a hang of a test that takes its time without
     the mutant too.
 
@@ -337,7 +335,7 @@ def _confirmed(copy: Path, stage: Stage, outcome: Outcome, limits: Limits) -> Ou
     return outcome
 
 
-def _write(path: Path, source: str) -> None:
+def _write(path, source):
     """Write a module, and remove what Python compiled: the size and the second of a change may be
     the same.
     """
@@ -346,28 +344,28 @@ def _write(path: Path, source: str) -> None:
         compiled.unlink()
 
 
-def _longest(stage: Stage, limits: Limits) -> Limits:
+def _longest(stage, limits):
     return evolve(limits, test_s=limits.test_s * (SLOWER if stage.chosen == "slow" else 1.0))
 
 
-def _outcome(copy: Path, stage: Stage, limits: Limits) -> Outcome:
+def _outcome(copy, stage, limits):
     """Return what the tests of a stage say of a copy."""
     output = copy / "output.txt"
-    last = copy / LAST_TEST
-    last.unlink(missing_ok=True)
+    log = copy / LAST_TEST
+    log.unlink(missing_ok=True)
     start = time.monotonic()
     with output.open("wb") as stream:
         command = [sys.executable, "-c", START, *PYTEST, *PROPERTIES, *stage.words()]
-        settings: dict[str, Any] = {"cwd": copy, "env": _variables(copy), "start_new_session": True}
+        settings = {"cwd": copy, "env": _variables(copy), "start_new_session": True}
         process = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT, **settings)
         stopped = _stopped(process, output, _longest(stage, limits))
     kind, by = stopped or _said(process.returncode, output, stage)
     whole_s = math.inf if stopped else time.monotonic() - start
-    test, seconds = json.loads(last.read_text(encoding="utf-8")) if last.exists() else ("", whole_s)
+    test, seconds = json.loads(log.read_text(encoding="utf-8")) if log.exists() else ("", whole_s)
     return Outcome(kind, by, test, math.inf if seconds is None else seconds)
 
 
-def _said(code: int, output: Path, stage: Stage) -> tuple[str, str]:
+def _said(code, output, stage):
     """Return what tests that have ended say, and the line of the first that failed."""
     lines = output.read_text(encoding="utf-8", errors="replace").split("\n")
     if code in PASSED:
@@ -376,16 +374,14 @@ def _said(code: int, output: Path, stage: Stage) -> tuple[str, str]:
     return "killed", (failed or [line for line in lines if line] or ["no output"])[0]
 
 
-def _variables(copy: Path) -> dict[str, str]:
+def _variables(copy):
     path = os.pathsep.join(
         [str(copy), *(str(folder) for folder in sorted((copy / "plugins").iterdir()))]
     )
     return {**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1", "PYTHONHASHSEED": "0"}
 
 
-def _stopped(
-    process: "subprocess.Popen[bytes]", output: Path, limits: Limits
-) -> tuple[str, str] | None:
+def _stopped(process, output, limits):
     """Wait until the tests end; stop them at a limit and return what that means: silence is a
     hang.
     """
@@ -405,7 +401,7 @@ def _stopped(
     return None
 
 
-def _words(result: Result) -> str:
+def _words(result):
     mutant = result.mutant
     place = f"{result.outcome} {mutant.file}:{mutant.line}"
     if result.outcome == "survived":
@@ -413,7 +409,7 @@ def _words(result: Result) -> str:
     return f"{place} `{mutant.token}` -> `{mutant.choice}`: {result.by}"
 
 
-def _print_summary(results: Sequence[Result]) -> None:
+def _print_summary(results):
     counts = Counter(result.outcome for result in results)
     killed = counts["killed"] + counts["hang"]
     print(

@@ -9,7 +9,7 @@ from one_token_mutants import mutated, sites
 from repository import ROOT
 
 
-def mutants_of(source: str) -> list[str]:
+def mutants_of(source):
     return [mutated(source, site, choice) for site in sites(source) for choice in site.choices]
 
 
@@ -63,7 +63,7 @@ def mutants_of(source: str) -> list[str]:
         ("ä = 'ü' if b == 'ö' else c", ["ä = 'ü' if b != 'ö' else c"]),
     ],
 )
-def test_each_token_becomes_what_its_kind_may(source: str, mutants: list[str]) -> None:
+def test_each_token_becomes_what_its_kind_may(source, mutants):
     assert mutants_of(source) == mutants
 
 
@@ -82,25 +82,25 @@ def test_each_token_becomes_what_its_kind_may(source: str, mutants: list[str]) -
         "if TYPE_CHECKING:\n    a = 1",
     ],
 )
-def test_texts_types_and_decorators_stay(source: str) -> None:
+def test_texts_types_and_decorators_stay(source):
     assert sites(source) == []
 
 
-def test_what_runs_if_types_are_not_checked_may_change() -> None:
+def test_what_runs_if_types_are_not_checked_may_change():
     assert mutants_of("if TYPE_CHECKING:\n    a = True\nelse:\n    b = True") == [
         "if TYPE_CHECKING:\n    a = True\nelse:\n    b = False"
     ]
 
 
-def test_defaults_may_change_though_annotations_stay() -> None:
+def test_defaults_may_change_though_annotations_stay():
     assert mutants_of("def f(a: C[5] = True): ...") == ["def f(a: C[5] = False): ..."]
 
 
-def test_sites_know_their_lines() -> None:
+def test_sites_know_their_lines():
     assert [site.line for site in sites("a = (\n    b\n    + c\n)\n\nd = True\n")] == [3, 6]
 
 
-def test_every_mutant_of_a_module_is_another_program() -> None:
+def test_every_mutant_of_a_module_is_another_program():
     source = (ROOT / "opir_core" / "geometry" / "ellipsoid.py").read_text(encoding="utf-8")
     program = ast.dump(ast.parse(source))
     mutants = mutants_of(source)

@@ -25,7 +25,7 @@ SPEC.loader.exec_module(sample)
 SOURCES = {"one.py": "a = 1\n", "two.py": "b = c + d\nreturned = not e < f\n"}
 
 
-def test_all_tokens_are_equally_likely() -> None:
+def test_all_tokens_are_equally_likely():
     """Chi-squared over 4 tokens in 800 draws, at 1e-4; two of three files' tokens are in the longer
     file.
     """
@@ -36,7 +36,7 @@ def test_all_tokens_are_equally_likely() -> None:
     assert {mutant.choice for mutant in drawn if mutant.token == "<"} == {"<=", ">="}
 
 
-def test_tokens_are_drawn_once_each_and_a_seed_repeats_the_draw() -> None:
+def test_tokens_are_drawn_once_each_and_a_seed_repeats_the_draw():
     drawn = sample.draw(SOURCES, 99, 5)
     assert sorted((mutant.file, mutant.token) for mutant, _ in drawn) == [
         ("one.py", "1"),
@@ -45,7 +45,7 @@ def test_tokens_are_drawn_once_each_and_a_seed_repeats_the_draw() -> None:
     assert sample.draw(SOURCES, 99, 5) == drawn
 
 
-def test_a_mutant_is_reported_with_its_line_before_and_after() -> None:
+def test_a_mutant_is_reported_with_its_line_before_and_after():
     (mutant,) = (mutant for mutant, _ in sample.draw(SOURCES, 4, 5) if mutant.token == "not")
     assert (mutant.line, mutant.before, mutant.after) == (
         2,
@@ -66,13 +66,11 @@ def test_a_mutant_is_reported_with_its_line_before_and_after() -> None:
         ("plugins/opir_dsp/opir_dsp/plugin.py", None),
     ],
 )
-def test_tests_lie_where_their_modules_do(file: str, folder: str | None) -> None:
+def test_tests_lie_where_their_modules_do(file, folder):
     assert sample.mirror(file) == (folder and ROOT / folder)
 
 
-def test_tests_of_the_folder_come_first_and_the_nearest_first(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_tests_of_the_folder_come_first_and_the_nearest_first(monkeypatch, tmp_path):
     files = {
         "opir_core/flight/arc.py": "",
         "opir_core/flight/motion.py": "from opir_core.flight import arc",
@@ -98,7 +96,7 @@ def test_tests_of_the_folder_come_first_and_the_nearest_first(
     ]
 
 
-def test_imports_are_counted_through_helpers_plugins_and_names_in_strings(tmp_path: Path) -> None:
+def test_imports_are_counted_through_helpers_plugins_and_names_in_strings(tmp_path):
     files = {
         "opir_core/host/host.py": "PLUGINS = ['opir_core.builtin.sinks']",
         "opir_core/builtin/sinks.py": "",
@@ -115,7 +113,7 @@ def test_imports_are_counted_through_helpers_plugins_and_names_in_strings(tmp_pa
     }
 
 
-def write(folder: Path, files: dict[str, str]) -> None:
+def write(folder, files):
     for name, source in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(source)
@@ -137,9 +135,7 @@ def write(folder: Path, files: dict[str, str]) -> None:
         ),
     ],
 )
-def test_what_tests_say_of_a_mutant(
-    tmp_path: Path, source: str, limits_s: tuple[float, float], outcome: str, reported: str
-) -> None:
+def test_what_tests_say_of_a_mutant(tmp_path, source, limits_s, outcome, reported):
     said = sample._outcome(
         checkout(tmp_path, source),
         sample.Stage(["test_a.py"], "not slow"),
@@ -149,7 +145,7 @@ def test_what_tests_say_of_a_mutant(
     assert said.by.startswith(reported)
 
 
-def checkout(folder: Path, source: str) -> Path:
+def checkout(folder, source):
     """Return a folder like a copy of the checkout, with one file of tests."""
     settings = (
         "from hypothesis import settings\nsettings.register_profile('unshrunk', max_examples=1)\n"
@@ -182,8 +178,8 @@ SLEEPS = "import time\ndef test_a(): time.sleep({})\n"
     ],
 )
 def test_a_kill_counts_if_its_test_ends_well_without_the_mutant(
-    tmp_path: Path, outcome: tuple[str, str, str], unmutated: str, confirmed: str
-) -> None:
+    tmp_path, outcome, unmutated, confirmed
+):
     """The limit is 20 s: a hang counts if the test takes less than 2 s, however long the process
     takes.
     """
@@ -197,9 +193,7 @@ def test_a_kill_counts_if_its_test_ends_well_without_the_mutant(
 @pytest.mark.parametrize(
     ("unmutated", "test"), [(FAILS, ""), ("def test_a(): assert False", "test_a.py::test_a")]
 )
-def test_an_environment_in_which_a_killing_test_fails_anyway_is_refused(
-    tmp_path: Path, unmutated: str, test: str
-) -> None:
+def test_an_environment_in_which_a_killing_test_fails_anyway_is_refused(tmp_path, unmutated, test):
     stage = sample.Stage(["test_a.py"], "not slow")
     outcome = sample.Outcome("killed", "by", test)
     with pytest.raises(
@@ -209,8 +203,8 @@ def test_an_environment_in_which_a_killing_test_fails_anyway_is_refused(
 
 
 def test_an_environment_without_the_libraries_of_tests_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     monkeypatch.setattr(
         mutation_environment.peer_libraries, "missing", lambda: {"numba", "astropy"}
     )
@@ -218,7 +212,7 @@ def test_an_environment_without_the_libraries_of_tests_is_refused(
         mutation_environment.check_libraries()
 
 
-def test_packages_that_are_imported_from_elsewhere_are_refused(tmp_path: Path) -> None:
+def test_packages_that_are_imported_from_elsewhere_are_refused(tmp_path):
     """In a copy, `json` of the standard library is elsewhere, and `opir_x` is that of the copy with
     its path only.
     """
@@ -238,17 +232,17 @@ def test_packages_that_are_imported_from_elsewhere_are_refused(tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_a_changed_module_is_what_its_tests_import_and_then_is_as_before(tmp_path: Path) -> None:
+def test_a_changed_module_is_what_its_tests_import_and_then_is_as_before(tmp_path):
     """Sizes and times of the sources are the same, so that a stale compiled file would be
     believed.
     """
     write(tmp_path, {"opir_a.py": "A = 1\n", "pytest.ini": "[pytest]\npythonpath = .\n"})
     for value in (1, 2, 3):
         sample._write(tmp_path / "opir_a.py", f"A = {value}\n")
-        found = sample.subprocess.run(
+        result = sample.subprocess.run(
             [sys.executable, "-c", "import opir_a; print(opir_a.A)"],
             cwd=tmp_path,
             capture_output=True,
             text=True,
         )
-        assert found.stdout == f"{value}\n"
+        assert result.stdout == f"{value}\n"

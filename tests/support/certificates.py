@@ -2,7 +2,6 @@
 
 import shutil
 import subprocess
-from pathlib import Path
 
 #: Why there are no certificates on this machine, or "".
 WHY_ABSENT = "" if shutil.which("openssl") else "there is no openssl to make a certificate with"
@@ -18,16 +17,23 @@ class Authority:
     its private key.
     """
 
-    def __init__(self, folder: Path, name: str, extensions: tuple[str, ...] = EXTENSIONS) -> None:
+    def __init__(self, folder, name, extensions=EXTENSIONS):
         self.certificate = folder / f"{name}.pem"
         self.key = folder / f"{name}.key"
         self._folder = folder
         self._name = name
-        made = ("-keyout", str(self.key), "-out", str(self.certificate), "-subj", f"/CN={name}")
+        arguments = (
+            "-keyout",
+            str(self.key),
+            "-out",
+            str(self.certificate),
+            "-subj",
+            f"/CN={name}",
+        )
         added = (word for extension in extensions for word in ("-addext", extension))
-        _openssl("req", "-x509", "-newkey", "rsa:2048", "-noenc", "-days", "2", *made, *added)
+        _openssl("req", "-x509", "-newkey", "rsa:2048", "-noenc", "-days", "2", *arguments, *added)
 
-    def signed(self, name: str, alternative: str = "", *, days: int = 2) -> tuple[Path, Path]:
+    def signed(self, name, alternative="", *, days=2):
         """Return the files of a certificate and its key; `alternative` is its subjectAltName, as
         `DNS:localhost`.
         """
@@ -61,5 +67,5 @@ class Authority:
         return certificate, key
 
 
-def _openssl(*words: str) -> None:
+def _openssl(*words):
     subprocess.run(["openssl", *words], check=True, capture_output=True)

@@ -5,8 +5,6 @@ import io
 import re
 import tokenize
 from collections import Counter
-from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 COLUMNS = 100
@@ -53,7 +51,7 @@ class CodeMeasures(NamedTuple):
     twins: int
 
 
-def python_files(folder: Path) -> list[Path]:
+def python_files(folder):
     """Return the Python files of a folder, without templates and builds."""
     return [
         path
@@ -62,7 +60,7 @@ def python_files(folder: Path) -> list[Path]:
     ]
 
 
-def docstring_rows(tree: ast.Module) -> set[int]:
+def docstring_rows(tree):
     """Return the line numbers of all docstrings."""
     rows = set[int]()
     for node in ast.walk(tree):
@@ -75,7 +73,7 @@ def docstring_rows(tree: ast.Module) -> set[int]:
     return rows
 
 
-def tokens_by_row(text: str, tree: ast.Module) -> Counter[int]:
+def tokens_by_row(text, tree):
     """Return the number of tokens of each line."""
     skipped = docstring_rows(tree)
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
@@ -83,20 +81,20 @@ def tokens_by_row(text: str, tree: ast.Module) -> Counter[int]:
     return Counter(row for row in rows if row not in skipped)
 
 
-def body_sizes(tree: ast.Module, tokens: Counter[int]) -> Iterator[int]:
+def body_sizes(tree, tokens):
     """Yield the number of tokens of each function's body."""
     for node in ast.walk(tree):
         if isinstance(node, FUNCTION):
             yield sum(tokens[row] for row in range(node.body[0].lineno, (node.end_lineno or 0) + 1))
 
 
-def is_packed(node: ast.Assign) -> bool:
+def is_packed(node):
     """Whether an assignment gives several values at once: `a, b = x, y` or `a = b = x`."""
     is_tuple = isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple)
     return is_tuple or len(node.targets) > 1
 
 
-def bound_names(tree: ast.Module) -> Iterator[str]:
+def bound_names(tree):
     """Yield the names of variables and arguments, once for each binding."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
@@ -105,13 +103,13 @@ def bound_names(tree: ast.Module) -> Iterator[str]:
             yield node.arg
 
 
-def is_number(value: ast.expr) -> bool:
+def is_number(value):
     """Whether an expression is made of numbers alone."""
     leaves = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
     return bool(leaves) and all(type(leaf) in (int, float) for leaf in leaves)
 
 
-def numeric_constants(tree: ast.Module) -> Iterator[str]:
+def numeric_constants(tree):
     """Yield the names of the module constants that are made of numbers alone."""
     for node in tree.body:
         if isinstance(node, ast.Assign):
@@ -130,14 +128,14 @@ def numeric_constants(tree: ast.Module) -> Iterator[str]:
             yield from filter(CONSTANT_NAME.fullmatch, names)
 
 
-def twins(tree: ast.Module) -> Iterator[str]:
+def twins(tree):
     """Yield the names of functions that compute for one row what another computes for all."""
     for node in ast.walk(tree):
         if isinstance(node, FUNCTION) and TWIN_NAME.search(node.name):
             yield node.name
 
 
-def measures_of(folder: Path) -> CodeMeasures:
+def measures_of(folder):
     """Return the measures of a folder."""
     rows = list[str]()
     sizes = list[int]()

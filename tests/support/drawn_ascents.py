@@ -41,43 +41,61 @@ class Plan(NamedTuple):
     height_m: np.ndarray
 
 
+class _Stages(NamedTuple):
+    """Burn times and gaps, s, accelerations at ignition, m/s², their growth, and steering."""
+
+    burn_s: np.ndarray
+    gap_s: np.ndarray
+    first: np.ndarray
+    growth: np.ndarray
+    steering: tuple[str, ...]
+
+
+def _launcher_stages(kind, drawn):
+    back = kind == "boostback"
+    burn_s = [drawn(125.0, 175.0), drawn(30.0, 60.0) if back else drawn(300.0, 480.0)]
+    gap_s = drawn(14.0, 28.0) if back else drawn(5.0, 15.0)
+    first = [drawn(12.5, 16.0), drawn(15.0, 35.0) if back else drawn(6.5, 11.0)]
+    growth = [drawn(2.4, 3.4), drawn(1.1, 1.5) if back else drawn(3.5, 6.0)]
+    columns = (np.stack(column, axis=1) for column in (burn_s, [gap_s], first, growth))
+    return _Stages(*columns, ("rise", "back" if back else "orbit"))
+
+
+def _missile_stages(kind, drawn):
+    stages = 3 if kind == "three" else 2
+    burn_s = drawn(45.0, 75.0, stages)
+    first = drawn(14.0, 26.0, stages)
+    growth = drawn(1.8, 4.0, stages)
+    gap_s = drawn(*((2.0, 12.0) if kind == "three" else (22.0, 40.0)), stages - 1)
+    return _Stages(burn_s, gap_s, first, growth, ("rise",) + ("along",) * (stages - 1))
+
+
 def plans(kind, count, rng):
     """Return plans of "orbit", "boostback", "long gap" (22 to 40 s) or "three" stages with gaps of
     2 to 40 s.
     """
-    u = lambda low, high, *shape: rng.uniform(low, high, (count, *shape))  # noqa: E731
-    if kind in ("orbit", "boostback"):
-        back = kind == "boostback"
-        burn = np.stack([u(125.0, 175.0), u(30.0, 60.0) if back else u(300.0, 480.0)], axis=1)
-        gap = u(14.0, 28.0) if back else u(5.0, 15.0)
-        first = np.stack([u(12.5, 16.0), u(15.0, 35.0) if back else u(6.5, 11.0)], axis=1)
-        growth = np.stack([u(2.4, 3.4), u(1.1, 1.5) if back else u(3.5, 6.0)], axis=1)
-        gaps = gap[:, None]
-        steering = ("rise", "back" if back else "orbit")
-    else:
-        stages = 3 if kind == "three" else 2
-        burn = u(45.0, 75.0, stages)
-        first = u(14.0, 26.0, stages)
-        growth = u(1.8, 4.0, stages)
-        gaps = u(2.0, 12.0, stages - 1) if kind == "three" else u(22.0, 40.0, stages - 1)
-        steering = ("rise",) + ("along",) * (stages - 1)
-    burn = np.round(burn, 1)
-    gaps = np.round(gaps, 1)
-    begin = np.concatenate([np.zeros((count, 1)), np.cumsum(burn[:, :-1] + gaps, axis=1)], axis=1)
+
+    def drawn(low, high, *shape):
+        return rng.uniform(low, high, (count, *shape))
+
     launcher = kind in ("orbit", "boostback")
-    start = u(45.0, 55.0)
-    bucket = np.stack([start, start + u(10.0, 30.0), np.where(launcher, u(0.0, 0.35), 0.0)], axis=1)
+    stages = (_launcher_stages if launcher else _missile_stages)(kind, drawn)
+    burn = np.round(stages.burn_s, 1)
+    dark = burn[:, :-1] + np.round(stages.gap_s, 1)
+    begin = np.concatenate([np.zeros((count, 1)), np.cumsum(dark, axis=1)], axis=1)
+    start = drawn(45.0, 55.0)
+    depth = start + drawn(10.0, 30.0), np.where(launcher, drawn(0.0, 0.35), 0.0)
     return Plan(
         begin,
         begin + burn,
-        first,
-        growth,
-        steering,
-        bucket,
-        np.where(launcher & (rng.random(count) < 0.5), u(28.0, 38.0), 1e3),
-        np.where(rng.random(count) < 0.5, u(0.2, 3.0), 0.0) if launcher else np.zeros(count),
-        np.radians(np.exp(u(*np.log([0.3, 6.0]))) if launcher else u(6.0, 20.0)),
-        u(180e3, 500e3),
+        stages.first,
+        stages.growth,
+        stages.steering,
+        np.stack([start, *depth], axis=1),
+        np.where(launcher & (rng.random(count) < 0.5), drawn(28.0, 38.0), 1e3),
+        np.where(rng.random(count) < 0.5, drawn(0.2, 3.0), 0.0) if launcher else np.zeros(count),
+        np.radians(np.exp(drawn(*np.log([0.3, 6.0]))) if launcher else drawn(6.0, 20.0)),
+        drawn(180e3, 500e3),
     )
 
 
@@ -92,29 +110,30 @@ def ascents(kind, count, seed):
     start, (n, k, 2), s.
     """
     rng = np.random.default_rng([11, seed])
-    launch, axes, azimuth = (np.repeat(each, _PLANS, axis=0) for each in _launches(count, rng))
+    launch, axes, azimuth = (np.repeat(column, _PLANS, axis=0) for column in _launches(count, rng))
     plan = plans(kind, len(launch), rng)
     start_s = rng.uniform(3.0, 6.0, len(launch))
-    last = plan.end_s[:, -1]
-    ahead = np.sin(azimuth) * axes[:, 0] + np.cos(azimuth) * axes[:, 1]
-    position, velocity = _flown(plan, launch, axes[:, 2], ahead, last)
+    end_s = plan.end_s[:, -1]
+    forward = np.sin(azimuth) * axes[:, 0] + np.cos(azimuth) * axes[:, 1]
+    position, velocity = _flown(plan, launch, axes[:, 2], forward, end_s)
     height = np.linalg.norm(position, axis=2) - np.linalg.norm(launch, axis=1)[:, None]
-    cut = height[np.arange(len(launch)), (plan.end_s[:, 0] / last * (ROWS - 1)).astype(np.int64)]
-    low, high = _FIRST_CUT_M.get(kind, (10e3, 80e3))
-    good = (
-        (cut > low)
-        & (cut < high)
-        & (height[:, -1] > cut)
-        & (np.linalg.norm(velocity[:, -1], axis=1) < 8300.0)
-    )
-    good &= height.min(axis=1) > -1.0
-    rows = np.flatnonzero(good.reshape(count, -1).any(axis=1)) * _PLANS
-    rows += good.reshape(count, -1).argmax(axis=1)[rows // _PLANS]
+    last_m_s = np.linalg.norm(velocity[:, -1], axis=1)
+    is_sound = _is_sound(kind, height, plan.end_s[:, 0] / end_s) & (last_m_s < 8300.0)
+    rows = np.flatnonzero(is_sound.reshape(count, -1).any(axis=1)) * _PLANS
+    rows += is_sound.reshape(count, -1).argmax(axis=1)[rows // _PLANS]
     dark = np.ones((len(launch), 2, 2))
-    edges = np.stack([plan.end_s[:, :-1], plan.begin_s[:, 1:]], axis=2) / last[:, None, None]
+    edges = np.stack([plan.end_s[:, :-1], plan.begin_s[:, 1:]], axis=2) / end_s[:, None, None]
     dark[:, : edges.shape[1]] = edges
     burns = np.stack([plan.begin_s, plan.end_s], axis=2) + start_s[:, None, None]
-    return Flown(start_s, last, position, velocity, dark).take(rows), burns[rows]
+    return Flown(start_s, end_s, position, velocity, dark).take(rows), burns[rows]
+
+
+def _is_sound(kind, height, share):
+    """Whether ascents (n,), cut off first after a share of their time, fly as meant."""
+    cut = height[np.arange(len(height)), (share * (ROWS - 1)).astype(np.int64)]
+    low, high = _FIRST_CUT_M.get(kind, (10e3, 80e3))
+    is_meant = (cut > low) & (cut < high) & (height[:, -1] > cut)
+    return is_meant & (height.min(axis=1) > -1.0)
 
 
 def _launches(count, rng):
@@ -128,7 +147,7 @@ def _launches(count, rng):
     return launch, local_axes(launch), rng.uniform(0.0, 2.0 * np.pi, count)[:, None]
 
 
-def _flown(plan, launch, up, ahead, last_s):
+def _flown(plan, launch, up, forward, last_s):
     """Return ECEF positions and velocities (n, ROWS, 3), evenly over the time to the last
     cut-off.
     """
@@ -139,27 +158,27 @@ def _flown(plan, launch, up, ahead, last_s):
     for step in range(steps + 1):
         states[step] = state
         # The force of the step is that of its middle: burns end at whole steps.
-        rates = partial(_rates, plan, launch, up, ahead, (step + 0.5) * STEP_S)
-        one = rates(state, state)
-        two = rates(state + 0.5 * STEP_S * one, state)
+        rates = partial(_rates, plan, launch, up, forward, (step + 0.5) * STEP_S)
+        k1 = rates(state, state)
+        two = rates(state + 0.5 * STEP_S * k1, state)
         three = rates(state + 0.5 * STEP_S * two, state)
         four = rates(state + STEP_S * three, state)
-        state = state + STEP_S / 6.0 * (one + 2.0 * two + 2.0 * three + four)
+        state = state + STEP_S / 6.0 * (k1 + 2.0 * two + 2.0 * three + four)
     time_s = last_s[:, None] * np.linspace(0.0, 1.0, ROWS)
     low = np.minimum((time_s / STEP_S).astype(np.int64), steps - 1)
     s = (time_s / STEP_S - low)[..., None]
     row = np.arange(count)[:, None]
     p, q, v, w = (
-        states[low + k, row][..., part] for part in (slice(3), slice(3, 6)) for k in (0, 1)
+        states[low + k, row][..., axes] for axes in (slice(3), slice(3, 6)) for k in (0, 1)
     )
     place = (1 + 2 * s) * (1 - s) ** 2 * p + s**2 * (3 - 2 * s) * q
     place += STEP_S * (s * (1 - s) ** 2 * v - s**2 * (1 - s) * w)
     return place, (1 - s) * v + s * w
 
 
-def _rates(plan, launch, up, ahead, time_s, state, before):
+def _rates(plan, launch, up, forward, time_s, state, previous):
     size, stage = _thrust(plan, time_s)
-    unit = _direction(plan, launch, up, ahead, time_s, size, stage, before)
+    unit = _direction(plan, launch, up, forward, time_s, size, stage, previous)
     place = state[:, :3]
     velocity = state[:, 3:]
     radius = np.linalg.norm(place, axis=1, keepdims=True)
@@ -174,34 +193,36 @@ def _rates(plan, launch, up, ahead, time_s, state, before):
 def _thrust(plan, time_s):
     """Return accelerations (n,) and the number of the stage that burns."""
     size = np.zeros(len(plan.limit))
-    which = np.zeros(len(plan.limit), dtype=np.int64)
+    stage = np.zeros(len(plan.limit), dtype=np.int64)
     for k in range(plan.begin_s.shape[1]):
         share = (time_s - plan.begin_s[:, k]) / (plan.end_s[:, k] - plan.begin_s[:, k])
         burns = (share >= 0.0) & (share < 1.0)
-        own = plan.first[:, k] / (1.0 - (1.0 - 1.0 / plan.growth[:, k]) * np.clip(share, 0.0, 1.0))
+        rows = plan.first[:, k] / (1.0 - (1.0 - 1.0 / plan.growth[:, k]) * np.clip(share, 0.0, 1.0))
         if k == 0:
             low, high, depth = plan.bucket.T
-            own = np.minimum(
-                own * np.where((time_s > low) & (time_s < high), 1.0 - depth, 1.0), plan.limit
+            rows = np.minimum(
+                rows * np.where((time_s > low) & (time_s < high), 1.0 - depth, 1.0), plan.limit
             )
-            left = plan.end_s[:, 0] - time_s
-            own = own * np.where(
-                left < plan.tail_s, 0.4 + 0.6 * left / np.maximum(plan.tail_s, 1e-9), 1.0
+            remaining_s = plan.end_s[:, 0] - time_s
+            rows = rows * np.where(
+                remaining_s < plan.tail_s,
+                0.4 + 0.6 * remaining_s / np.maximum(plan.tail_s, 1e-9),
+                1.0,
             )
-        size = np.where(burns, own, size)
-        which = np.where(burns, k, which)
-    return size, which
+        size = np.where(burns, rows, size)
+        stage = np.where(burns, k, stage)
+    return size, stage
 
 
-def _direction(plan, launch, up, ahead, time_s, size, stage, state):
+def _direction(plan, launch, up, forward, time_s, size, stage, state):
     speed = np.linalg.norm(state[:, 3:], axis=1, keepdims=True)
     unit = np.where(time_s < 8.0, up, state[:, 3:] / speed)
     if 8.0 <= time_s < 18.0:
         lead = (plan.kick * np.sin(np.pi * (time_s - 8.0) / 10.0) ** 2)[:, None]
-        unit = np.cos(lead) * unit + np.sin(lead) * ahead
-    here = state[:, :3] / np.linalg.norm(state[:, :3], axis=1, keepdims=True)
-    climb = np.sum(here * state[:, 3:], axis=1)
-    flat = state[:, 3:] - climb[:, None] * here
+        unit = np.cos(lead) * unit + np.sin(lead) * forward
+    position = state[:, :3] / np.linalg.norm(state[:, :3], axis=1, keepdims=True)
+    climb = np.sum(position * state[:, 3:], axis=1)
+    flat = state[:, 3:] - climb[:, None] * position
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-9)
     for k, steering in enumerate(plan.steering):
         if steering in ("orbit", "back"):
@@ -212,7 +233,9 @@ def _direction(plan, launch, up, ahead, time_s, size, stage, state):
             )
             side = np.sqrt(1.0 - lift**2)[:, None] * (1.0 if steering == "orbit" else -1.0)
             unit = np.where(
-                (stage == k)[:, None] & (time_s > 30.0), lift[:, None] * here + side * flat, unit
+                (stage == k)[:, None] & (time_s > 30.0),
+                lift[:, None] * position + side * flat,
+                unit,
             )
     return unit / np.linalg.norm(unit, axis=1, keepdims=True)
 
@@ -221,15 +244,15 @@ def _lift(plan, launch, state, climb, time_s, size, stage):
     """Return the sine of the pitch that leads to the height and level flight at the end of a
     stage.
     """
-    left = np.maximum(plan.end_s[:, stage] - time_s, 30.0)
+    remaining_s = np.maximum(plan.end_s[:, stage] - time_s, 30.0)
     radius = np.linalg.norm(state[:, :3], axis=1)
     inertial = state[:, 3:] + np.cross(SPIN, state[:, :3])
     round_ = np.sum(inertial**2, axis=1) - climb**2
     height = radius - np.linalg.norm(launch, axis=1)
-    wanted = (
-        6.0 * (plan.height_m - height) / left**2
-        - 4.0 * climb / left
+    expected = (
+        6.0 * (plan.height_m - height) / remaining_s**2
+        - 4.0 * climb / remaining_s
         + MU / radius**2
         - round_ / radius
     )
-    return np.clip(wanted / np.maximum(size, 1.0), -0.6, 0.6)
+    return np.clip(expected / np.maximum(size, 1.0), -0.6, 0.6)

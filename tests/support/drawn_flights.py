@@ -8,7 +8,7 @@ between is smooth, staged or tabulated.
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from opir_trackers.lines_of_sight import LinesOfSight
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
@@ -109,12 +109,12 @@ class Flown(Columns):
         """Return ECEF states (n, 6) at a tick: on the burn, or in free flight after it."""
         row = np.arange(len(self))
         state = np.concatenate(self.at(row, np.full(len(row), tick_s)), axis=1)
-        late = np.flatnonzero(self.burnout_s < tick_s)
-        position, velocity, end_s = (each[late] for each in self.burnouts())
-        if len(late):
+        after_burnout = np.flatnonzero(self.burnout_s < tick_s)
+        position, velocity, end_s = (burnout[after_burnout] for burnout in self.burnouts())
+        if len(after_burnout):
             flown = _flown(position, velocity, tick_s - end_s, forces)
-            state[late] = np.concatenate(
-                eci_to_ecef_state(*flown, np.full(len(late), tick_s)), axis=1
+            state[after_burnout] = np.concatenate(
+                eci_to_ecef_state(*flown, np.full(len(after_burnout), tick_s)), axis=1
             )
         return state
 
@@ -238,11 +238,11 @@ def _staged(kind, drawn, share, rng):
     pace = np.zeros((count, len(share)))
     dark = np.ones((count, 2, 2))
     for stage in range(stages):
-        first = ends[:, stage] + (gap[:, stage] if stage else 0.0)
+        start = ends[:, stage] + (gap[:, stage] if stage else 0.0)
         if stage:
             dark[:, stage - 1, 0] = ends[:, stage]
-            dark[:, stage - 1, 1] = first
-        s = np.clip((share - first[:, None]) / (ends[:, stage + 1] - first)[:, None], 0.0, 1.0)
+            dark[:, stage - 1, 1] = start
+        s = np.clip((share - start[:, None]) / (ends[:, stage + 1] - start)[:, None], 0.0, 1.0)
         rate = growth[:, stage, None] - 1.0
         # Acceleration goes like 1 / (1 - m s) with the mass that is left: the speed like its
         # integral.
@@ -276,13 +276,13 @@ def _integrated(drawn, course):
     height = _summed(speed * np.cos(course.lean_rad), step)
     swept = _summed(level * np.cos(course.swerve_rad) / (RADIUS_M + height), step)
     aside = _summed(level * np.sin(course.swerve_rad), step)
-    up, heading, right = (each[:, None] for each in (drawn.up, drawn.heading, drawn.right))
+    up, heading, right = (axis[:, None] for axis in (drawn.up, drawn.heading, drawn.right))
     sine = np.sin(swept)[..., None]
     cosine = np.cos(swept)[..., None]
     outward = cosine * up + sine * heading
     onward = cosine * heading - sine * up
-    there = drawn.launch_m[:, None] - RADIUS_M * up
-    position = there + (RADIUS_M + height)[..., None] * outward + aside[..., None] * right
+    place = drawn.launch_m[:, None] - RADIUS_M * up
+    position = place + (RADIUS_M + height)[..., None] * outward + aside[..., None] * right
     velocity = (speed * np.cos(course.lean_rad))[..., None] * outward
     velocity = velocity + level[..., None] * (
         np.cos(course.swerve_rad)[..., None] * onward + np.sin(course.swerve_rad)[..., None] * right
@@ -291,9 +291,9 @@ def _integrated(drawn, course):
 
 
 def _summed(rate, step):
-    whole = np.zeros_like(rate)
-    np.cumsum(0.5 * (rate[:, 1:] + rate[:, :-1]) * step, axis=1, out=whole[:, 1:])
-    return whole
+    total = np.zeros_like(rate)
+    np.cumsum(0.5 * (rate[:, 1:] + rate[:, :-1]) * step, axis=1, out=total[:, 1:])
+    return total
 
 
 class Seeing(NamedTuple):
@@ -315,47 +315,57 @@ class Seeing(NamedTuple):
     dies: float = 2.0
 
 
+def _sights(truth, seeing, origin, end_s, rng):
+    """Return the flights, times and lines of a sensor's detections: those of flights that burn when
+    their light leaves, before `end_s` of each flight.
+    """
+    looks = seeing.period_s * np.arange(1, int(truth.burnout_s.max() / seeing.period_s) + 4)
+    flight, look = np.nonzero(rng.random((len(truth), len(looks))) < seeing.chance)
+    time_s = looks[look]
+    left_s = time_s - 0.125
+    for _ in range(3):
+        line = truth.at(flight, left_s)[0] - origin
+        left_s = time_s - np.linalg.norm(line, axis=1) / SPEED_OF_LIGHT_M_S
+    lit = truth.is_lit(flight, left_s) & (left_s < end_s[flight])
+    return flight[lit], time_s[lit], line[lit]
+
+
+def _strays(flight, count, seeing, rng):
+    """Return the errors (n, 2) of lines of sight, rad, and which of them are outliers."""
+    bias = seeing.bias_rad * rng.normal(size=(count, 2))
+    stray = bias[flight] + seeing.sigma_rad * rng.normal(size=(len(flight), 2))
+    wrong = rng.random(len(flight)) < seeing.outliers
+    angle_rad = seeing.astray_rad * np.sqrt(rng.random(len(flight)))
+    turn = rng.uniform(0.0, 2.0 * np.pi, len(flight))
+    elsewhere = angle_rad[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return np.where(wrong[:, None], elsewhere, stray), wrong
+
+
 def seen(truth, seeing, seed, sensors=2):
     """Return flights and rays, by time; whose outliers they are tells -1."""
     rng = np.random.default_rng(1000 + seed)
-    count = len(truth)
     parts = []
     owners = []
     for sensor, slot in enumerate(SLOTS_RAD[:sensors]):
         origin = GEO_M * np.array([np.cos(slot), np.sin(slot), 0.0])
-        last = truth.start_s + truth.burn_s * (seeing.dies if sensor else 1.0)
-        looks = seeing.period_s * np.arange(1, int(truth.burnout_s.max() / seeing.period_s) + 4)
-        whose, time_s = np.nonzero(rng.random((count, len(looks))) < seeing.chance)
-        time_s = looks[time_s]
-        left_s = time_s - 0.125
-        for _ in range(3):
-            line = truth.at(whose, left_s)[0] - origin
-            left_s = time_s - np.linalg.norm(line, axis=1) / SPEED_OF_LIGHT_M_S
-        lit = truth.is_lit(whose, left_s) & (left_s < last[whose])
-        whose = whose[lit]
-        time_s = time_s[lit]
-        line = line[lit]
-        bias = seeing.bias_rad * rng.normal(size=(count, 2))
-        stray = bias[whose] + seeing.sigma_rad * rng.normal(size=(len(whose), 2))
-        wrong = rng.random(len(whose)) < seeing.outliers
-        far = seeing.astray_rad * np.sqrt(rng.random(len(whose)))
-        turn = rng.uniform(0.0, 2.0 * np.pi, len(whose))
-        elsewhere = far[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        end_s = truth.start_s + truth.burn_s * (seeing.dies if sensor else 1.0)
+        flight, time_s, line = _sights(truth, seeing, origin, end_s, rng)
+        stray, wrong = _strays(flight, len(truth), seeing, rng)
         if seeing.everywhere:
             line = np.where(wrong[:, None], -origin, line)
-        stray = np.where(wrong[:, None], elsewhere, stray)
+        direction = line / np.linalg.norm(line, axis=1)[:, None]
+        axes = tangent_axes(direction)
+        turned = direction + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
         rays = LinesOfSight(
             time_s,
-            np.full(len(whose), sensor, dtype=np.int32),
+            np.full(len(flight), sensor, dtype=np.int32),
             np.round(time_s / seeing.period_s).astype(np.int64),
-            np.tile(origin, (len(whose), 1)),
-            line / np.linalg.norm(line, axis=1)[:, None],
-            np.full(len(whose), seeing.sigma_rad),
+            np.tile(origin, (len(flight), 1)),
+            turned / np.linalg.norm(turned, axis=1)[:, None],
+            np.full(len(flight), seeing.sigma_rad),
         )
-        axes = tangent_axes(rays.direction_ecef)
-        turned = rays.direction_ecef + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
-        parts.append(evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None]))
-        owners.append(np.where(wrong, -1, whose))
+        parts.append(rays)
+        owners.append(np.where(wrong, -1, flight))
     every = LinesOfSight.concatenate(parts)
     owner = np.concatenate(owners)
     order = np.lexsort((owner, every.sensor, every.time_s))
@@ -366,6 +376,6 @@ def away_from(reported, truth):
     """Return by how much places on the ground (n, 3) differ from true ones (n, 2), m east and
     north.
     """
-    there = geodetic_to_ecef(truth[:, 0], truth[:, 1], 0.0)
-    gap = geodetic_to_ecef(reported[:, 0], reported[:, 1], 0.0) - there
-    return np.einsum("nij,nj->ni", local_axes(there)[:, :2], gap)
+    place = geodetic_to_ecef(truth[:, 0], truth[:, 1], 0.0)
+    gap = geodetic_to_ecef(reported[:, 0], reported[:, 1], 0.0) - place
+    return np.einsum("nij,nj->ni", local_axes(place)[:, :2], gap)

@@ -5,7 +5,7 @@ from math import ceil
 from hypothesis import settings
 
 
-def examples(count: int) -> settings:
+def examples(count):
     """Return settings with `count` examples in the profile `full`, and with the same share fewer in
     other profiles.
     """

@@ -19,9 +19,8 @@ import io
 import os
 import sqlite3
 import threading
-from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 from unittest.mock import patch
 
 OPEN = "open"
@@ -44,21 +43,21 @@ ERRORS = (errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 class FailingDisk:
     """The files of a folder; `calls` are those seen, as pairs of kind and name of the file."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self._folder = os.path.realpath(folder)
         self._lock = threading.Lock()
-        self.calls: list[tuple[str, str]] = []
+        self.calls = []
         self.heal()
 
     def fail_at(
         self,
-        number: int,
-        error: int,
+        number,
+        error,
         *,
-        lasts: bool = False,
-        kinds: Collection[str] = WRITING,
-        of: Callable[[str], bool] = lambda _name: True,
-    ) -> None:
+        lasts=False,
+        kinds=WRITING,
+        of=lambda _name: True,
+    ):
         """Let the call of that number from now on fail, of those of some kinds; with `lasts` every
         later one too.
 
@@ -73,16 +72,16 @@ class FailingDisk:
             self._seen = 0
             self.failed = 0
 
-    def heal(self) -> None:
+    def heal(self):
         """Let every call do what it is asked."""
         self.fail_at(0, 0)
 
     @property
-    def seen(self) -> int:
+    def seen(self):
         """How many calls of the kinds were seen since `fail_at`."""
         return self._seen
 
-    def answer(self, kind: str, path: Any) -> int:
+    def answer(self, kind, path):
         """Count a call; return the error it is answered with, `SHORT`, or 0."""
         name = os.path.realpath(os.fsdecode(path))
         if not name.startswith(self._folder):
@@ -103,52 +102,54 @@ class FailingDisk:
             self.failed += 1
             return error
 
-    def __enter__(self) -> Self:
+    def __enter__(self):
         _sqlite().disk = self
-        self._patches = [patch.object(os, name, made) for name, made in _python_calls(self).items()]
+        self._patches = [
+            patch.object(os, name, python_call) for name, python_call in _python_calls(self).items()
+        ]
         self._patches.append(patch.object(io, "open", _opening(self)))
-        for each in self._patches:
-            each.start()
+        for overlay in self._patches:
+            overlay.start()
         return self
 
-    def __exit__(self, *_error: object) -> None:
-        for each in self._patches:
-            each.stop()
+    def __exit__(self, *_error):
+        for overlay in self._patches:
+            overlay.stop()
         _sqlite().disk = None
 
 
-def _name_of(descriptor: int) -> str:
+def _name_of(descriptor):
     try:
         return str(Path(f"/proc/self/fd/{descriptor}").readlink())
     except OSError:
         return ""
 
 
-def _raise(error: int, path: Any) -> None:
+def _raise(error, path):
     raise OSError(error, os.strerror(error), str(path))
 
 
-def _python_calls(disk: FailingDisk) -> dict[str, Callable[..., Any]]:
+def _python_calls(disk):
     """Return the functions of `os` as such a disk has them."""
     real = {
         name: getattr(os, name)
         for name in ("open", "write", "fsync", "ftruncate", "replace", "rename", "unlink")
     }
 
-    def of_descriptor(name: str, kind: str) -> Callable[..., Any]:
-        def call(descriptor: int, *rest: Any) -> Any:
+    def of_descriptor(name, kind):
+        def call(descriptor, *remainder):
             error = disk.answer(kind, _name_of(descriptor))
             if error == SHORT:
-                return real[name](descriptor, bytes(rest[0])[: max(1, len(rest[0]) // 2)])
-            return _raise(error, "") if error else real[name](descriptor, *rest)
+                return real[name](descriptor, bytes(remainder[0])[: max(1, len(remainder[0]) // 2)])
+            return _raise(error, "") if error else real[name](descriptor, *remainder)
 
         return call
 
-    def of_path(name: str, kind: str) -> Callable[..., Any]:
-        def call(path: Any, *rest: Any, **named: Any) -> Any:
-            is_read = name == "open" and not rest[0] & (os.O_WRONLY | os.O_RDWR)
+    def of_path(name, kind):
+        def call(path, *remainder, **named):
+            is_read = name == "open" and not remainder[0] & (os.O_WRONLY | os.O_RDWR)
             error = disk.answer(READ if is_read else kind, path)
-            return _raise(error, path) if error else real[name](path, *rest, **named)
+            return _raise(error, path) if error else real[name](path, *remainder, **named)
 
         return call
 
@@ -163,12 +164,12 @@ def _python_calls(disk: FailingDisk) -> dict[str, Callable[..., Any]]:
     }
 
 
-def _opening(disk: FailingDisk) -> Callable[..., Any]:
+def _opening(disk):
     """Return `io.open` with files whose writes may fail."""
     real = io.open
 
     class File(io.FileIO):
-        def write(self, content: Any) -> int:
+        def write(self, content):
             error = disk.answer(WRITE, self.name)
             if error == SHORT:
                 return super().write(bytes(content)[: max(1, len(content) // 2)])
@@ -176,12 +177,12 @@ def _opening(disk: FailingDisk) -> Callable[..., Any]:
                 _raise(error, self.name)
             return super().write(content)
 
-    def call(path: Any, mode: str = "r", *rest: Any, **named: Any) -> Any:
+    def call(path, mode="r", *remainder, **named):
         is_ours = mode == "wb" and isinstance(path, str | os.PathLike)
         if not is_ours:
-            return real(path, mode, *rest, **named)
+            return real(path, mode, *remainder, **named)
         error = disk.answer(OPEN, path)
-        return _raise(error, path) if error else io.BufferedWriter(File(path, "wb"))  # type: ignore[type-var]
+        return _raise(error, path) if error else io.BufferedWriter(File(path, "wb"))
 
     return call
 
@@ -221,46 +222,46 @@ class _Sqlite:
     None at rest.
     """
 
-    def __init__(self) -> None:
-        self.disk: FailingDisk | None = None
+    def __init__(self):
+        self.disk = None
         library = c.CDLL(getattr(_sqlite3, "__file__", None))
         library.sqlite3_vfs_find.restype = c.POINTER(_Vfs)
         self._vfs = library.sqlite3_vfs_find(None)
         get = c.CFUNCTYPE(c.c_void_p, c.c_void_p, c.c_char_p)(self._vfs.contents.get_call)
         put = c.CFUNCTYPE(c.c_int, c.c_void_p, c.c_char_p, c.c_void_p)(self._vfs.contents.set_call)
-        here = c.cast(self._vfs, c.c_void_p)
-        self._kept: list[Any] = []
+        position = c.cast(self._vfs, c.c_void_p)
+        self._kept = []
         for name, (kind, form, has_descriptor) in _SYSTEM_CALLS.items():
-            if address := get(here, name):
-                made = form(self._system_call(form(address), kind, has_descriptor))
-                self._kept.append(made)
-                put(here, name, c.cast(made, c.c_void_p))
-        self._names: dict[int, bytes] = {}
-        self._tables: dict[int, Any] = {}
+            if address := get(position, name):
+                function = form(self._system_call(form(address), kind, has_descriptor))
+                self._kept.append(function)
+                put(position, name, c.cast(function, c.c_void_p))
+        self._names = {}
+        self._tables = {}
         self._real_open = _FILE_OPEN(self._vfs.contents.open)
         self._open = _FILE_OPEN(self._opened)
         self._vfs.contents.open = c.cast(self._open, c.c_void_p).value
 
-    def _system_call(self, real: Any, kind: str, has_descriptor: bool) -> Callable[..., int]:
-        def call(first: Any, *rest: Any) -> int:
+    def _system_call(self, real, kind, has_descriptor):
+        def call(handle, *remainder):
             disk = self.disk
             error = (
                 0
                 if disk is None
-                else disk.answer(kind, _name_of(first) if has_descriptor else first)
+                else disk.answer(kind, _name_of(handle) if has_descriptor else handle)
             )
             if error == SHORT:
-                rest = (rest[0], max(1, rest[1] // 2), *rest[2:])
+                remainder = (remainder[0], max(1, remainder[1] // 2), *remainder[2:])
             elif error:
                 c.set_errno(error)
                 return -1
-            return int(real(first, *rest))
+            return int(real(handle, *remainder))
 
         return call
 
-    def _opened(self, vfs: int, name: int | None, file: int, flags: int, given: int | None) -> int:
+    def _opened(self, vfs, name, file, flags, inputs):
         code = int(
-            self._real_open(vfs, name, file, flags, given)
+            self._real_open(vfs, name, file, flags, inputs)
         )  # the name as it came: SQLite keeps the pointer
         methods = c.cast(file, c.POINTER(c.c_void_p))
         if code == 0 and name is not None and methods[0]:
@@ -268,12 +269,12 @@ class _Sqlite:
             methods[0] = self._table(methods[0])
         return code
 
-    def _table(self, address: int) -> int | None:
+    def _table(self, address):
         if address not in self._tables:
             table = _METHOD_TABLE.from_buffer_copy(_METHOD_TABLE.from_address(address))
             real = _FILE_METHOD(table[_SYNC_METHOD])
 
-            def sync(file: int, flags: int) -> int:
+            def sync(file, flags):
                 disk = self.disk
                 if disk is not None and disk.answer(SYNC, self._names.get(file, b"")):
                     return _IOERR_FSYNC
@@ -285,16 +286,16 @@ class _Sqlite:
         return c.addressof(self._tables[address][0])
 
 
-_made: list[_Sqlite] = []
+_product: list[_Sqlite] = []
 
 
-def _sqlite() -> _Sqlite:
-    if not _made:
-        _made.append(_Sqlite())
-    return _made[0]
+def _sqlite():
+    if not _product:
+        _product.append(_Sqlite())
+    return _product[0]
 
 
-def can_fail() -> bool:
+def can_fail():
     """Return whether this system and this SQLite can be made to fail."""
     try:
         return Path("/proc/self/fd").exists() and bool(_sqlite()) and sqlite3.threadsafety >= 1

@@ -1,7 +1,7 @@
 """A plugin with made-up components, so that reading is tested without any real model."""
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from attrs import Factory, frozen
@@ -73,7 +73,7 @@ class Weights:
     band: float = number(help="weight", minimum=0.0, maximum=1.0, default=0.5)
     count: float = number(help="weight", minimum=0.0, maximum=1.0, default=0.5)
 
-    def __attrs_post_init__(self) -> None:
+    def __attrs_post_init__(self):
         if abs(self.band + self.count - 1.0) > 1e-9:
             raise ValueError(f"the weights sum to {self.band + self.count:.10g}, not to 1")
 
@@ -95,7 +95,7 @@ class Arc:
 
 
 @hookimpl
-def opir_sensor_models() -> Iterable[SensorModel]:
+def opir_sensor_models():
     presets = {
         "slow": {
             "scan_period_ms": 10_000,
@@ -109,7 +109,7 @@ def opir_sensor_models() -> Iterable[SensorModel]:
 
 
 @hookimpl
-def opir_constellations() -> Iterable[Constellation]:
+def opir_constellations():
     satellites = [
         {"id": f"FLEET-{n}", "orbital_slot_deg": slot} for n, slot in ((1, -75.0), (2, 10))
     ]
@@ -127,71 +127,71 @@ def opir_constellations() -> Iterable[Constellation]:
 
 
 @hookimpl
-def opir_target_models() -> Iterable[TargetModel]:
+def opir_target_models():
     yield TargetModel(name="ballistic", summary="boosts", config=Ballistic, build=print)
 
 
 @hookimpl
-def opir_detection_models() -> Iterable[DetectionModel]:
+def opir_detection_models():
     yield DetectionModel(name="constant", summary="constant", build=print)
 
 
 @hookimpl
-def opir_classifiers() -> Iterable[ClassifierModel]:
+def opir_classifiers():
     yield ClassifierModel(name="paper", summary="paper", config=NoConfig, build=print)
 
 
 @hookimpl
-def opir_confidence_models() -> Iterable[ConfidenceModel]:
+def opir_confidence_models():
     yield ConfidenceModel(name="weighted", summary="weighted", config=Weights, build=print)
 
 
 @hookimpl
-def opir_trackers() -> Iterable[TrackerModel]:
+def opir_trackers():
     yield TrackerModel(name="none", summary="none", build=print)
     yield TrackerModel(name="arc", summary="arc", config=Arc, build=print)
 
 
 @hookimpl
-def opir_signature_models() -> Iterable[SignatureModel]:
+def opir_signature_models():
     yield SignatureModel(name="flame", summary="bright", config=Flame, build=print)
 
 
 @hookimpl
-def opir_source_models() -> Iterable[SourceModel]:
+def opir_source_models():
     yield SourceModel(name="fires", summary="burn", config=Flame, build=print)
 
 
 @hookimpl
-def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
+def opir_atmosphere_models():
     yield AtmosphereModel(name="clear", summary="clear", build=print)
 
 
 @hookimpl
-def opir_background_models() -> Iterable[BackgroundModel]:
+def opir_background_models():
     yield BackgroundModel(name="none", summary="dark", build=print)
 
 
 @hookimpl
-def opir_event_encoders() -> Iterable[EventEncoder]:
+def opir_event_encoders():
     yield EventEncoder(name="flat", summary="flat", build=print)
 
 
 @hookimpl
-def opir_sinks() -> Iterable[SinkModel]:
+def opir_sinks():
     yield SinkModel(name="jsonl", summary="lines", config=Lines, build=print)
     yield SinkModel(name="null", summary="nowhere", build=print)
 
 
-def fake_host(*others: object) -> Host:
+def fake_host(*plugins):
     """Return a host that offers this plugin and the given ones, and nothing else."""
     host = Host(Selection([]))
-    for plugin in (sys.modules[__name__], *others):
+    for plugin in (sys.modules[__name__], *plugins):
         host.register(plugin)
     return host
 
 
-def scanner_settings() -> dict[str, Any]:
+def scanner_settings():
     return {
         "orbital_slot_deg": -75.5,
         "scan_period_ms": 200.0,
@@ -204,7 +204,7 @@ def scanner_settings() -> dict[str, Any]:
     }
 
 
-def good_mapping() -> dict[str, Any]:
+def good_mapping():
     """Return a scene with every kind of block; every setting stands where `scene_mapping` puts
     it.
     """

@@ -13,7 +13,7 @@ from failing_disk import FailingDisk
 IMPORTED = serve_process.IMPORTED
 
 
-def opir(log: str, folder: str, control: str, *words: str) -> None:
+def opir(log, folder, control, *words):
     """Be `opir` with these words, on a disk with the files of a folder; commands come from the pipe
     `control`.
     """
@@ -23,7 +23,7 @@ def opir(log: str, folder: str, control: str, *words: str) -> None:
         serve_process.opir(log, *words)
 
 
-def _obey(disk: FailingDisk, control: str) -> None:
+def _obey(disk, control):
     # Open for writing too, so that the pipe never ends.
     with os.fdopen(os.open(control, os.O_RDWR), "rb", buffering=0) as commands:
         for line in iter(commands.readline, b""):
@@ -35,7 +35,7 @@ def _obey(disk: FailingDisk, control: str) -> None:
                 disk.fail_at(int(number), int(error), lasts=lasts == "True", kinds=kinds.split(","))
 
 
-def tell(control: Path, *words: object) -> None:
+def tell(control, *words):
     """Send a command; a process that has ended gets nothing."""
     descriptor = os.open(control, os.O_RDWR | os.O_NONBLOCK)
     try:

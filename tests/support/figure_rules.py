@@ -1,8 +1,6 @@
 """The rules of figures: what of a drawn figure of matplotlib breaks them, in words."""
 
-from collections.abc import Iterator
 from itertools import combinations
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -25,31 +23,31 @@ _SMALLEST_PT = 7.9
 _LEAST_SHARE = 0.25
 
 
-def drawn_complaints(picture: Any) -> list[str]:
+def drawn_complaints(picture):
     """Return what is wrong with a figure of a report, on the page and at the width of a paper."""
-    found = []
+    result = []
     for width_in in (WIDTH_IN, PRINT_WIDTH_IN):
         with matplotlib.rc_context(STYLE):
             figure = Figure(figsize=(width_in, picture.height_in), layout=new_layout())
             FigureCanvasAgg(figure)
             picture.draw(figure)
-            found += [f"{picture.name}, {width_in} in: {line}" for line in broken_rules(figure)]
-    return found
+            result += [f"{picture.name}, {width_in} in: {line}" for line in broken_rules(figure)]
+    return result
 
 
-def broken_rules(figure: Figure) -> list[str]:
+def broken_rules(figure):
     """Return what is wrong with a figure, nothing for a good one; it is drawn first."""
     figure.canvas.draw()
-    found = [*_text_rules(figure)]
+    result = [*_text_rules(figure)]
     for axes in figure.findobj(Axes):
         if axes.get_visible() and axes.axison:
-            found += [*_axis_rules(axes), *_interval_rules(axes)]
-    found += [line for legend in figure.findobj(Legend) for line in _legend_rules(figure, legend)]
-    return found
+            result += [*_axis_rules(axes), *_interval_rules(axes)]
+    result += [line for legend in figure.findobj(Legend) for line in _legend_rules(figure, legend)]
+    return result
 
 
-def _texts(figure: Figure) -> list[tuple[Text, Any]]:
-    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+def _texts(figure):
+    renderer = figure.canvas.get_renderer()
     hidden = {id(text) for axes in figure.findobj(Axes) for text in _hidden(axes)}
     shown = [
         text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()
@@ -57,7 +55,7 @@ def _texts(figure: Figure) -> list[tuple[Text, Any]]:
     return [(text, text.get_window_extent(renderer)) for text in shown if id(text) not in hidden]
 
 
-def _hidden(axes: Axes) -> Iterator[Text]:
+def _hidden(axes):
     """Yield the labels of ticks that are not drawn: those outside the view, and all of axes that
     are off.
     """
@@ -71,7 +69,7 @@ def _hidden(axes: Axes) -> Iterator[Text]:
             yield axis.label
 
 
-def _text_rules(figure: Figure) -> Iterator[str]:
+def _text_rules(figure):
     width = figure.bbox.width
     height = figure.bbox.height
     texts = _texts(figure)
@@ -85,17 +83,17 @@ def _text_rules(figure: Figure) -> Iterator[str]:
             yield f"{text.get_text()!r} is cut by the edge"
         if text.get_fontsize() < _SMALLEST_PT:
             yield f"{text.get_text()!r} has {text.get_fontsize():g} pt"
-    for (one, box), (other, second) in combinations(texts, 2):
+    for (label, box), (second_label, second) in combinations(texts, 2):
         overlap = (
             min(box.x1, second.x1) - max(box.x0, second.x0),
             min(box.y1, second.y1) - max(box.y0, second.y0),
         )
-        is_level = not one.get_rotation() % 90.0 and not other.get_rotation() % 90.0
-        if is_level and one.get_text() != other.get_text() and min(overlap) > 2.0 * _SLACK:
-            yield f"{one.get_text()!r} is printed over {other.get_text()!r}"
+        is_level = not label.get_rotation() % 90.0 and not second_label.get_rotation() % 90.0
+        if is_level and label.get_text() != second_label.get_text() and min(overlap) > 2.0 * _SLACK:
+            yield f"{label.get_text()!r} is printed over {second_label.get_text()!r}"
 
 
-def _axis_rules(axes: Axes) -> Iterator[str]:
+def _axis_rules(axes):
     for name, axis, values in (("x", axes.xaxis, 0), ("y", axes.yaxis, 1)):
         if axis.get_offset_text().get_text():
             yield f"the {name} axis has the offset {axis.get_offset_text().get_text()}"
@@ -112,7 +110,7 @@ def _axis_rules(axes: Axes) -> Iterator[str]:
         shared = (
             axes.get_shared_x_axes() if values == 0 else axes.get_shared_y_axes()
         ).get_siblings(axes)
-        data = np.concatenate([_data(each, values) for each in shared])
+        data = np.concatenate([_data(panel, values) for panel in shared])
         if len(data) and axes.get_aspect() != 1.0:
             span = axis.get_transform().transform(np.array([data.min(), data.max(), low, high]))
             share = (min(span[1], span[3]) - max(span[0], span[2])) / (span[3] - span[2])
@@ -120,7 +118,7 @@ def _axis_rules(axes: Axes) -> Iterator[str]:
                 yield f"the data use {share:.0%} of the {name} axis"
 
 
-def _data(axes: Axes, column: int) -> Any:
+def _data(axes, column):
     """Return the values along x or y of lines in data coordinates, without lines across the
     axes.
     """
@@ -129,45 +127,50 @@ def _data(axes: Axes, column: int) -> Any:
         for line in axes.lines
         if line.get_transform() == axes.transData and len(line.get_xdata()) > 0
     ]
-    parts = [np.asarray(line.get_xydata(), dtype=np.float64)[:, column] for line in lines]
+    line_data = [np.asarray(line.get_xydata(), dtype=np.float64)[:, column] for line in lines]
     bars = [
-        np.concatenate(each.get_segments())[:, column]
-        for each in axes.collections
-        if isinstance(each, LineCollection) and each.get_segments()
+        np.concatenate(collection.get_segments())[:, column]
+        for collection in axes.collections
+        if isinstance(collection, LineCollection) and collection.get_segments()
     ]
     # Bands of intervals are data too.
-    parts += [
+    line_data += [
         path.vertices[:, column]
-        for each in axes.collections
-        if isinstance(each, PolyCollection) and each.get_transform() == axes.transData
-        for path in each.get_paths()
+        for collection in axes.collections
+        if isinstance(collection, PolyCollection) and collection.get_transform() == axes.transData
+        for path in collection.get_paths()
     ]
     patches = [
         box.get_points()[:, column]
         for box in (
-            each.get_extents().transformed(axes.transData.inverted()) for each in axes.patches
+            collection.get_extents().transformed(axes.transData.inverted())
+            for collection in axes.patches
         )
     ]
-    every = np.concatenate([*parts, *bars, *patches]) if parts or bars or patches else np.empty(0)
-    return every[
-        np.isfinite(every)
+    data = (
+        np.concatenate([*line_data, *bars, *patches])
+        if line_data or bars or patches
+        else np.empty(0)
+    )
+    return data[
+        np.isfinite(data)
         & (
-            (every > 0.0)
+            (data > 0.0)
             | (axes.get_xscale() != "log" if column == 0 else axes.get_yscale() != "log")
         )
     ]
 
 
-def _interval_rules(axes: Axes) -> Iterator[str]:
+def _interval_rules(axes):
     for name, scale, column in (("x", axes.get_xscale(), 0), ("y", axes.get_yscale(), 1)):
-        for each in axes.collections:
-            if scale == "log" and isinstance(each, LineCollection):
-                ends = np.concatenate([*each.get_segments(), np.ones((1, 2))])[:, column]
+        for collection in axes.collections:
+            if scale == "log" and isinstance(collection, LineCollection):
+                ends = np.concatenate([*collection.get_segments(), np.ones((1, 2))])[:, column]
                 if np.any(ends <= 0.0):
                     yield f"an interval reaches 0 on the logarithmic {name} axis"
 
 
-def _legend_rules(figure: Figure, legend: Legend) -> Iterator[str]:
+def _legend_rules(figure, legend):
     axes = [legend.axes] if legend.axes is not None else figure.findobj(Axes)
     box = legend.get_window_extent()
     if (
@@ -176,19 +179,19 @@ def _legend_rules(figure: Figure, legend: Legend) -> Iterator[str]:
         or box.y1 > figure.bbox.height + _SLACK
     ):
         yield "the legend is cut by the edge"
-    for each in axes:
-        for line in each.lines:
+    for patch in axes:
+        for line in patch.lines:
             points = _drawn_points(line)
-            covered = _covered(Bbox.intersection(box, each.bbox), points)
-            if len(points) and covered and line.get_transform() == each.transData:
+            covered = _covered(Bbox.intersection(box, patch.bbox), points)
+            if len(points) and covered and line.get_transform() == patch.transData:
                 yield f"the legend covers {covered} points of a line"
                 break
-    drawn = {(_colour(line), _dashes(line)) for each in axes for line in each.lines}
+    drawn = {(_colour(line), _dashes(line)) for patch in axes for line in patch.lines}
     drawn |= {
-        (to_hex(each.get_edgecolor()), None)
-        for one in axes
-        for each in one.patches
-        if isinstance(each, StepPatch)
+        (to_hex(patch.get_edgecolor()), None)
+        for panel in axes
+        for patch in panel.patches
+        if isinstance(patch, StepPatch)
     }
     for handle in legend.legend_handles:
         if (
@@ -196,21 +199,21 @@ def _legend_rules(figure: Figure, legend: Legend) -> Iterator[str]:
             and hasattr(handle, "get_xdata")
             and handle.get_linestyle() not in ("None", "", " ")
         ):
-            same = [dashes for colour, dashes in drawn if colour == _colour(handle)]
-            if same and _dashes(handle) not in same:
+            styles = [dashes for colour, dashes in drawn if colour == _colour(handle)]
+            if styles and _dashes(handle) not in styles:
                 yield f"the legend's line {handle.get_label()!r} has other dashes than that of the plot"
 
 
-def _drawn_points(line: Any) -> Any:
+def _drawn_points(line):
     """Return the places of a line, pixels, also between its points where they are joined."""
     points = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=np.float64))
     if len(points) < 2 or line.get_linestyle() in ("None", "", " "):
         return points
-    part = np.linspace(0.0, 1.0, 8)[None, :, None]
-    return (points[:-1, None] * (1.0 - part) + points[1:, None] * part).reshape(-1, 2)
+    share = np.linspace(0.0, 1.0, 8)[None, :, None]
+    return (points[:-1, None] * (1.0 - share) + points[1:, None] * share).reshape(-1, 2)
 
 
-def _covered(box: Any, points: Any) -> int:
+def _covered(box, points):
     if box is None:
         return 0
     inside = (
@@ -222,10 +225,10 @@ def _covered(box: Any, points: Any) -> int:
     return int(np.count_nonzero(inside))
 
 
-def _colour(line: Any) -> str:
+def _colour(line):
     return to_hex(line.get_color())
 
 
-def _dashes(line: Any) -> Any:
+def _dashes(line):
     pattern = line._unscaled_dash_pattern
     return None if pattern[1] is None else tuple(np.round(pattern[1], 3))

@@ -3,31 +3,27 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
-from typing import Any
 
 from opir_testing import stub_sensor
 
 from opir_core.builtin.plugin import ENCODERS, SINKS
 from opir_core.interfaces.contexts import EncoderContext, SinkContext
-from opir_core.interfaces.outputs import Encoder
 
 
-def encoder() -> Encoder:
-    made: Encoder = ENCODERS[0].build(
+def encoder():
+    return ENCODERS[0].build(
         ENCODERS[0].config(), EncoderContext(sensors=(stub_sensor(),), epoch_us=0)
     )
-    return made
 
 
-def sink(name: str, make_encoder: Callable[[], Encoder] = encoder, **config: Any) -> Any:
-    (component,) = (each for each in SINKS if each.name == name)
+def sink(name, make_encoder=encoder, **config):
+    (component,) = (model for model in SINKS if model.name == name)
     return component.build(
         component.config(**config), SinkContext(make_encoder=make_encoder, scene_name="stub")
     )
 
 
-def python(program: str, *arguments: str) -> "subprocess.CompletedProcess[bytes]":
+def python(program, *arguments):
     opening = (
         "import sys, os, signal\n"
         "from opir_core.builtin.sinks import LineFile\n"

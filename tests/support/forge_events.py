@@ -1,12 +1,10 @@
 """Events of the `forge` encoder, of three sensors whose names and bands are not easy to write."""
 
 import json
-from typing import Any
 
 from opir_testing import stub_sensor
 
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.plugin import Band
 
@@ -23,11 +21,11 @@ SENSORS = (
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US))
 
 
-def refuse_constant(name: str) -> None:
+def refuse_constant(name):
     raise AssertionError(f"{name} is no JSON")
 
 
-def events_of(window: Window, encoder: ForgeEncoder = ENCODER) -> list[dict[str, Any]]:
+def events_of(window, encoder=ENCODER):
     lines = encoder.encode(window)
     assert lines.endswith(b"\n") or not lines
     return [json.loads(line, parse_constant=refuse_constant) for line in lines.split(b"\n")[:-1]]

@@ -14,13 +14,11 @@ import subprocess
 import sys
 import time
 from importlib import import_module
-from pathlib import Path
-from typing import Any
 
 from waiting import until, within
 
 
-def main() -> None:
+def main():
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     module = import_module(sys.argv[1])
     for line in sys.stdin:
@@ -33,9 +31,7 @@ def main() -> None:
         sys.stdout.flush()
 
 
-def killed_at_random(
-    module: str, function: str, folder: Path, moments: int, longest_s: float, *more: Any
-) -> int:
+def killed_at_random(module, function, folder, moments, longest_s, *more):
     """Run `function(folder, first, *more)` until it is killed, that many times; return how many
     events were taken.
 
@@ -49,25 +45,25 @@ def killed_at_random(
     assert folk.stdin is not None
     assert folk.stdout is not None
     rng = random.Random(moments)
-    first = 0
+    start = 0
     for _ in range(moments):
-        folk.stdin.write(f"{function} {json.dumps([str(folder), first, *more])}\n")
+        folk.stdin.write(f"{function} {json.dumps([str(folder), start, *more])}\n")
         number = int(within(120.0, folk.stdout.readline))
-        until(lambda: next_number(folder / "taken") > first)  # noqa: B023
+        until(lambda: next_number(folder / "taken") > start)  # noqa: B023
         time.sleep(longest_s * rng.random())
         os.kill(number, signal.SIGKILL)
         until(lambda: not is_alive(number))  # noqa: B023 - read before the next is born
-        first = next_number(folder / "taken")
+        start = next_number(folder / "taken")
     folk.communicate(timeout=60.0)
-    return first
+    return start
 
 
-def next_number(path: Path) -> int:
+def next_number(path):
     numbers = path.read_bytes().split() if path.exists() else []
     return max((int(number) + 7 for number in numbers), default=0)
 
 
-def is_alive(number: int) -> bool:
+def is_alive(number):
     try:
         os.kill(number, 0)
     except ProcessLookupError:

@@ -5,10 +5,8 @@ import asyncio
 import http.client
 import json
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import jsonschema
 from attrs import define
@@ -18,8 +16,6 @@ from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.serving import server_of, service_of
 from waiting import within
-
-from opir_core.host.host import Host
 
 JSON = {"Content-Type": "application/json"}
 
@@ -55,7 +51,7 @@ class Answer:
     body: bytes
 
     @property
-    def json(self) -> Any:
+    def json(self):
         return json.loads(self.body)
 
 
@@ -69,22 +65,22 @@ class Stand:
 
     def ask(
         self,
-        method: str,
-        path: str,
-        body: Any = None,
-        headers: Mapping[str, str] | None = None,
+        method,
+        path,
+        body=None,
+        headers=None,
         *,
-        timeout_s: float = 60,
-    ) -> Answer:
+        timeout_s=60,
+    ):
         """Make one request; a body that is not bytes is sent as JSON. An answer that does not end
         in time fails.
         """
         raw = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
-        given = {**(JSON if raw is not None else {}), **(headers or {})}
+        inputs = {**(JSON if raw is not None else {}), **(headers or {})}
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)
 
-        def answer() -> Answer:
-            connection.request(method, path, raw, given)
+        def answer():
+            connection.request(method, path, raw, inputs)
             response = connection.getresponse()
             fields = {key.lower(): value for key, value in response.getheaders()}
             return Answer(response.status, fields, response.read())
@@ -97,12 +93,12 @@ class Stand:
 
 @contextmanager
 def serving(
-    folder: Path,
-    *words: str,
-    scene: str = SCENE,
-    token: str | None = None,
-    host: Host | None = None,
-) -> Iterator[Stand]:
+    folder,
+    *words,
+    scene=SCENE,
+    token=None,
+    host=None,
+):
     """Serve a scene with further arguments of `opir serve`."""
     path = folder / "scene.yaml"
     path.write_text(scene, encoding="utf-8")
@@ -112,7 +108,7 @@ def serving(
     begun = threading.Event()
     servers = []
 
-    async def run() -> None:
+    async def run():
         servers.append(server_of(service, application(service), token))
         begun.set()
         await servers[0].serve(sockets=[listening])
@@ -133,9 +129,9 @@ def serving(
             assert not thread.is_alive(), "the server does not stop"
 
 
-def conforms(value: Any, name: str) -> None:
+def conforms(value, name):
     """Fail if a value does not conform to a schema of the service's OpenAPI document."""
-    whole = document()
+    total = document()
     jsonschema.validate(
-        value, {"$ref": f"#/components/schemas/{name}", "components": whole["components"]}
+        value, {"$ref": f"#/components/schemas/{name}", "components": total["components"]}
     )

@@ -7,7 +7,6 @@ handed to the reference as the float64 numbers it is: so the reference says what
 have found had it not rounded.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import mpmath
@@ -54,12 +53,12 @@ class Sample(NamedTuple):
     asymmetry: float
 
 
-def geostationary(*longitudes_deg: float) -> np.ndarray:
+def geostationary(*longitudes_deg):
     angle = np.radians(longitudes_deg)
     return GEO_M * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
 
 
-def launch(latitude_deg: float, longitude_deg: float, height_m: float = 150e3) -> np.ndarray:
+def launch(latitude_deg, longitude_deg, height_m=150e3):
     """Return a state that climbs northward, or towards the pole's other side."""
     latitude = np.radians(latitude_deg)
     longitude = np.radians(longitude_deg)
@@ -88,7 +87,7 @@ USUAL = np.repeat([1e3, 1e2, 10.0, 1.0], 3)
 ABOVE = launch(35.0, 55.0)[:3] * (GEO_M / (RADIUS_M + 150e3))
 
 
-def cases(each: int = 10) -> Iterator[Case]:
+def cases(each=10):
     """Yield ten families of `each` cases."""
     for k in range(each):
         mid = launch(30.0 + k, 40.0)
@@ -134,13 +133,13 @@ def cases(each: int = 10) -> Iterator[Case]:
         yield Case("steps of 0.05 s", size, CLOSE, mid, 1e-9, 0.01, DIFFUSE, 20.0, 0.05, 40, k)
 
 
-def an_hour(seed: int = 0) -> Case:
+def an_hour(seed=0):
     """Return 20 looks a second of two sensors for an hour, on a path that stays up that long."""
     start = np.array([8.0e6, 0.0, 0.0, 0.0, 5.5e3, 5.5e3])
     return Case("20 Hz for an hour", COAST, CLOSE, start, 1e-9, 0.0, DIFFUSE, 20.0, 1.0, 3600, seed)
 
 
-def samples(case: Case, every: int = 1) -> list[Sample]:
+def samples(case, every=1):
     """Return how the filter compares with 50 digits after every n-th slice."""
     rng = np.random.default_rng(case.seed)
     motion = Motion(case.size, case.noise, KEPLER)
@@ -151,34 +150,32 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
     )
     root = np.diag(1.0 / sigma)[None]
     reference = Reference(root[0])
-    found = []
+    result = []
     for number in range(1, case.slices + 1):
         step = np.array([case.slice_s])
         truth = motion.propagated(truth, step)
-        after = motion.propagated(mean, step)
-        back = motion.transition(0.5 * (mean[:, :3] + after[:, :3]), -step)
+        predicted = motion.propagated(mean, step)
+        back = motion.transition(0.5 * (mean[:, :3] + predicted[:, :3]), -step)
         noise = motion.noise_root(step)
-        mean = after
+        mean = predicted
         root = square_root.time_update(root, back, noise)
         reference.move(back[0], None if noise is None else noise[0])
         sights = looks(case, motion, truth, rng)
-        before = mean
+        previous = mean
         start_root = root
         (update,) = updated([Mode(motion, mean, root)], 0.0, sights, rounds=4)
         mean = update.mean
         root = update.root
         # The last point of linearisation is where the filter would have stopped: one more step from
         # it changes nothing.
-        mean, root, rows = one_more(motion, before, start_root, mean, sights)
-        reference.take_in(rows, before[0], mean[0])
+        mean, root, rows = one_more(motion, previous, start_root, mean, sights)
+        reference.take_in(rows, previous[0], mean[0])
         if number % every == 0 or number == case.slices:
-            found.append(reference.compared(root[0]))
-    return found
+            result.append(reference.compared(root[0]))
+    return result
 
 
-def looks(
-    case: Case, motion: Motion, truth: np.ndarray, rng: np.random.Generator
-) -> AngleMeasurements:
+def looks(case, motion, truth, rng):
     """Return the looks of a slice that ends at time 0, each sensor's at its own instants."""
     count = max(1, round(case.rate_hz * case.slice_s))
     sensors = len(case.sensors_m)
@@ -187,22 +184,22 @@ def looks(
     place = taylor_positions(
         np.repeat(motion.taylor(truth), len(time_s), axis=0), taylor_weights(time_s)
     )
-    apart = place - origin
-    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
-    seen = rng.normal(size=(len(time_s), 2)) * case.sigma_rad
+    separation = place - origin
+    axes = tangent_axes(separation / np.linalg.norm(separation, axis=1)[:, None])
+    angles = rng.normal(size=(len(time_s), 2)) * case.sigma_rad
     whitener = np.tile(np.eye(2) / case.sigma_rad, (len(time_s), 1, 1))
     return AngleMeasurements(
-        np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener
+        np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, angles, whitener
     )
 
 
 def one_more(
-    motion: Motion,
-    before: np.ndarray,
-    root: np.ndarray,
-    point: np.ndarray,
-    sights: AngleMeasurements,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    motion,
+    before,
+    root,
+    point,
+    sights,
+):
     """Return the update linearised at a point, and its rows [H | residual + H point]."""
     path = np.repeat(motion.taylor(point), len(sights), axis=0)
     weight = taylor_weights(sights.time_s)
@@ -211,13 +208,13 @@ def one_more(
     rows = (slope[:, :, None, :] * weight[:, None, :blocks, None]).reshape(
         2 * len(sights), motion.size
     )
-    whole = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)
+    total = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)
     owed = (root[0] @ (before - point)[0])[None]
-    after, step, _ = measurement_update(root, owed, whole[None])
+    updated, step, _ = measurement_update(root, owed, total[None])
     return (
         point + step,
-        after,
-        np.concatenate([whole, np.broadcast_to(step, (len(whole), motion.size))], axis=1),
+        updated,
+        np.concatenate([total, np.broadcast_to(step, (len(total), motion.size))], axis=1),
     )
 
 
@@ -226,14 +223,14 @@ class Reference:
     mean is.
     """
 
-    def __init__(self, root: np.ndarray) -> None:
+    def __init__(self, root):
         mpmath.mp.dps = DIGITS
         self.size = len(root)
         exact = mpmath.matrix(root.tolist())
         self.information = exact.T * exact
         self.off = mpmath.zeros(self.size, 1)
 
-    def move(self, back: np.ndarray, noise: np.ndarray | None) -> None:
+    def move(self, back, noise):
         exact = mpmath.matrix(back.tolist())
         self.information = exact.T * self.information * exact
         self.off = mpmath.lu_solve(exact, self.off)
@@ -241,7 +238,7 @@ class Reference:
             side = mpmath.matrix(noise.tolist())
             self.information = (self.information**-1 + side * side.T) ** -1
 
-    def take_in(self, rows: np.ndarray, before: np.ndarray, mean: np.ndarray) -> None:
+    def take_in(self, rows, before, mean):
         """Take in rows [H | residual at the point | step to the filter's mean]."""
         slope = mpmath.matrix(rows[:, : self.size].tolist())
         residual = mpmath.matrix(rows[:, [self.size]].tolist())
@@ -251,14 +248,14 @@ class Reference:
         self.information = self.information + slope.T * slope
         self.off = mpmath.lu_solve(self.information, pull)
 
-    def compared(self, root: np.ndarray) -> Sample:
+    def compared(self, root):
         """Return how a root of information compares: errors are of P against the reference, in its
         own directions.
         """
         upper = mpmath.cholesky(self.information).T
         # R_ref⁻ᵀ (Rᵀ R) R_ref⁻¹ is the identity where nothing was lost.
-        mine = mpmath.matrix(root.tolist()) * upper**-1
-        ratio = np.array((mine.T * mine).tolist(), dtype=np.float64)
+        factor = mpmath.matrix(root.tolist()) * upper**-1
+        ratio = np.array((factor.T * factor).tolist(), dtype=np.float64)
         values = np.linalg.svd(root, compute_uv=False)
         covariance = square_root.covariance(root[None])[0]
         drift = float((self.off.T * self.information * self.off)[0])

@@ -1,7 +1,6 @@
 """Brightness temperatures that opir gives for a look of `tests/data/goes_sightings.json`."""
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 from opir_photons.imagers.plugin import BANDS as EDGES, PIXEL_URAD
@@ -17,7 +16,7 @@ from opir_core.scene import core_plumes
 BANDS = tuple(Band(name, *edges) for name, edges in EDGES.items())
 
 
-def intensities_w_sr(look: dict[str, Any]) -> dict[str, float]:
+def intensities_w_sr(look):
     """Return the in-band intensities towards the imager, by band."""
     usual_w = jet_power_w(core_plumes()["SLV"].peak_w_sr)
     scale = look["jet_power_w"] / usual_w
@@ -44,12 +43,12 @@ def intensities_w_sr(look: dict[str, Any]) -> dict[str, float]:
 
 
 def pixel_k(
-    look: dict[str, Any],
-    name: str,
-    share: float,
-    factor: float = 1.0,
-    ground_k: float | None = None,
-) -> tuple[float, float]:
+    look,
+    name,
+    share,
+    factor=1.0,
+    ground_k=None,
+):
     """Return the temperatures, in one band, of a pixel beside the plume, and of the brightest one,
     K.
 
@@ -57,7 +56,7 @@ def pixel_k(
     `ground_k` is the brightness temperature of the neighbours, by default that of opir's
     background.
     """
-    band = next(one for one in BANDS if one.name == name)
+    band = next(imager_band for imager_band in BANDS if imager_band.name == name)
     edges = (band.lower_um, band.upper_um)
     passed, behind = _air(look["climate"], edges, look["altitude_km"], look["zenith_deg"])
     behind = behind if ground_k is None else float(band_radiance(ground_k, *edges))
@@ -71,15 +70,13 @@ def pixel_k(
 
 
 @cache
-def _air(
-    climate: str, edges: tuple[float, float], altitude_km: float, zenith_deg: float
-) -> tuple[float, float]:
+def _air(climate, edges, altitude_km, zenith_deg):
     """Return the transmittance to the imager, and the radiance behind, W m⁻² sr⁻¹."""
     elevation = np.radians(90.0 - zenith_deg)
     passed = float(band_transmittance(*edges, altitude_km * 1e3, elevation, climate=climate))
-    own = next(
-        one
-        for one in sky_tables(climate, "clear")
-        if (one.band.lower_um, one.band.upper_um) == edges
+    curve = next(
+        sky_table
+        for sky_table in sky_tables(climate, "clear")
+        if (sky_table.band.lower_um, sky_table.band.upper_um) == edges
     )
-    return passed, float(np.interp(np.sin(elevation), own.night_at, own.night))
+    return passed, float(np.interp(np.sin(elevation), curve.night_at, curve.night))

@@ -1,18 +1,17 @@
 """How many imports lie between a module and the files that use it."""
 
 import ast
-from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 
-def source_files(root: Path) -> list[str]:
+def source_files(root):
     """Return the modules of opir_core and the plugins, sorted, relative to the root."""
-    found = [*(root / "opir_core").rglob("*.py"), *(root / "plugins").glob("*/opir_*/**/*.py")]
-    return sorted(str(path.relative_to(root)) for path in found)
+    result = [*(root / "opir_core").rglob("*.py"), *(root / "plugins").glob("*/opir_*/**/*.py")]
+    return sorted(str(path.relative_to(root)) for path in result)
 
 
-def imports_of(root: Path, files: Iterable[str]) -> dict[str, set[str]]:
+def imports_of(root, files):
     """Return, for every file, those of the files that it imports or names in a string, as entry
     points do.
     """
@@ -20,26 +19,30 @@ def imports_of(root: Path, files: Iterable[str]) -> dict[str, set[str]]:
     return {file: _named(root, file, module, modules) - {file} for module, file in modules.items()}
 
 
-def distances(file: str, imports: dict[str, set[str]]) -> dict[str, int]:
+def distances(file, imports):
     """Return, for every file that uses a file, the number of imports between them (1: directly)."""
-    found = dict[str, int]()
+    result = dict[str, int]()
     front = {file}
     while front:
-        front = {user for user, used in imports.items() if used & front} - found.keys() - {file}
-        found |= dict.fromkeys(front, 1 + max(found.values(), default=0))
-    return found
+        front = (
+            {user for user, imported in imports.items() if imported & front}
+            - result.keys()
+            - {file}
+        )
+        result |= dict.fromkeys(front, 1 + max(result.values(), default=0))
+    return result
 
 
-def module_of(file: str) -> str:
+def module_of(file):
     """Return the name under which others import a file: a plugin's and a test's lie below folders
     on the path.
     """
-    parts = Path(file).with_suffix("").parts
-    inner = parts[2:] if parts[0] in ("plugins", "tests") else parts
+    words = Path(file).with_suffix("").parts
+    inner = words[2:] if words[0] in ("plugins", "tests") else words
     return ".".join(inner[:-1] if inner[-1] == "__init__" else inner)
 
 
-def _named(root: Path, file: str, module: str, modules: dict[str, str]) -> set[str]:
+def _named(root, file, module, modules):
     names = set[str]()
     path = root / file
     package = module if path.stem == "__init__" else module.rpartition(".")[0]
@@ -62,7 +65,7 @@ def _named(root: Path, file: str, module: str, modules: dict[str, str]) -> set[s
 
 
 @cache
-def _homes(stub: Path) -> dict[str, str]:
+def _homes(stub):
     """Return the modules of the names that the stub of a package hands on; none where there is no
     stub.
     """

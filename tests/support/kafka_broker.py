@@ -11,10 +11,8 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import confluent_kafka
 from opir_kafka.connection import connector
@@ -23,7 +21,6 @@ from opir_kafka.transport import KafkaTransport
 from spool_transports import ENCODER, SENSORS, take_for_ever, window
 from waiting import within
 
-from opir_core.interfaces.outputs import Delivery
 from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import Policy, TransportSink
@@ -75,7 +72,7 @@ class MockBroker:
 
     can_be_spoilt = True
 
-    def __init__(self) -> None:
+    def __init__(self):
         program = str(Path(__file__).with_name("mock_broker.py"))
         self._process = subprocess.Popen(
             [sys.executable, program],
@@ -87,31 +84,31 @@ class MockBroker:
         assert self._process.stdout is not None
         self.address = within(30.0, self._process.stdout.readline).strip()
 
-    def tell(self, *words: object) -> None:
+    def tell(self, *words):
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(" ".join(map(str, words)) + "\n")
         assert within(30.0, self._process.stdout.readline) == "done\n"
 
-    def topic(self, partitions: int = PARTITIONS) -> str:
+    def topic(self, partitions=PARTITIONS):
         name = next(_names)
         self.tell("topic", name, partitions)
         return name
 
-    def heal(self) -> None:
+    def heal(self):
         self.tell("up")
         self.tell("slow", 0)
         for api in (PRODUCE, METADATA, INIT_PRODUCER_ID):
             self.tell("clear", api)
 
-    def freeze(self) -> None:
+    def freeze(self):
         """Stop answering, with every connection left open."""
         self._process.send_signal(signal.SIGSTOP)
 
-    def thaw(self) -> None:
+    def thaw(self):
         self._process.send_signal(signal.SIGCONT)
 
-    def close(self) -> None:
+    def close(self):
         self._process.kill()
         self._process.communicate()
 
@@ -121,10 +118,10 @@ class NamedBroker:
 
     can_be_spoilt = False
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address):
         self.address = address
 
-    def topic(self, partitions: int = PARTITIONS) -> str:
+    def topic(self, partitions=PARTITIONS):
         """Return a topic that the broker makes because it is asked for, or else because it is
         instructed to.
         """
@@ -143,53 +140,51 @@ class NamedBroker:
         admin.create_topics([NewTopic(name, partitions, 1)])[name].result(30.0)
         return name
 
-    def heal(self) -> None:
+    def heal(self):
         """Do nothing: nothing was spoilt."""
 
-    def close(self) -> None:
+    def close(self):
         """Leave it as it is."""
 
 
 @contextmanager
-def broker() -> Iterator[Any]:
-    made = NamedBroker(BOOTSTRAP) if BOOTSTRAP else MockBroker()
+def broker():
+    named = NamedBroker(BOOTSTRAP) if BOOTSTRAP else MockBroker()
     try:
-        yield made
+        yield named
     finally:
-        made.close()
+        named.close()
 
 
-def dead_address() -> str:
+def dead_address():
     """Return a port of this machine on which nobody listens."""
     with socket.socket() as bound:
         bound.bind(("127.0.0.1", 0))
         return f"127.0.0.1:{bound.getsockname()[1]}"
 
 
-def config(address: str, topic: str, **settings: Any) -> KafkaConfig:
+def config(address, topic, **settings):
     return KafkaConfig(**{"bootstrap_servers": address, "topic": topic, **BRISK, **settings})
 
 
-def carrier(address: str, topic: str, **settings: Any) -> KafkaTransport:
-    made = config(address, topic, **settings)
-    return KafkaTransport(made, connector(made))
+def carrier(address, topic, **settings):
+    settings_record = config(address, topic, **settings)
+    return KafkaTransport(settings_record, connector(settings_record))
 
 
-def kafka_sink(
-    address: str, topic: str, spool: Path | None, policy: Policy | None = None, **settings: Any
-) -> TransportSink:
+def kafka_sink(address, topic, spool, policy=None, **settings):
     backlog = MemoryBacklog(64 << 20) if spool is None else Journal(str(spool), 64 << 20)
-    made = carrier(address, topic, **settings)
+    transport = carrier(address, topic, **settings)
     return TransportSink(
         "kafka",
-        made,
+        transport,
         backlog,
         EncodedBatcher(ENCODER, SENSORS),
         policy or Policy(wait_s=1.0, stall_s=8.0),
     )
 
 
-def messages(address: str, topic: str) -> list[confluent_kafka.Message]:
+def messages(address, topic):
     """Return all messages of a topic, each partition's in order."""
     consumer = confluent_kafka.Consumer(
         {
@@ -202,17 +197,19 @@ def messages(address: str, topic: str) -> list[confluent_kafka.Message]:
         }
     )
     try:
-        parts = consumer.list_topics(topic, timeout=10.0).topics[topic].partitions
-        consumer.assign([confluent_kafka.TopicPartition(topic, part, 0) for part in parts])
-        return list(_to_the_end(consumer, set(parts)))
+        partitions = consumer.list_topics(topic, timeout=10.0).topics[topic].partitions
+        consumer.assign(
+            [confluent_kafka.TopicPartition(topic, partition, 0) for partition in partitions]
+        )
+        return list(_to_the_end(consumer, set(partitions)))
     finally:
         consumer.close()
 
 
-def _to_the_end(consumer: Any, parts: set[int]) -> Iterator[confluent_kafka.Message]:
+def _to_the_end(consumer, partitions):
     give_up_at = time.monotonic() + 20.0
-    while parts:
-        assert time.monotonic() < give_up_at, f"the end of partitions {parts} was not reached"
+    while partitions:
+        assert time.monotonic() < give_up_at, f"the end of partitions {partitions} was not reached"
         message = consumer.poll(0.1)
         if message is not None and message.error() is None:
             yield message
@@ -220,34 +217,34 @@ def _to_the_end(consumer: Any, parts: set[int]) -> Iterator[confluent_kafka.Mess
             message is not None
             and message.error().code() == confluent_kafka.KafkaError._PARTITION_EOF
         ):
-            parts.discard(message.partition())
+            partitions.discard(message.partition())
 
 
-def kafka_for_ever(folder: str, first: int, address: str, topic: str) -> None:
+def kafka_for_ever(folder, first, address, topic):
     """Be a process that sends events through a spool for ever, to be killed."""
     take_for_ever(kafka_sink(address, topic, Path(folder) / "spool"), folder, first)
 
 
-def examine(broker: Any, topic: str, events: int) -> None:
+def examine(broker, topic, events):
     """Hold what is in a topic against the events 0 to `events` of `window`."""
-    expected: dict[str, list[bytes]] = defaultdict(list)
+    expected = defaultdict(list)
     for line in ENCODER.encode(window(events)).splitlines():
         expected[json.loads(line)["sensor_id"]].append(line)
-    arrived: dict[str, dict[str, bytes]] = defaultdict(dict)
+    arrived = defaultdict(dict)
     for message in messages(broker.address, topic):
         value = message.value()
         event = json.loads(value)
         assert message.key() == event["sensor_id"].encode()
         assert arrived[event["sensor_id"]].setdefault(event["detection_id"], value) == value
-    assert {sensor: list(found.values()) for sensor, found in arrived.items()} == expected
+    assert {sensor: list(result.values()) for sensor, result in arrived.items()} == expected
 
 
-def closed(sink: Any) -> Delivery:
+def closed(sink):
     began = time.monotonic()
-    delivery: Delivery = sink.close()
+    delivery = sink.close()
     assert time.monotonic() - began < CLOSE_S
     return delivery
 
 
-def brief(stall_s: float = 0.2) -> Policy:
+def brief(stall_s=0.2):
     return Policy(when_full="refuse", stall_s=stall_s)

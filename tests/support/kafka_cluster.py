@@ -13,11 +13,9 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import confluent_kafka
 from confluent_kafka.admin import AdminClient, NewTopic
@@ -46,7 +44,7 @@ _COMMON = {
 
 
 @cache
-def why_absent() -> str:
+def why_absent():
     """Return why there is no Kafka on this machine, or ""."""
     missing = [name for name in ("java", "mvn") if shutil.which(name) is None]
     if missing:
@@ -54,29 +52,29 @@ def why_absent() -> str:
     try:
         classpath()
     except (OSError, subprocess.SubprocessError) as error:
-        said = getattr(error, "stdout", b"") or b""
+        output = getattr(error, "stdout", b"") or b""
         return (
             f"Apache Kafka is left out: Maven does not get it ({error})"
-            f" {said.decode(errors='replace')[-300:]}"
+            f" {output.decode(errors='replace')[-300:]}"
         )
     return ""
 
 
 @cache
-def classpath() -> str:
+def classpath():
     """Return the class path of Kafka; Maven fetches what is not in its repository yet."""
     mark = hashlib.sha256(POM.read_bytes()).hexdigest()[:16]
-    kept = (
+    stored = (
         Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
         / "opir-tests"
         / f"kafka-{mark}.txt"
     )
-    if kept.is_file() and all(
-        Path(part).is_file() for part in kept.read_text().strip().split(os.pathsep)
+    if stored.is_file() and all(
+        Path(path).is_file() for path in stored.read_text().strip().split(os.pathsep)
     ):
-        return kept.read_text().strip()
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    fresh = kept.with_suffix(f".{os.getpid()}")
+        return stored.read_text().strip()
+    stored.parent.mkdir(parents=True, exist_ok=True)
+    temporary = stored.with_suffix(f".{os.getpid()}")
     words = [
         "mvn",
         "-B",
@@ -84,14 +82,14 @@ def classpath() -> str:
         "-f",
         str(POM),
         "dependency:build-classpath",
-        f"-Dmdep.outputFile={fresh}",
+        f"-Dmdep.outputFile={temporary}",
     ]
     subprocess.run(words, check=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
-    fresh.replace(kept)
-    return kept.read_text().strip()
+    temporary.replace(stored)
+    return stored.read_text().strip()
 
 
-def java(main: str, *words: str, timeout_s: float = _START_S) -> str:
+def java(main, *words, timeout_s=_START_S):
     """Run a Java main class of Kafka and return what it prints; `CalledProcessError` if it
     fails.
     """
@@ -110,30 +108,30 @@ def java(main: str, *words: str, timeout_s: float = _START_S) -> str:
 class Node:
     """A broker that is a controller too."""
 
-    def __init__(self, folder: Path, settings: Mapping[str, str]) -> None:
+    def __init__(self, folder, settings):
         self._log = folder / "log.txt"
         self._settings = folder / "server.properties"
         folder.mkdir(parents=True)
         lines = {**settings, "log.dirs": str(folder / "data")}
         self._settings.write_text("".join(f"{key}={value}\n" for key, value in lines.items()))
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process = None
 
-    def format(self, cluster_id: str) -> None:
+    def format(self, cluster_id):
         """Make the folder of the log."""
         java("kafka.tools.StorageTool", "format", "-t", cluster_id, "-c", str(self._settings))
 
-    def start(self) -> None:
+    def start(self):
         """Start the process; it answers later."""
         with self._log.open("ab") as log:
             command = ["java", *_HEAP, "-cp", classpath(), "kafka.Kafka", str(self._settings)]
             self._process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
 
-    def send(self, number: signal.Signals) -> None:
+    def send(self, number):
         """Send a signal to the process."""
         assert self._process is not None
         self._process.send_signal(number)
 
-    def stop(self, number: signal.Signals = signal.SIGTERM) -> None:
+    def stop(self, number=signal.SIGTERM):
         """End the process, in order or (SIGKILL) not, and wait for its end."""
         if self._process is None:
             return
@@ -153,16 +151,20 @@ class Cluster:
 
     def __init__(
         self,
-        folder: Path,
-        nodes: int = 1,
-        listeners: Sequence[str] = (),
-        settings: Mapping[str, str] | None = None,
-    ) -> None:
-        self._admin: Any = None
+        folder,
+        nodes=1,
+        listeners=(),
+        settings=None,
+    ):
+        self._admin = None
         names = ["PLAINTEXT", *listeners]
         ports = [_free_ports(len(names) + 1) for _ in range(nodes)]
-        voters = ",".join(f"{number + 1}@127.0.0.1:{own[-1]}" for number, own in enumerate(ports))
-        self._ports = {name: [own[place] for own in ports] for place, name in enumerate(names)}
+        voters = ",".join(
+            f"{number + 1}@127.0.0.1:{node_ports[-1]}" for number, node_ports in enumerate(ports)
+        )
+        self._ports = {
+            name: [node_ports[place] for node_ports in ports] for place, name in enumerate(names)
+        }
         self.nodes = [
             Node(
                 folder / f"node{number + 1}",
@@ -170,8 +172,8 @@ class Cluster:
                     **_COMMON,
                     "node.id": str(number + 1),
                     "controller.quorum.voters": voters,
-                    "listeners": _listeners([*names, "CONTROLLER"], own),
-                    "advertised.listeners": _listeners(names, own),
+                    "listeners": _listeners([*names, "CONTROLLER"], node_ports),
+                    "advertised.listeners": _listeners(names, node_ports),
                     "listener.security.protocol.map": "PLAINTEXT:PLAINTEXT,CONTROLLER:PLAINTEXT,"
                     "SASL_PLAINTEXT:SASL_PLAINTEXT,SSL:SSL",
                     "offsets.topic.replication.factor": str(nodes),
@@ -180,7 +182,7 @@ class Cluster:
                     **(settings or {}),
                 },
             )
-            for number, own in enumerate(ports)
+            for number, node_ports in enumerate(ports)
         ]
         cluster_id = base64.urlsafe_b64encode(os.urandom(16)).decode().rstrip("=")
         for node in self.nodes:
@@ -188,16 +190,16 @@ class Cluster:
             node.start()
         self.wait_for_brokers(nodes)
 
-    def addresses(self, listener: str = "PLAINTEXT") -> str:
+    def addresses(self, listener="PLAINTEXT"):
         """Return the bootstrap servers of a listener."""
         return ",".join(f"127.0.0.1:{port}" for port in self._ports[listener])
 
     @property
-    def address(self) -> str:
+    def address(self):
         """Return the bootstrap servers of the listener without a login."""
         return self.addresses()
 
-    def admin(self) -> Any:
+    def admin(self):
         """Return a client that may do all; it lives as long as the cluster, for its answers come
         later.
         """
@@ -205,18 +207,18 @@ class Cluster:
             self._admin = AdminClient({"bootstrap.servers": self.address, "log_level": 0})
         return self._admin
 
-    def brokers(self) -> int:
+    def brokers(self):
         """Return the number of brokers in the cluster; 0 if none answers."""
         try:
             return len(self.admin().list_topics(timeout=2.0).brokers)
         except confluent_kafka.KafkaException:
             return 0
 
-    def wait_for_brokers(self, count: int) -> None:
+    def wait_for_brokers(self, count):
         """Wait until a number of brokers are in the cluster."""
         until(lambda: self.brokers() == count, within_s=_START_S)
 
-    def topic(self, partitions: int = 3, replicas: int = 1, name: str = "", **settings: str) -> str:
+    def topic(self, partitions=3, replicas=1, name="", **settings):
         """Make a topic and return its name."""
         name = name or f"opir-{os.getpid()}-{time.time_ns()}"
         config = {key.replace("_", "."): value for key, value in settings.items()}
@@ -226,50 +228,48 @@ class Cluster:
         until(lambda: len(self.partitions(name)) == partitions, within_s=60.0)
         return name
 
-    def partitions(self, topic: str) -> Mapping[int, Any]:
+    def partitions(self, topic):
         """Return the partitions of a topic by number, each with its leader and its replicas in
         sync.
         """
-        found: Mapping[int, Any] = (
-            self.admin().list_topics(topic, timeout=30.0).topics[topic].partitions
-        )
+        result = self.admin().list_topics(topic, timeout=30.0).topics[topic].partitions
         return {
-            number: part
-            for number, part in found.items()
-            if part.error is None and part.leader >= 0
+            number: metadata
+            for number, metadata in result.items()
+            if metadata.error is None and metadata.leader >= 0
         }
 
-    def heal(self) -> None:
+    def heal(self):
         """Do nothing: who stops a node starts it again."""
 
-    def close(self) -> None:
+    def close(self):
         """End all nodes at once."""
         for node in self.nodes:
             node.stop(signal.SIGKILL)
 
 
 @contextmanager
-def cluster(folder: Path, nodes: int = 1, **settings: Any) -> Iterator[Cluster]:
+def cluster(folder, nodes=1, **settings):
     """Run a cluster; a machine without Java or Maven raises `AssertionError`, see `why_absent`."""
     assert not why_absent()
-    made = Cluster(folder, nodes, **settings)
+    started = Cluster(folder, nodes, **settings)
     try:
-        yield made
+        yield started
     finally:
-        made.close()
+        started.close()
 
 
-def _listeners(names: Sequence[str], ports: Sequence[int]) -> str:
+def _listeners(names, ports):
     return ",".join(f"{name}://127.0.0.1:{port}" for name, port in zip(names, ports, strict=False))
 
 
-def _free_ports(count: int) -> list[int]:
+def _free_ports(count):
     """Return ports that nobody listens on."""
     bound = [socket.socket() for _ in range(count)]
     try:
-        for each in bound:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in bound]
+        for listening in bound:
+            listening.bind(("127.0.0.1", 0))
+        return [listening.getsockname()[1] for listening in bound]
     finally:
-        for each in bound:
-            each.close()
+        for listening in bound:
+            listening.close()

@@ -1,8 +1,5 @@
 """A short scene of sensors with reporting latency."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import opir_core as opir
 
 NS = 1_000_000_000
@@ -16,9 +13,7 @@ UNEVEN = {
 CONSTANT = {"processing": {"mean_s": 7.25}}
 
 
-def late_scene(
-    *reporting: Any, targets: int = 2, sensor: Mapping[str, Any] | None = None, **changes: Any
-) -> opir.Scene:
+def late_scene(*reporting, targets=2, sensor=None, **changes):
     """Return a scene of one sensor for each `reporting`; `sensor` has settings of all of them."""
     mapping = {
         "scene": "late",

@@ -1,13 +1,8 @@
 """A short scene of two launches to be run live, and its events as bytes."""
 
-from typing import Any
-
-from opir_core.host.host import Host
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.planning.plan import Plan, compile_plan
-from opir_core.scene.scene import Scene
+from opir_core.planning.plan import compile_plan
 from opir_core.simulation.engine import Engine
 
 NS = 1_000_000_000
@@ -19,8 +14,8 @@ LATER = {
 }
 
 
-def mapping(**changes: Any) -> dict[str, Any]:
-    scene: dict[str, Any] = {
+def mapping(**changes):
+    scene = {
         "scene": "live",
         "epoch": "2026-04-01T12:00:00Z",
         "duration_s": 100,
@@ -46,11 +41,11 @@ def mapping(**changes: Any) -> dict[str, Any]:
     return scene | changes
 
 
-def lines(plan: Plan, *windows: Window) -> bytes:
+def lines(plan, *windows):
     encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us))
     return b"".join(map(encoder.encode, windows))
 
 
-def batch(scene: Scene, host: Host, end_ns: int = 100 * NS) -> bytes:
+def batch(scene, host, end_ns=100 * NS):
     plan = compile_plan(scene, host)
     return lines(plan, Engine(plan).advance(end_ns))

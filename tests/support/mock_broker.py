@@ -43,12 +43,12 @@ _ONE = 1
 class MockCluster:
     """One broker."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         import confluent_kafka
 
         wheel = Path(confluent_kafka.__file__).parents[1] / "confluent_kafka.libs"
-        found = glob.glob(f"{wheel}/librdkafka-*.so*") or ["librdkafka.so.1"]  # noqa: PTH207 - a name to load, not a path
-        self._library = c.CDLL(found[0])
+        libraries = glob.glob(f"{wheel}/librdkafka-*.so*") or ["librdkafka.so.1"]  # noqa: PTH207 - a name to load, not a path
+        self._library = c.CDLL(libraries[0])
         for name, (result, arguments) in _FUNCTIONS.items():
             function = getattr(self._library, f"rd_kafka_{name}")
             function.restype = result
@@ -60,38 +60,38 @@ class MockCluster:
         self._cluster = self._library.rd_kafka_mock_cluster_new(client, 1)
 
     @property
-    def address(self) -> str:
-        reported: bytes = self._library.rd_kafka_mock_cluster_bootstraps(self._cluster)
+    def address(self):
+        reported = self._library.rd_kafka_mock_cluster_bootstraps(self._cluster)
         return reported.decode()
 
-    def topic(self, name: str, partitions: str) -> None:
+    def topic(self, name, partitions):
         self._library.rd_kafka_mock_topic_create(
             self._cluster, name.encode(), int(partitions), _ONE
         )
 
-    def topic_error(self, name: str, code: str) -> None:
+    def topic_error(self, name, code):
         self._library.rd_kafka_mock_topic_set_error(self._cluster, name.encode(), int(code))
 
-    def down(self) -> None:
+    def down(self):
         self._library.rd_kafka_mock_broker_set_down(self._cluster, _EVERY_BROKER)
 
-    def up(self) -> None:
+    def up(self):
         self._library.rd_kafka_mock_broker_set_up(self._cluster, _EVERY_BROKER)
 
-    def slow(self, milliseconds: str) -> None:
+    def slow(self, milliseconds):
         self._library.rd_kafka_mock_broker_set_rtt(self._cluster, _EVERY_BROKER, int(milliseconds))
 
-    def error(self, api: str, *codes: str) -> None:
+    def error(self, api, *codes):
         array = (c.c_int * len(codes))(*map(int, codes))
         self._library.rd_kafka_mock_push_request_errors_array(
             self._cluster, int(api), len(codes), array
         )
 
-    def clear(self, api: str) -> None:
+    def clear(self, api):
         self._library.rd_kafka_mock_clear_request_errors(self._cluster, int(api))
 
 
-def main() -> None:
+def main():
     cluster = MockCluster()
     for each in sys.argv[1:]:
         name, _, partitions = each.partition(":")

@@ -56,14 +56,14 @@ PYTHON_VALUES: list[Any] = [
 ]  # fmt: skip
 
 
-def pairs(data: Any) -> Any:
+def pairs(data):
     """Return data with its mappings as blocks."""
     if isinstance(data, dict):
         return Block((key, pairs(value)) for key, value in data.items())
     return [pairs(item) for item in data] if isinstance(data, list) else data
 
 
-def yaml_of(tree: Any) -> str:
+def yaml_of(tree):
     """Return a tree as YAML in one line; text is quoted, raw scalars are not."""
     if isinstance(tree, Raw):
         return tree.text
@@ -74,24 +74,24 @@ def yaml_of(tree: Any) -> str:
     return json.dumps(tree)
 
 
-def containers(tree: Any) -> list[list[Any]]:
+def containers(tree):
     """Return every list and block in a tree, the outermost first."""
     if not isinstance(tree, list):
         return []
     children = [value for _, value in tree] if isinstance(tree, Block) else tree
-    return [tree, *(found for child in children for found in containers(child))]
+    return [tree, *(result for child in children for result in containers(child))]
 
 
-def set_value(container: list[Any], index: int, value: Any) -> None:
+def set_value(container, index, value):
     container[index] = (container[index][0], value) if isinstance(container, Block) else value
 
 
-def value_at(container: list[Any], index: int) -> Any:
+def value_at(container, index):
     return container[index][1] if isinstance(container, Block) else container[index]
 
 
 @st.composite
-def spoilt(draw: st.DrawFn, values: list[Any], doubles: bool = True) -> Any:
+def spoilt(draw, values, doubles=True):
     """Return the good scene with one to three things done to it."""
     tree = pairs(good_mapping())
     for _ in range(draw(st.integers(1, 3))):
@@ -104,22 +104,16 @@ def spoilt(draw: st.DrawFn, values: list[Any], doubles: bool = True) -> Any:
     return tree
 
 
-def drop(
-    _draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
-) -> None:
+def drop(_draw, _tree, container, index, _values):
     del container[index]
 
 
-def replace(
-    draw: st.DrawFn, _tree: Any, container: list[Any], index: int, values: list[Any]
-) -> None:
+def replace(draw, _tree, container, index, values):
     # A copy: a later deed may spoil what stands here.
     set_value(container, index, copy.deepcopy(draw(st.sampled_from(values))))
 
 
-def rename(
-    draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
-) -> None:
+def rename(draw, _tree, container, index, _values):
     if isinstance(container, Block):
         key, value = container[index]
         renamed = draw(
@@ -127,42 +121,36 @@ def rename(
                 [f"{key}x", key[:-1], key.upper(), "", "preset", "members", "model", "a b", "\x7f"]
             )
         )
-        if renamed not in (other for other, _ in container):
+        if renamed not in (name for name, _ in container):
             container[index] = renamed, value
 
 
-def swap(draw: st.DrawFn, tree: Any, container: list[Any], index: int, _values: list[Any]) -> None:
+def swap(draw, tree, container, index, _values):
     """Put a value of elsewhere here."""
-    other = draw(st.sampled_from([found for found in containers(tree) if found]))
+    other = draw(st.sampled_from([result for result in containers(tree) if result]))
     value = value_at(other, draw(st.integers(0, len(other) - 1)))
     set_value(container, index, copy.deepcopy(value))
 
 
-def wrap(
-    _draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
-) -> None:
+def wrap(_draw, _tree, container, index, _values):
     set_value(container, index, [value_at(container, index)])
 
 
-def requote(
-    _draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
-) -> None:
+def requote(_draw, _tree, container, index, _values):
     """Put a number in quotes."""
     value = value_at(container, index)
     if isinstance(value, int | float):
         set_value(container, index, str(value))
 
 
-def double(
-    _draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]
-) -> None:
+def double(_draw, _tree, container, index, _values):
     container.insert(index, copy.deepcopy(container[index]))
 
 
 DEEDS: list[Callable[..., None]] = [drop, replace, replace, rename, swap, wrap, requote, double]
 
 
-def has_doubled_key(tree: Any) -> bool:
+def has_doubled_key(tree):
     return any(
         len({key for key, _ in container}) < len(container)
         for container in containers(tree)
@@ -170,7 +158,7 @@ def has_doubled_key(tree: Any) -> bool:
     )
 
 
-def meaning(raw: str) -> Any:
+def meaning(raw):
     """Return what an unquoted scalar means, found without opir: a fraction, text, a truth value or
     None.
     """

@@ -5,9 +5,7 @@ editable.
 import json
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import peer_libraries
 
@@ -24,31 +22,29 @@ print(json.dumps({name: spec and spec.origin for name, spec in found.items()}))
 class UnfitEnvironment(SystemExit):
     """The unmutated tests fail here, so that every mutant would look killed."""
 
-    def __init__(self, reason: str) -> None:
+    def __init__(self, reason):
         super().__init__(f"Mutants cannot be judged in this environment: {reason}\n{INSTALL}")
 
 
-def packages_of(files: Iterable[str]) -> list[str]:
+def packages_of(files):
     """Return the packages of modules (paths relative to the root of the checkout)."""
-    parts = [Path(file).parts for file in files]
-    return sorted({each[2] if each[0] == "plugins" else each[0] for each in parts})
+    paths = [Path(file).parts for file in files]
+    return sorted({names[2] if names[0] == "plugins" else names[0] for names in paths})
 
 
-def check_libraries() -> None:
+def check_libraries():
     """Raise `UnfitEnvironment` if a library of the extra `peers` is missing."""
     if missing := sorted(peer_libraries.missing()):
         raise UnfitEnvironment(f"the extra `peers` is missing: {', '.join(missing)}.")
 
 
-def check_installation(
-    root: Path, packages: Iterable[str], variables: Mapping[str, str] | None = None
-) -> None:
+def check_installation(root, packages, variables=None):
     """Raise `UnfitEnvironment` if packages are not imported from below `root`.
 
     Without `variables`, as they are installed; with them, as a process with these variables imports
     them.
     """
-    settings: dict[str, Any] = {
+    settings = {
         "env": variables,
         "capture_output": True,
         "text": True,
@@ -58,7 +54,7 @@ def check_installation(
     done = subprocess.run(
         [sys.executable, *isolated, "-c", ORIGINS, *packages], cwd=root / "tests", **settings
     )
-    origins: dict[str, str | None] = json.loads(done.stdout)
+    origins = json.loads(done.stdout)
     elsewhere = {
         name: at
         for name, at in origins.items()

@@ -8,7 +8,6 @@ import ast
 import io
 import tokenize
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator
 from itertools import accumulate, pairwise
 
 from attrs import frozen
@@ -67,14 +66,14 @@ class Site:
     choices: tuple[str, ...]
 
 
-def sites(source: str) -> list[Site]:
+def sites(source):
     """Return the tokens of a module that may change, in order of place; raises `SyntaxError`."""
     text = _Text(source)
-    found = [site for site in _sites(ast.parse(source), text) if site.choices]
-    return sorted(found, key=lambda site: (site.start, site.end))
+    result = [site for site in _sites(ast.parse(source), text) if site.choices]
+    return sorted(result, key=lambda site: (site.start, site.end))
 
 
-def mutated(source: str, site: Site, choice: str) -> str:
+def mutated(source, site, choice):
     """Return the source with the token of a site replaced."""
     return source[: site.start] + choice + source[site.end :]
 
@@ -82,7 +81,7 @@ def mutated(source: str, site: Site, choice: str) -> str:
 class _Text:
     """A source with the offsets of its nodes and tokens."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source):
         self.source = source
         self._lines = list(io.StringIO(source))
         self._starts = list(accumulate((len(line) for line in self._lines), initial=0))
@@ -92,34 +91,34 @@ class _Text:
             (self._at(*token.start), self._at(*token.end), token.string) for token in spelled
         ]
 
-    def _at(self, line: int, column: int) -> int:
+    def _at(self, line, column):
         return self._starts[line - 1] + column
 
-    def start(self, node: ast.expr | ast.stmt) -> int:
+    def start(self, node):
         return self._offset(node.lineno, node.col_offset)
 
-    def end(self, node: ast.expr | ast.stmt) -> int:
+    def end(self, node):
         return self._offset(node.end_lineno or 0, node.end_col_offset or 0)
 
-    def _offset(self, line: int, column_bytes: int) -> int:
+    def _offset(self, line, column_bytes):
         return self._at(line, len(self._lines[line - 1].encode()[:column_bytes].decode()))
 
-    def site(self, start: int, end: int, choices: Iterable[str]) -> Site:
+    def site(self, start, end, choices):
         return Site(start, end, self.source.count("\n", 0, start) + 1, tuple(choices))
 
-    def operator(self, words: str, after: int, before: int, choices: Iterable[str]) -> Site:
+    def operator(self, words, end, start, choices):
         """Return the site of an operator of one or two words between two operands, or at the start
         of one.
         """
-        wanted = words.split()
+        expected = words.split()
         inside = self._tokens[
-            bisect_left(self._tokens, (after,)) : bisect_left(self._tokens, (before,))
+            bisect_left(self._tokens, (end,)) : bisect_left(self._tokens, (start,))
         ]
-        at = next(index for index, (_, _, word) in enumerate(inside) if word == wanted[0])
-        return self.site(inside[at][0], inside[at + len(wanted) - 1][1], choices)
+        at = next(index for index, (_, _, word) in enumerate(inside) if word == expected[0])
+        return self.site(inside[at][0], inside[at + len(expected) - 1][1], choices)
 
 
-def _sites(node: ast.AST, text: _Text, *, in_function: bool = False) -> Iterator[Site]:
+def _sites(node, text, *, in_function=False):
     if _is_skipped(node, in_function=in_function):
         return
     yield from _own_sites(node, text)
@@ -130,7 +129,7 @@ def _sites(node: ast.AST, text: _Text, *, in_function: bool = False) -> Iterator
         yield from _sites(child, text, in_function=in_function)
 
 
-def _is_skipped(node: ast.AST, *, in_function: bool) -> bool:
+def _is_skipped(node, *, in_function):
     match node:
         case ast.JoinedStr() | ast.arg():
             return True
@@ -146,13 +145,13 @@ def _is_skipped(node: ast.AST, *, in_function: bool) -> bool:
             return False
 
 
-def _is_text(node: ast.expr) -> bool:
+def _is_text(node):
     return isinstance(node, ast.JoinedStr) or (
         isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
     )
 
 
-def _code_below(node: ast.AST) -> list[ast.AST]:
+def _code_below(node):
     """Return the children of a node but annotations, decorators and what only type checkers
     read.
     """
@@ -167,7 +166,7 @@ def _code_below(node: ast.AST) -> list[ast.AST]:
     return [item for item in below if isinstance(item, ast.AST)]
 
 
-def _own_sites(node: ast.AST, text: _Text) -> Iterator[Site]:
+def _own_sites(node, text):
     """Yield the sites of a node itself, without those of its children."""
     match node:
         case ast.Compare() | ast.BoolOp() | ast.BinOp() | ast.AugAssign() | ast.UnaryOp():
@@ -185,18 +184,18 @@ def _own_sites(node: ast.AST, text: _Text) -> Iterator[Site]:
             yield _word(node, text)
 
 
-def _operators(node: ast.AST, text: _Text) -> Iterator[Site]:
+def _operators(node, text):
     match node:
         case ast.Compare():
-            for op, (left, right) in zip(
+            for op, (operand, right) in zip(
                 node.ops, pairwise([node.left, *node.comparators]), strict=True
             ):
                 words, choices = COMPARISONS[type(op)]
-                yield text.operator(words, text.end(left), text.start(right), choices)
+                yield text.operator(words, text.end(operand), text.start(right), choices)
         case ast.BoolOp():
-            word, other = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
-            for left, right in pairwise(node.values):
-                yield text.operator(word, text.end(left), text.start(right), [other])
+            word, opposite = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
+            for operand, right in pairwise(node.values):
+                yield text.operator(word, text.end(operand), text.start(right), [opposite])
         case ast.BinOp() if type(node.op) in ARITHMETIC:
             word, choices = ARITHMETIC[type(node.op)]
             yield text.operator(word, text.end(node.left), text.start(node.right), choices)
@@ -210,7 +209,7 @@ def _operators(node: ast.AST, text: _Text) -> Iterator[Site]:
             )
 
 
-def _bound(bound: ast.expr, text: _Text) -> Site:
+def _bound(bound, text):
     start = text.start(bound)
     end = text.end(bound)
     spelled = text.source[start:end]
@@ -222,7 +221,7 @@ def _bound(bound: ast.expr, text: _Text) -> Site:
     return text.site(start, end, ["", *shifted])
 
 
-def _word(node: ast.Constant | ast.Name | ast.Attribute, text: _Text) -> Site:
+def _word(node, text):
     end = text.end(node)
     if isinstance(node, ast.Constant):
         return text.site(text.start(node), end, _other_values(node.value))
@@ -231,7 +230,7 @@ def _word(node: ast.Constant | ast.Name | ast.Attribute, text: _Text) -> Site:
     return text.site(end - len(name), end, [OPPOSITE[name]] if read else [])
 
 
-def _other_values(value: object) -> list[str]:
+def _other_values(value):
     """Return the spellings of what a constant may become: the other truth value, or one more and
     one less.
     """

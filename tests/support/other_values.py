@@ -3,13 +3,12 @@ block.
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Mapping
 
-from opir_core.scene.field_rows import FieldRow, field_rows
+from opir_core.scene.field_rows import field_rows
 
 
-def other_values(config_class: type) -> Iterator[tuple[str, Any]]:
+def other_values(config_class):
     """Yield the dotted key of each setting with a plain value, and another legal value."""
     for row in field_rows(config_class):
         value = _other(row)
@@ -17,13 +16,13 @@ def other_values(config_class: type) -> Iterator[tuple[str, Any]]:
             yield row.key, value
 
 
-def nested(key: str, value: Any) -> dict[str, Any]:
+def nested(key, value):
     """Return the block that sets a dotted key."""
-    first, _, rest = key.partition(".")
-    return {first: nested(rest, value) if rest else value}
+    name, _, remainder = key.partition(".")
+    return {name: nested(remainder, value) if remainder else value}
 
 
-def _other(row: FieldRow) -> Any:
+def _other(row):
     if isinstance(row.default, bool):
         return not row.default
     if row.choices:
@@ -42,36 +41,36 @@ def _other(row: FieldRow) -> Any:
     return None
 
 
-def _number(row: FieldRow, default: float) -> float | None:
+def _number(row, default):
     """Return a number near the default, in the allowed interval."""
-    whole = row.kind.startswith("whole")
+    total = row.kind.startswith("whole")
     for value in (
-        default * 1.5 + (1 if whole else 0.0),
+        default * 1.5 + (1 if total else 0.0),
         default * 0.5,
         default + 1.0,
         default - 1.0,
         0.5,
         1.0,
     ):
-        number = int(value) if whole else float(value)
+        number = int(value) if total else float(value)
         if number != default and _inside(row.interval, number):
             return number
     return None
 
 
-def _plausible_middle(row: FieldRow) -> float:
+def _plausible_middle(row):
     """Return the geometric mean of the plausible range of a setting without a default, 10 without
     one.
     """
     if not row.plausible:
         return 10.0
-    low, high = (float(part) for part in row.plausible.removeprefix("plausible ").split(" to "))
+    low, high = (float(word) for word in row.plausible.removeprefix("plausible ").split(" to "))
     return math.sqrt(low * high)
 
 
-def _inside(interval: str, value: float) -> bool:
+def _inside(interval, value):
     if not interval:
         return True
-    low, high = (float(part) for part in interval[1:-1].split(", "))
+    low, high = (float(word) for word in interval[1:-1].split(", "))
     above = value >= low if interval[0] == "[" else value > low
     return above and (value <= high if interval[-1] == "]" else value < high)

@@ -4,15 +4,12 @@ import asyncio
 import os
 import shutil
 import threading
-from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import pytest
-from opir_http.replay import Replay
 from opir_http.server import Server, bound
 from opir_http.viewing import view_server
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import expect, sync_playwright
 
 #: How long a page may take to show what it is waited for, on a machine that does other work, ms.
 PATIENCE_MS = 60_000
@@ -20,45 +17,43 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
+def chromium():
     """Start the system's Chromium; skips the test if there is none, unless it is required."""
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    if found is None and os.environ.get("OPIR_BROWSER") != "required":
+    result = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    if result is None and os.environ.get("OPIR_BROWSER") != "required":
         pytest.skip("no Chromium: apt-get install chromium")
-    assert found, "no Chromium: apt-get install chromium"
+    assert result, "no Chromium: apt-get install chromium"
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        running = playwright.chromium.launch(executable_path=result, args=["--no-sandbox"])
         yield running
         running.close()
 
 
-def opened(
-    browser: Browser, port: int, width: int, scheme: Any, state: str = "running"
-) -> tuple[Page, list[str], list[str]]:
+def opened(browser, port, width, scheme, state="running"):
     """Open the page; return it with the messages of its console and the addresses that it
     requests.
     """
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
     context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
-    complaints: list[str] = []
-    asked: list[str] = []
+    complaints = []
+    requests = []
     # Chromium's advice on reading a canvas often is for a test, which does, and not for the page,
     # which never does.
     page.on(
         "console",
-        lambda said: complaints.extend(
-            [said.text] if "willReadFrequently" not in said.text else []
+        lambda message: complaints.extend(
+            [message.text] if "willReadFrequently" not in message.text else []
         ),
     )
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
+    page.on("request", lambda request: requests.append(request.url))
     page.goto(f"http://127.0.0.1:{port}/")
     expect(page.locator("#state")).to_have_text(state, timeout=PATIENCE_MS)
-    return page, complaints, asked
+    return page, complaints, requests
 
 
-def settled(page: Page) -> None:
+def settled(page):
     """Wait until the map has kept its place and size for a second: a click is at a position of the
     map as it was.
     """
@@ -73,12 +68,12 @@ def settled(page: Page) -> None:
 
 
 @contextmanager
-def viewing(replay: Replay) -> Iterator[int]:
+def viewing(replay):
     """Serve a saved run as `opir view` does; yields the port."""
     servers = list[Server]()
     begun = threading.Event()
 
-    async def run() -> None:
+    async def run():
         servers.append(view_server(replay, None, begun.set))
         await servers[0].serve(sockets=[listening])
 

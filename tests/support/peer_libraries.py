@@ -36,7 +36,7 @@ NAMES = (
 IMPORT = re.compile(r"^(?:import|from) (\w+)", re.MULTILINE)
 
 
-def imported_by(file: Path) -> set[str]:
+def imported_by(file):
     """Return the libraries of NAMES that a file of tests imports, itself or through a module of
     tests/support.
     """
@@ -45,7 +45,7 @@ def imported_by(file: Path) -> set[str]:
 
 
 @cache
-def of_support() -> dict[str, set[str]]:
+def of_support():
     """Return the libraries of NAMES that each module beside this one imports itself."""
     return {
         file.stem: set(IMPORT.findall(file.read_text(encoding="utf-8"))).intersection(NAMES)
@@ -54,6 +54,6 @@ def of_support() -> dict[str, set[str]]:
 
 
 @cache
-def missing() -> frozenset[str]:
+def missing():
     """Return the libraries of NAMES that cannot be imported here."""
     return frozenset(name for name in NAMES if find_spec(name) is None)

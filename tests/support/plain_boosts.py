@@ -12,18 +12,18 @@ def flown(azimuth, kick, force, growth, until_s, latitude=0.7):
     sphere.
     """
     up = np.array([np.cos(latitude), 0.0, np.sin(latitude)])
-    ahead = np.cos(azimuth) * np.array([-np.sin(latitude), 0.0, np.cos(latitude)]) + np.sin(
+    forward = np.cos(azimuth) * np.array([-np.sin(latitude), 0.0, np.cos(latitude)]) + np.sin(
         azimuth
     ) * np.array([0.0, 1.0, 0.0])
     place = RADIUS_M * up
     velocity = 1e-3 * up
     step = 0.05
-    for now in np.arange(0.0, until_s, step):
-        unit = up if now < 6.0 else velocity / np.linalg.norm(velocity)
-        if 6.0 <= now < 16.0:
-            lead = kick * np.sin(np.pi * (now - 6.0) / 10.0) ** 2
-            unit = np.cos(lead) * unit + np.sin(lead) * ahead
-        push = force / (1.0 - growth * now) * unit
+    for time_s in np.arange(0.0, until_s, step):
+        unit = up if time_s < 6.0 else velocity / np.linalg.norm(velocity)
+        if 6.0 <= time_s < 16.0:
+            lead = kick * np.sin(np.pi * (time_s - 6.0) / 10.0) ** 2
+            unit = np.cos(lead) * unit + np.sin(lead) * forward
+        push = force / (1.0 - growth * time_s) * unit
         pull = -MU * place / np.linalg.norm(place) ** 3 - 2.0 * np.cross(SPIN, velocity)
         velocity = velocity + step * (push + pull)
         place = place + step * velocity

@@ -27,7 +27,6 @@ import shutil
 import struct
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from attrs import Factory, define, evolve, field, frozen
@@ -40,7 +39,7 @@ _HEADER = struct.Struct("<IIIIQQqQ")
 _SHIM = Path(__file__).with_name("recorded_disk.c")
 
 
-def can_record() -> bool:
+def can_record():
     """Return whether this machine can record: Linux with a C compiler."""
     return sys.platform == "linux" and shutil.which("cc") is not None
 
@@ -84,7 +83,7 @@ class PowerCut:
     tree: dict[str, bytes | None]
     notes: tuple[tuple[float, bytes], ...]
 
-    def make(self, folder: Path) -> Path:
+    def make(self, folder):
         """Make a folder with these files and no others, and return it."""
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
@@ -96,7 +95,7 @@ class PowerCut:
         return folder
 
 
-def record(folder: Path, program: str, scratch: Path, *given: object) -> Recording:
+def record(folder, program, scratch, *inputs):
     """Run a program of Python, with arguments, and return what it did to a folder."""
     shim = scratch / "recorded_disk.so"
     log = scratch / "calls"
@@ -106,7 +105,7 @@ def record(folder: Path, program: str, scratch: Path, *given: object) -> Recordi
             ["cc", "-shared", "-fPIC", "-O1", "-o", shim, _SHIM, "-ldl", "-lpthread"], check=True
         )
     log.unlink(missing_ok=True)
-    before = tree_of(folder)
+    initial = tree_of(folder)
     environment = {
         **os.environ,
         "LD_PRELOAD": str(shim),
@@ -116,10 +115,10 @@ def record(folder: Path, program: str, scratch: Path, *given: object) -> Recordi
     environment["PYTHONPATH"] = os.pathsep.join(
         [str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
     )
-    command = [sys.executable, "-c", program, *map(str, given)]
+    command = [sys.executable, "-c", program, *map(str, inputs)]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
-    recording = Recording(folder, before, tuple(_calls(log.read_bytes())), ended.stdout)
+    recording = Recording(folder, initial, tuple(_calls(log.read_bytes())), ended.stdout)
     disk = _Disk(recording)
     for call in recording.calls:
         disk.do(call)
@@ -127,24 +126,24 @@ def record(folder: Path, program: str, scratch: Path, *given: object) -> Recordi
     return recording
 
 
-def tree_of(folder: Path) -> dict[str, bytes | None]:
+def tree_of(folder):
     """Return the files of a folder and of those in it, by path; None is a folder. Notes are left
     out.
     """
-    found = sorted(path for path in folder.rglob("*") if path.name != NOTES)
+    result = sorted(path for path in folder.rglob("*") if path.name != NOTES)
     return {
         str(path.relative_to(folder)): None if path.is_dir() else path.read_bytes()
-        for path in found
+        for path in result
     }
 
 
-def note(folder: Path, text: object) -> None:
+def note(folder, text):
     """Make a note in a recorded process, with the time."""
     with (folder / NOTES).open("ab", buffering=0) as file:
         file.write(f"{text}\n".encode())
 
 
-def power_cuts(recording: Recording, seeds: Iterable[int]) -> Iterator[PowerCut]:
+def power_cuts(recording, seeds):
     """Yield a power cut for each seed, in the order of their times."""
     calls = recording.calls
     drawn = [(random.Random(seed).randrange(len(calls) + 1), seed) for seed in seeds]
@@ -160,7 +159,7 @@ def power_cuts(recording: Recording, seeds: Iterable[int]) -> Iterator[PowerCut]
         )
 
 
-def kills(recording: Recording) -> Iterator[PowerCut]:
+def kills(recording):
     """Yield what SIGKILL leaves at each call, before it and in the middle of a write: all that was
     written till then.
 
@@ -177,13 +176,15 @@ def kills(recording: Recording) -> Iterator[PowerCut]:
         disk.do(call)
 
 
-def _calls(log: bytes) -> Iterator[Call]:
+def _calls(log):
     at = 0
     while at < len(log):
-        kind, first, second, _padding, time_ns, inode, offset, size = _HEADER.unpack_from(log, at)
+        kind, argument, second, _padding, time_ns, inode, offset, size = _HEADER.unpack_from(
+            log, at
+        )
         start = at + _HEADER.size
         size = size if kind == WRITE else 0
-        ends = start + first, start + first + second, start + first + second + size
+        ends = start + argument, start + argument + second, start + argument + second + size
         path = log[start : ends[0]].decode()
         target = log[ends[0] : ends[1]].decode()
         yield Call(kind, path, target, time_ns / 1e9, inode, offset, log[ends[1] : ends[2]])
@@ -200,20 +201,20 @@ class _Node:
     content: bytearray = Factory(bytearray)
     pending: list[tuple[int, bytes | None]] = Factory(list)
 
-    def after(self, keeps: "_Keeps") -> bytes:
+    def after(self, keeps):
         made = bytearray(self.content)
         for offset, content in self.pending:
-            for start, part in keeps.parts(offset, content):
-                _put(made, start, part)
+            for start, content_piece in keeps.parts(offset, content):
+                _put(made, start, content_piece)
         return bytes(made)
 
-    def sync(self) -> None:
-        for each in self.pending:
-            _put(self.content, *each)
+    def sync(self):
+        for file in self.pending:
+            _put(self.content, *file)
         self.pending.clear()
 
 
-def _put(made: bytearray, offset: int, content: bytes | None) -> None:
+def _put(made, offset, content):
     end = offset + len(content or b"")
     if len(made) < end:
         made.extend(bytes(end - len(made)))
@@ -230,10 +231,10 @@ class _Keeps:
     rng: random.Random | None
     share: float = 1.0
 
-    def __call__(self) -> bool:
+    def __call__(self):
         return self.rng is None or self.rng.random() < self.share
 
-    def parts(self, offset: int, content: bytes | None) -> Iterator[tuple[int, bytes | None]]:
+    def parts(self, offset, content):
         """Yield what is kept of a write, or of a truncation."""
         if content is None or self.rng is None or self.rng.random() < 0.5:
             if self():
@@ -256,33 +257,33 @@ class _Change:
     names: dict[tuple[_Node, str], _Node | None]
     waits: set[_Node] = field(init=False)
 
-    def __attrs_post_init__(self) -> None:
+    def __attrs_post_init__(self):
         self.waits = {folder for folder, _name in self.names}
 
 
 class _Disk:
     """A disk in a recording, after some of its calls."""
 
-    def __init__(self, recording: Recording) -> None:
-        self.notes: list[tuple[float, bytes]] = []
+    def __init__(self, recording):
+        self.notes = []
         self._root = _Node(is_folder=True)
         self._top = str(recording.folder)
-        self._names: dict[tuple[_Node, str], _Node | None] = {}
-        self._lasting: dict[tuple[_Node, str], _Node | None] = {}
-        self._changes: list[_Change] = []
-        self._by_inode: dict[int, _Node] = {}
+        self._names = {}
+        self._lasting = {}
+        self._changes = []
+        self._by_inode = {}
         self._notes = _Node(is_folder=False)
         for path, content in recording.before.items():
             node = _Node(content is None, bytearray(content or b""))
             self._names[self._place(f"{self._top}/{path}")] = node
         self._lasting = dict(self._names)
 
-    def do(self, call: Call) -> None:
+    def do(self, call):
         """Do a call."""
         if call.kind in (OPEN, MKDIR):
             self._open(call)
         elif call.kind in (RENAME, UNLINK, RMDIR):
-            changed: dict[tuple[_Node, str], _Node | None] = {self._place(call.path): None}
+            changed = {self._place(call.path): None}
             if call.kind == RENAME:
                 changed[self._place(call.target)] = self._names[self._place(call.path)]
             self._change(changed)
@@ -293,15 +294,15 @@ class _Disk:
         else:
             node.pending.append((call.offset, call.content if call.kind == WRITE else None))
 
-    def is_of_a_file(self, call: Call) -> bool:
+    def is_of_a_file(self, call):
         """Return whether a call is of a file of the disk, not of the notes."""
         return self._by_inode[call.inode] is not self._notes
 
-    def after_cut(self, rng: random.Random) -> dict[str, bytes | None]:
+    def after_cut(self, rng):
         """Return what a power cut now leaves."""
         return self.tree(_Keeps(rng, rng.choice((0.0, 0.5, 0.9, 1.0, rng.random()))))
 
-    def tree(self, keeps: "_Keeps | None" = None) -> dict[str, bytes | None]:
+    def tree(self, keeps=None):
         """Return files and folders by path, with what is kept of what was not synced; by default
         all of it.
         """
@@ -310,23 +311,23 @@ class _Disk:
         for change in self._changes:
             if not change.waits or keeps():
                 names.update(change.names)
-        children: dict[_Node, list[tuple[str, _Node]]] = {}
+        children = {}
         for (folder, name), node in names.items():
             if node is not None:
                 children.setdefault(folder, []).append((name, node))
         return dict(sorted(_walk(self._root, "", children, keeps)))
 
-    def _place(self, path: str) -> tuple[_Node, str]:
+    def _place(self, path):
         """Return the folder and the name of a path."""
         *folders, name = Path(path).relative_to(self._top).parts
         folder = self._root
         for each in folders:
-            found = self._names[folder, each]
-            assert found is not None
-            folder = found
+            result = self._names[folder, each]
+            assert result is not None
+            folder = result
         return folder, name
 
-    def _open(self, call: Call) -> None:
+    def _open(self, call):
         if call.path == self._top:
             self._by_inode[call.inode] = self._root
             return
@@ -342,11 +343,11 @@ class _Disk:
             node.pending.append((0, None))
         self._by_inode[call.inode] = node
 
-    def _change(self, names: dict[tuple[_Node, str], _Node | None]) -> None:
+    def _change(self, names):
         self._names.update(names)
         self._changes.append(_Change(names))
 
-    def _sync(self, node: _Node) -> None:
+    def _sync(self, node):
         if not node.is_folder:
             node.sync()
             return
@@ -356,9 +357,7 @@ class _Disk:
             self._lasting.update(self._changes.pop(0).names)
 
 
-def _walk(
-    folder: _Node, above: str, children: dict[_Node, list[tuple[str, _Node]]], keeps: _Keeps
-) -> Iterator[tuple[str, bytes | None]]:
+def _walk(folder, above, children, keeps):
     for name, node in children.get(folder, ()):
         yield above + name, None if node.is_folder else node.after(keeps)
         if node.is_folder:

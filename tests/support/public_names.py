@@ -12,7 +12,7 @@ finally:
     sys.path.pop()
 
 
-def is_public(module: str, name: str) -> bool:
+def is_public(module, name):
     """Return whether a name may be imported from a module: it is in its `__all__`, or a public
     module itself.
 

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 
 @st.composite
-def sensors(draw: st.DrawFn) -> list[dict[str, Any]]:
-    found = []
+def sensors(draw):
+    result = []
     for number in range(draw(st.integers(1, 3))):
         slot = draw(st.floats(-170.0, -60.0))
         low = {
@@ -17,10 +17,10 @@ def sensors(draw: st.DrawFn) -> list[dict[str, Any]]:
         }
         is_low = draw(st.booleans()) and draw(st.booleans())
         chance = draw(st.sampled_from([0.3, 0.7, 1.0]))
-        where: dict[str, Any] = {"orbital_slot_deg": slot}
+        where = {"orbital_slot_deg": slot}
         if is_low:
             where = {"orbit": {"circular": low | {"arg_latitude_deg": draw(st.floats(0.0, 60.0))}}}
-        found.append(
+        result.append(
             {
                 "model": "generic-scanner",
                 "id": f"S{number}",
@@ -33,21 +33,21 @@ def sensors(draw: st.DrawFn) -> list[dict[str, Any]]:
                 "follows_bodies": draw(st.booleans()),
             }
         )
-    return found
+    return result
 
 
 @st.composite
-def targets(draw: st.DrawFn) -> list[dict[str, Any]]:
+def targets(draw):
     aims = {"ICBM": (-30.0, 80.0), "IRBM": (-12.0, -25.0), "SRBM": (1.0, 4.0)}
-    found = []
+    result = []
     for number in range(draw(st.integers(1, 3))):
         kind = draw(st.sampled_from(sorted(aims)))
         lat = draw(st.floats(20.0, 40.0))
         lon = draw(st.floats(-140.0, -100.0))
         aim = {"lat_deg": lat + aims[kind][0], "lon_deg": lon + aims[kind][1]}
         launch = {"lat_deg": lat, "lon_deg": lon, "time_s": draw(st.floats(0.0, 20.0))}
-        found.append({"id": f"T{number}", "type": kind, "launch": launch, "aim": aim})
-    return found
+        result.append({"id": f"T{number}", "type": kind, "launch": launch, "aim": aim})
+    return result
 
 
 TRACKERS: list[Any] = [
@@ -58,7 +58,7 @@ TRACKERS: list[Any] = [
 ]
 
 
-def tracked_scene(sensors: Any, targets: Any, tracker: Any, seed: int) -> dict[str, Any]:
+def tracked_scene(sensors, targets, tracker, seed):
     """Return a scene of 70 s."""
     scene = {"scene": "any", "epoch": "2026-04-01T12:00:00Z", "duration_s": 70, "seed": seed}
     return {**scene, "sensors": sensors, "targets": targets, "tracker": tracker}

@@ -3,7 +3,7 @@ return nonsense.
 """
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from attrs import evolve
@@ -22,63 +22,63 @@ class Rogue:
     misbehaves.
     """
 
-    def __init__(self, hook: str, sound: str, method: str, deed: Deed) -> None:
+    def __init__(self, hook, sound, method, deed):
         component = Host.discover().component(hook, sound)
 
-        def build(config: Any, context: Any) -> Any:
+        def build(config, context):
             return (
                 deed(component.build(config, context))
                 if method == "build"
                 else spoilt(build_sound(config, context))
             )
 
-        def build_sound(config: Any, context: Any) -> Any:
+        def build_sound(config, context):
             return component.build(config, context)
 
-        def spoilt(part: Any) -> Any:
-            return with_deed(part, method, deed)
+        def spoilt(component):
+            return with_deed(component, method, deed)
 
-        made = evolve(component, name="rogue", build=build)
-        setattr(self, hook, hookimpl(self._yielding(made), specname=hook))
+        rogue = evolve(component, name="rogue", build=build)
+        setattr(self, hook, hookimpl(self._yielding(rogue), specname=hook))
         assert hook in CATALOGUE
 
     @staticmethod
-    def _yielding(component: Any) -> Callable[[], Iterator[Any]]:
-        def yielding() -> Iterator[Any]:
+    def _yielding(component):
+        def yielding():
             yield component
 
         return yielding
 
 
-def with_deed(part: Any, method: str, deed: Deed) -> Any:
+def with_deed(component, method, deed):
     """Return a part like another, except for one method or attribute; defaults of its contract call
     the new one.
     """
-    contracts = (each for each in type(part).__mro__[1:] if issubclass(each, PluginPart))
+    contracts = (each for each in type(component).__mro__[1:] if issubclass(each, PluginPart))
     contract = next(
         (each for each in contracts if each.__module__.startswith("opir_core.interfaces.")), object
     )
 
-    def delegate(name: str) -> Any:
-        if callable(getattr(part, name)):
-            return lambda _self, *given, **named: getattr(part, name)(*given, **named)
-        return property(lambda _self: getattr(part, name))
+    def delegate(name):
+        if callable(getattr(component, name)):
+            return lambda _self, *inputs, **named: getattr(component, name)(*inputs, **named)
+        return property(lambda _self: getattr(component, name))
 
     members = {
         name: delegate(name)
-        for name in dir(part)
-        if not name.startswith("_") and has_own(contract, part, name)
+        for name in dir(component)
+        if not name.startswith("_") and has_own(contract, component, name)
     }
-    if callable(getattr(part, method)):
-        members[method] = lambda _self, *given, **named: deed(
-            getattr(part, method)(*given, **named)
+    if callable(getattr(component, method)):
+        members[method] = lambda _self, *inputs, **named: deed(
+            getattr(component, method)(*inputs, **named)
         )
     else:
-        members[method] = property(lambda _self: deed(getattr(part, method)))
+        members[method] = property(lambda _self: deed(getattr(component, method)))
     return type("RoguePart", (), members)()
 
 
-def rogue_host(hook: str, sound: str, method: str, deed: Deed) -> Host:
+def rogue_host(hook, sound, method, deed):
     """Return a host of the installed plugins and the component `rogue` of a hook, with a method
     that misbehaves.
     """
@@ -90,23 +90,23 @@ def rogue_host(hook: str, sound: str, method: str, deed: Deed) -> Host:
 class Hang:
     """A deed that does not return until `end` is called."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self._over = threading.Event()
         self.begun = threading.Event()
 
-    def __call__(self, answer: Any) -> Any:
+    def __call__(self, answer):
         self.begun.set()
         self._over.wait(200.0)
         return answer
 
-    def end(self) -> None:
+    def end(self):
         self._over.set()
 
 
-def raising(error: BaseException) -> Deed:
+def raising(error):
     """Return a deed that raises."""
 
-    def deed(_answer: Any) -> Any:
+    def deed(_answer):
         raise error
 
     return deed

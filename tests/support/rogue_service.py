@@ -17,5 +17,5 @@ if __name__ == "__main__":
     host = rogue_host(
         hook, sound, method, Hang() if name == "hang" else raising(getattr(builtins, name)())
     )
-    Host.discover = classmethod(lambda _cls, *_given: host)  # type: ignore[method-assign,assignment]
+    Host.discover = classmethod(lambda _cls, *_given: host)
     sys.exit(main(words))

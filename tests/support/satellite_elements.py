@@ -1,8 +1,6 @@
 """Elements of two satellites as a catalogue gives them: two-line elements, and OMM in each form."""
 
 import json
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 LINES = (
     "1 25544U 98067A   26091.50000000  .00000000  00000-0  11606-4 0  9991",
@@ -35,7 +33,7 @@ OTHER = {
 }
 
 
-def omm_texts(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+def omm_texts(rows):
     """Return the same messages in each form."""
     csv = "\n".join([",".join(rows[0]), *(",".join(map(str, row.values())) for row in rows)])
     kvn = "\n".join(

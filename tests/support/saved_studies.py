@@ -1,7 +1,6 @@
 """A study folder as `opir sweep` writes it, with figures that follow a formula."""
 
 import json
-from pathlib import Path
 
 import pyarrow as pa
 from pyarrow import parquet
@@ -12,18 +11,18 @@ PERIOD = "sensors[*].scan_period_ms"
 TRACKER = "tracker"
 
 
-def written_study(folder: Path) -> Path:
+def written_study(folder):
     """Write a study of two settings: the latency is twice the scan period, the area has no value
     without a tracker.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rows = []
     for number, (period_ms, tracker) in enumerate(
-        (each, name) for each in PERIODS_MS for name in TRACKERS
+        (periods_m, name) for periods_m in PERIODS_MS for name in TRACKERS
     ):
         for figure, unit in (("latency_s", "s"), ("area_km2", "km2")):
             mean = 2e-3 * period_ms if unit == "s" else (1e4 if tracker == "imm" else float("nan"))
-            first = 2e-3 * PERIODS_MS[0] if unit == "s" else mean
+            mean_value = 2e-3 * PERIODS_MS[0] if unit == "s" else mean
             rows.append(
                 {
                     "design": number,
@@ -43,9 +42,9 @@ def written_study(folder: Path) -> Path:
                     "q10": mean,
                     "median": mean,
                     "q90": mean,
-                    "difference": mean - first,
-                    "difference_low_95": mean - first - 0.01,
-                    "difference_high_95": mean - first + 0.01,
+                    "difference": mean - mean_value,
+                    "difference_low_95": mean - mean_value - 0.01,
+                    "difference_high_95": mean - mean_value + 0.01,
                 }
             )
     parquet.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")

@@ -1,16 +1,13 @@
 """Scenes of fake components, read with changes, and the problems that reading them tells."""
 
 from types import ModuleType
-from typing import Any
 
 import pytest
 from fake_components import fake_host, good_mapping
 
 from opir_core.errors import SceneError
-from opir_core.host.host import Host
 from opir_core.plugin import TrackerModel, hookimpl
 from opir_core.reading import scene_from_mapping
-from opir_core.scene.scene import Scene
 
 HOST = fake_host()
 PAGE = """
@@ -33,23 +30,23 @@ outputs:
 """
 
 
-def read(*overrides: str, host: Host = HOST, **changes: Any) -> Scene:
+def read(*overrides, host=HOST, **changes):
     return scene_from_mapping({**good_mapping(), **changes}, overrides=overrides, host=host)
 
 
-def problems(*overrides: str, **changes: Any) -> list[str]:
+def problems(*overrides, **changes):
     with pytest.raises(SceneError) as caught:
         read(*overrides, **changes)
     return [str(problem) for problem in caught.value.problems]
 
 
-def plugin_of(**hooks: Any) -> ModuleType:
+def plugin_of(**hooks):
     module = ModuleType("other")
     for name, function in hooks.items():
         setattr(module, name, hookimpl(function))
     return module
 
 
-def host_with_tracker(config: type) -> Host:
+def host_with_tracker(config):
     tracker = TrackerModel(name="other", summary="another", config=config, build=print)
     return fake_host(plugin_of(opir_trackers=lambda: [tracker]))

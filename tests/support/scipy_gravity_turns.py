@@ -99,8 +99,8 @@ class Flight:
         ignition = 0.0
         for number, stage in enumerate(self.stages):
             if t < ignition + stage.burn_time_s + stage.gap_s or number == len(self.stages) - 1:
-                last = number == len(self.stages) - 1
-                return stage, ignition, self.burnout if last else ignition + stage.burn_time_s
+                is_final = number == len(self.stages) - 1
+                return stage, ignition, self.burnout if is_final else ignition + stage.burn_time_s
             ignition += stage.burn_time_s + stage.gap_s
         raise AssertionError
 
@@ -109,8 +109,8 @@ class Flight:
         q = 1 - 1 / stage.growth
         burn = stage.burn_time_s
         grid, weight = np.polynomial.legendre.leggauss(60)
-        whole = 0.5 * (burn - self.tail)
-        middle = np.sum(weight / (1 - q * (grid + 1) * whole / burn)) * whole
+        total = 0.5 * (burn - self.tail)
+        middle = np.sum(weight / (1 - q * (grid + 1) * total / burn)) * total
         amplitude = stage.ideal_speed_m_s / (
             middle + 0.5 * self.tail / (1 - q * (burn - self.tail) / burn)
         )
@@ -133,8 +133,8 @@ class Flight:
             return along
         lead = self.kick * math.sin(math.pi * (t - self.rise) / (self.turned - self.rise)) ** 2
         heading = to_inertial(self.heading, t)
-        ahead = heading - heading @ along * along
-        return math.cos(lead) * along + math.sin(lead) * ahead / np.linalg.norm(ahead)
+        forward = heading - heading @ along * along
+        return math.cos(lead) * along + math.sin(lead) * forward / np.linalg.norm(forward)
 
     def rates(self, middle):
         """Return the right side within a piece, which is that of its middle where pieces meet."""
@@ -168,7 +168,7 @@ class Flight:
     def integrated(self):
         """Return the pieces of the boost and of the free flight to impact."""
         state = np.concatenate([self.start, WHIRL * np.array([-self.start[1], self.start[0], 0.0])])
-        parts = []
+        legs = []
         edges = self.pieces()
         for begin, end in pairwise(edges):
             # Just inside the piece at its ends, where the thrust of the next one would begin.
@@ -178,8 +178,8 @@ class Flight:
             def within(t, y, right_side=right_side, low=begin + inside, high=end - inside):
                 return right_side(min(max(t, low), high), y)
 
-            parts.append(solve_ivp(within, (begin, end), state, **self.options))
-            state = parts[-1].y[:, -1]
+            legs.append(solve_ivp(within, (begin, end), state, **self.options))
+            state = legs[-1].y[:, -1]
 
         def down(t, y):
             return height_m(y[:3]) - self.target_height
@@ -194,4 +194,4 @@ class Flight:
             max_step=50.0,
             **self.options,
         )
-        return [*parts, coast]
+        return [*legs, coast]

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,7 +20,7 @@ from opir_core.cli.main import main
 IMPORTED = (opir_http.serving, opir_kafka.transport)
 
 
-def opir(log: str, *words: str) -> None:
+def opir(log, *words):
     """Be `opir` with these words; what it prints goes into the file `log`."""
     descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     for stream in (1, 2):
@@ -32,7 +31,7 @@ def opir(log: str, *words: str) -> None:
 class Nursery:
     """Where such processes come from."""
 
-    def __init__(self, module: str = "serve_process") -> None:
+    def __init__(self, module="serve_process"):
         doomed = str(Path(__file__).with_name("forked_processes.py"))
         command = [sys.executable, doomed, module]
         self._process = subprocess.Popen(
@@ -40,7 +39,7 @@ class Nursery:
         )
         self._last = 0
 
-    def born(self, log: Path, *words: str) -> int:
+    def born(self, log, *words):
         """Start the module's `opir` with these words; return the process's number."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -48,7 +47,7 @@ class Nursery:
         self._last = int(within(120.0, self._process.stdout.readline))
         return self._last
 
-    def close(self) -> None:
+    def close(self):
         """End the nursery, and its last process if a test that failed has left it."""
         if self._last and is_alive(self._last):
             os.kill(self._last, signal.SIGKILL)
@@ -56,9 +55,9 @@ class Nursery:
 
 
 @contextmanager
-def nursery(module: str = "serve_process") -> Iterator[Nursery]:
-    made = Nursery(module)
+def nursery(module="serve_process"):
+    process = Nursery(module)
     try:
-        yield made
+        yield process
     finally:
-        made.close()
+        process.close()

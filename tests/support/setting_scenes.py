@@ -1,7 +1,7 @@
 """Small scenes in which settings are or are not read, and what a run of one writes."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -81,7 +81,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = {
 HOST = Host.discover()
 
 
-def scene_of(name: str) -> dict[str, Any]:
+def scene_of(name):
     """Return a scene by name, as plain values."""
     plain = {
         "scene": "settings",
@@ -96,13 +96,13 @@ def scene_of(name: str) -> dict[str, Any]:
     return {**plain, **SCENES[name]}
 
 
-def changed_scenes(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def changed_scenes(name):
     """Yield the path of each setting of the components of a scene that is read under a condition,
     and the scene with another value there. Settings of blocks that the scene does not have are left
     out: they bring the block."""
     scene = scene_of(name)
-    made = opir.scene_from_mapping(scene, host=HOST)
-    for choice in made.choices:
+    changed_scene = opir.scene_from_mapping(scene, host=HOST)
+    for choice in changed_scene.choices:
         config_class = HOST.component(choice.hook, choice.name).config
         for key, value in other_values(config_class):
             if key.partition(".")[0] not in conditional_fields(config_class) or _value(
@@ -118,29 +118,27 @@ def changed_scenes(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
 _ABSENT = "no such block"
 
 
-def _value(config: Any, key: str) -> Any:
+def _value(config, key):
     """Return the value of a dotted setting, `_ABSENT` if it stands in a block that is not there."""
-    for part in key.split("."):
+    for name in key.split("."):
         if config is None:
             return _ABSENT
-        config = getattr(config, part)
+        config = getattr(config, name)
     return config
 
 
-def _with(
-    scene: Mapping[str, Any], path: str, model: str, block: Mapping[str, Any]
-) -> dict[str, Any]:
+def _with(scene, path, model, block):
     """Return a scene with a block merged into the one at a path."""
-    head, _, rest = path.partition("[0]")
+    head, _, remainder = path.partition("[0]")
     if head in ("sensors", "targets", "sources"):
         (item,) = scene[head]
-        inner = rest.removeprefix(".")
+        inner = remainder.removeprefix(".")
         changed = _merged(item, {inner: {"model": model, **block}} if inner else block)
         return {**scene, head: [changed]}
     return {**scene, head: _merged({"model": model, **scene.get(head, {})}, block)}
 
 
-def _merged(block: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+def _merged(block, over):
     merged = dict(block)
     for key, value in over.items():
         old = merged.get(key)
@@ -152,22 +150,23 @@ def _merged(block: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
-def unread_paths(scene: Mapping[str, Any]) -> set[str] | None:
+def unread_paths(scene):
     """Return the paths of what nothing reads; None if the scene is refused."""
     try:
         return {
-            one.path for one in unread_settings(opir.scene_from_mapping(scene, host=HOST), HOST)
+            unread_setting.path
+            for unread_setting in unread_settings(opir.scene_from_mapping(scene, host=HOST), HOST)
         }
     except OpirError:
         return None
 
 
-def is_named(path: str, unread: set[str]) -> bool:
+def is_named(path, unread):
     """Return whether a setting, or a block that it stands in, is among unread ones."""
-    return any(path == one or path.startswith(f"{one}.") for one in unread)
+    return any(path == name or path.startswith(f"{name}.") for name in unread)
 
 
-def digest(scene: Mapping[str, Any]) -> str:
+def digest(scene):
     """Return the hash of all that a run of a scene writes; the text of the error if it cannot
     run.
     """
@@ -177,12 +176,12 @@ def digest(scene: Mapping[str, Any]) -> str:
         return str(error)
     total = hashlib.sha256()
     for record in (run.detections, run.truth, run.tracks, run.estimates):
-        for part in _parts(record):
-            total.update(part)
+        for value in _parts(record):
+            total.update(value)
     return total.hexdigest()
 
 
-def _parts(value: Any) -> Iterator[bytes]:
+def _parts(value):
     """Yield the bytes of the arrays, numbers and texts in a record."""
     if isinstance(value, np.ndarray) and value.dtype.hasobject:
         yield from _parts(value.ravel().tolist())

@@ -6,7 +6,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import sgp4
-from sgp4.api import Satrec
 
 US_PER_DAY = 86_400_000_000
 
@@ -30,9 +29,9 @@ KINDS = {
 }
 
 
-def published_km() -> dict[str, list[list[float]]]:
+def published_km():
     """Return minutes since epoch and position in km, by catalogue number, as published."""
-    tables: dict[str, list[list[float]]] = {}
+    tables = {}
     for line in (_FOLDER / "tcppver.out").read_text().splitlines():
         if "xx" in line:
             number = line.split()[0].zfill(5)
@@ -42,7 +41,7 @@ def published_km() -> dict[str, list[list[float]]]:
     return tables
 
 
-def epoch_of(satellite: Satrec) -> tuple[int, float]:
+def epoch_of(satellite):
     """Return the midnight before the epoch of the elements, in microseconds since 1970, and seconds
     from there.
     """

@@ -1,10 +1,7 @@
 """Three launches before three geostationary sensors that reckon with light, and their windows."""
 
-from collections.abc import Sequence
-from typing import Any
-
 import opir_core as opir
-from opir_core.interfaces.records import Detections, DetectionTruth, Window
+from opir_core.interfaces.records import Detections, DetectionTruth
 from opir_core.simulation.engine import Engine
 
 LAUNCHES = (
@@ -44,11 +41,11 @@ NEAR_THRESHOLD = (
 
 
 def scene(
-    sensors: Sequence[Any] = (DSP, SBIRS, NEXTGEN),
-    names: str = "IRS",
-    signature: Any = "plume",
-    **changes: Any,
-) -> opir.Scene:
+    sensors=(DSP, SBIRS, NEXTGEN),
+    names="IRS",
+    signature="plume",
+    **changes,
+):
     targets = [
         {
             "id": row["id"],
@@ -73,12 +70,12 @@ def scene(
     return opir.scene_from_mapping({**mapping, **changes})
 
 
-def windows_of(plan: Any, edges_s: Sequence[float]) -> list[Window]:
+def windows_of(plan, edges_s):
     engine = Engine(plan)
     return [engine.advance(round(edge * 1e9)) for edge in edges_s]
 
 
-def joined(windows: Sequence[Window]) -> tuple[Detections, DetectionTruth]:
+def joined(windows):
     return (
         Detections.concatenate(window.detections for window in windows),
         DetectionTruth.concatenate(window.truth for window in windows),

@@ -6,7 +6,6 @@ from typing import ClassVar
 import numpy as np
 from attrs import frozen
 
-from opir_core import Run
 from opir_core.plugin import MetricModel, hookimpl, number
 
 #: Launches that are drawn in each run.
@@ -34,7 +33,7 @@ class ChanceMetric:
     shares: ClassVar[Mapping[str, str]] = {"time_s": "having"}
     units: ClassVar[Mapping[str, str]] = {"time_s": "s", "having": "", "time_of_all_s": "s"}
 
-    def values(self, run: Run) -> Mapping[str, float]:
+    def values(self, run):
         """Return the mean time of those that have one, their share, and the time where all have
         one.
         """
@@ -60,7 +59,7 @@ def opir_metrics():
     )
 
 
-def values_of(seed: int, runs: int, chance: float, spread_s: float = 10.0) -> np.ndarray:
+def values_of(seed, runs, chance, spread_s=10.0):
     """Return the times (runs, launches), nan where a launch has none, of runs with seeds from one
     on.
     """

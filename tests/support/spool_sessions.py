@@ -11,16 +11,14 @@ import json
 import random
 import sys
 import time
-from concurrent.futures import Future
 from pathlib import Path
 
 from attrs import frozen
-from power_cuts import PowerCut, note
+from power_cuts import note
 from spool_transports import ENCODER, ORIGIN, QUICK, SENSORS, Holding, ids_of, window
 
 from opir_core.builtin.sinks import LineFile
 from opir_core.interfaces.outputs import Transport
-from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import Batcher, EncodedBatcher, WindowBatcher, WindowTransport
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.salvage import salvaged_at_start
@@ -39,11 +37,11 @@ _ACKNOWLEDGED = 4
 class Late(Holding):
     """A destination that acknowledges the oldest batches once many are under way, and notes it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         super().__init__("hold")
         self._folder = folder
 
-    def send(self, batch: Batch) -> "Future[None]":
+    def send(self, batch):
         future = super().send(batch)
         if len(self.held) > _UNDER_WAY:
             oldest = self.parcels[-len(self.held) :][:_ACKNOWLEDGED]
@@ -56,12 +54,12 @@ class Late(Holding):
         return future
 
 
-def ids_in(batch: Batch) -> list[str]:
+def ids_in(batch):
     """Return the ids of a batch of messages."""
     return [json.loads(message)["detection_id"] for message in batch.messages()]
 
 
-def output(folder: Path, kind: str, *, survives: bool, policy: Policy = QUICK) -> TransportSink:
+def output(folder, kind, *, survives, policy=QUICK):
     """Return an output with a spool, open."""
     journal = Journal(str(folder / SPOOL), 1 << 20, survives_power_cut=survives)
     transport: Transport
@@ -75,18 +73,18 @@ def output(folder: Path, kind: str, *, survives: bool, policy: Policy = QUICK) -
     return TransportSink("stub", transport, journal, batcher, policy)
 
 
-def fill(folder: Path, kind: str, seconds: float, *, survives: bool) -> None:
+def fill(folder, kind, seconds, *, survives):
     """Fill the spool of an output, in sessions; note each window once it is taken."""
     rng = random.Random(1)
-    first = 0
+    start = 0
     for _ in range(SESSIONS):
         sink = output(folder, kind, survives=survives)
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
-            taken = window(EVENTS, first)
+            taken = window(EVENTS, start)
             sink.write(taken)
             note(folder, "taken " + " ".join(ids_of(taken)))
-            first += EVENTS
+            start += EVENTS
             time.sleep(rng.choice((0.0, 0.01, 0.05, 0.3)))
         sink.close()
 
@@ -99,49 +97,49 @@ class Left:
 
     taken: dict[str, float]
     delivered: set[str]
-    kept: set[str]
+    stored: set[str]
     cut_s: float
 
     @property
-    def lost(self) -> set[str]:
+    def lost(self):
         """The events that nobody has any more."""
         return set(self.taken) - self.delivered - self.kept
 
     @property
-    def lost_s(self) -> float:
+    def lost_s(self):
         """How long before the cut the oldest of them was taken, s; 0 if there is none."""
-        return max((self.cut_s - self.taken[each] for each in self.lost), default=0.0)
+        return max((self.cut_s - self.taken[name] for name in self.lost), default=0.0)
 
 
-def left(cut: PowerCut, place: Path, kind: str) -> Left:
+def left(cut, place, kind):
     """Return what is left in a folder after a cut; raises what makes a file unusable."""
     taken = dict[str, float]()
     delivered = set[str]()
     for at_s, text in cut.notes:
-        what, *ids = text.decode().split()
-        if what == "taken":
+        word, *ids = text.decode().split()
+        if word == "taken":
             taken.update(dict.fromkeys(ids, at_s))
         else:
             delivered.update(ids)
     assert salvaged_at_start(place / SPOOL) is None, "the spool is damaged"
-    kept = lines_after(place) if kind == "jsonl" else spooled_after(place)
-    return Left(taken, delivered, kept, cut.time_s)
+    stored = lines_after(place) if kind == "jsonl" else spooled_after(place)
+    return Left(taken, delivered, stored, cut.time_s)
 
 
-def spooled_after(place: Path) -> set[str]:
+def spooled_after(place):
     """Return the ids in a spool, which takes another batch too."""
     journal = Journal(str(place / SPOOL), 1 << 20)
     number = 0
-    found = set[str]()
+    result = set[str]()
     while (numbered := journal.after(number)) is not None:
         number, batch = numbered
-        found.update(ids_in(batch))
+        result.update(ids_in(batch))
     journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(1))))
     journal.close()
-    return found
+    return result
 
 
-def lines_after(place: Path) -> set[str]:
+def lines_after(place):
     """Return the ids in a file after its output is opened again and has emptied its spool; every
     line is whole.
     """

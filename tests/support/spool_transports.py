@@ -8,7 +8,6 @@ import time
 from concurrent.futures import Future
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from opir_testing import stub_sensor
@@ -16,8 +15,7 @@ from opir_testing.doubles import stub_window
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.outputs import Sink, Transport
-from opir_core.interfaces.records import Batch, Window
+from opir_core.interfaces.outputs import Transport
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.columns import Origin
@@ -31,7 +29,7 @@ MIB = 1 << 20
 QUICK = Policy(when_full="refuse", wait_s=0.3, stall_s=0.2)
 
 
-def filled_spool(path: Path, batches: int, rows: int) -> Path:
+def filled_spool(path, batches, rows):
     """Write a spool of batches of a number of events each, and return its path."""
     journal = Journal(str(path), 64 * MIB)
     for number in range(batches):
@@ -45,15 +43,15 @@ class Holding(Transport):
     "fail".
     """
 
-    def __init__(self, mood: str = "take") -> None:
+    def __init__(self, mood="take"):
         self.mood = mood
-        self.trouble: str | None = None
-        self.parcels: list[Batch] = []
-        self.held: list[Future[None]] = []
+        self.trouble = None
+        self.parcels = []
+        self.held = []
         self.closed = 0
 
-    def send(self, batch: Batch) -> "Future[None]":
-        future: Future[None] = Future()
+    def send(self, batch):
+        future = Future()
         self.parcels.append(batch)
         if self.mood == "take":
             future.set_result(None)
@@ -63,23 +61,23 @@ class Holding(Transport):
             self.held.append(future)
         return future
 
-    def release(self) -> None:
+    def release(self):
         self.mood = "take"
         for future in self.held:
             future.set_result(None)
         self.held.clear()
 
-    def close(self, wait_s: float) -> None:
+    def close(self, wait_s):
         self.closed += 1
         for future in self.held:
             future.cancel()
 
     @property
-    def ids(self) -> list[str]:
+    def ids(self):
         return [event["detection_id"] for event in self.events]
 
     @property
-    def events(self) -> list[dict[str, Any]]:
+    def events(self):
         return [json.loads(line) for parcel in self.parcels for line in parcel.messages()]
 
 
@@ -90,7 +88,7 @@ class Appending(Holding):
     whole.
     """
 
-    def __init__(self, path: Path, nap_s: float) -> None:
+    def __init__(self, path, nap_s):
         super().__init__()
         is_torn = path.exists() and path.read_bytes()[-1:] not in (b"", b"\n")
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
@@ -98,59 +96,57 @@ class Appending(Holding):
             os.write(self._file, b"\n")
         self._nap_s = nap_s
 
-    def send(self, batch: Batch) -> "Future[None]":
+    def send(self, batch):
         time.sleep(self._nap_s)
         os.write(self._file, batch.body)
         return super().send(batch)
 
-    def close(self, wait_s: float) -> None:
+    def close(self, wait_s):
         os.close(self._file)
 
 
-def window(count: int, first: int = 0) -> Window:
+def window(count, first=0):
     """Return a window whose detections take turns between the sensors."""
     return stub_window(
         count, first_scan=first, sensor=np.arange(first, first + count) % len(SENSORS)
     )
 
 
-def ids_of(*windows: Window) -> list[str]:
+def ids_of(*windows):
     return [
         json.loads(line)["detection_id"]
-        for each in windows
-        for line in ENCODER.encode(each).splitlines()
+        for window in windows
+        for line in ENCODER.encode(window).splitlines()
     ]
 
 
-def spooled(
-    path: Path, carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB
-) -> TransportSink:
+def spooled(path, carrier, policy=QUICK, max_bytes=64 * MIB):
     return TransportSink(
         "stub", carrier, Journal(str(path), max_bytes), EncodedBatcher(ENCODER, SENSORS), policy
     )
 
 
-def unspooled(carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> TransportSink:
+def unspooled(carrier, policy=QUICK, max_bytes=64 * MIB):
     return TransportSink(
         "stub", carrier, MemoryBacklog(max_bytes), EncodedBatcher(ENCODER, SENSORS), policy
     )
 
 
-def fill(sink: Sink, windows: int, rows: int, first: int, nap_s: float) -> None:
+def fill(sink, windows, rows, first, nap_s):
     """Write windows one after the other."""
     for number in range(windows):
         sink.write(window(rows, first + number * rows))
         time.sleep(nap_s)
 
 
-def spool_for_ever(folder: str, first: int) -> None:
+def spool_for_ever(folder, first):
     """Be a process that fills a spool for ever, to be killed."""
     take_for_ever(
         spooled(Path(folder) / "spool", Appending(Path(folder) / "arrived", 0.001)), folder, first
     )
 
 
-def take_for_ever(sink: Sink, folder: str, first: int) -> None:
+def take_for_ever(sink, folder, first):
     """Write windows of 7 events from number `first` on, and note the first of each that is
     written.
     """
@@ -161,22 +157,20 @@ def take_for_ever(sink: Sink, folder: str, first: int) -> None:
         time.sleep(0.001)
 
 
-def small(
-    tmp_path: Path, carrier: Any, when_full: str, *, is_spooled: bool, wait_s: float = 0.2
-) -> TransportSink:
+def small(tmp_path, carrier, when_full, *, is_spooled, wait_s=0.2):
     policy = Policy(when_full=when_full, wait_s=wait_s, stall_s=0.3)
     if is_spooled:
         return spooled(tmp_path / "spool", carrier, policy, 10 * MIB)
     return unspooled(carrier, policy, 10 * MIB)
 
 
-def overfill(sink: TransportSink) -> int:
+def overfill(sink):
     """Write twice what the small backlogs hold, and return how many events that is."""
-    for each in many_windows():
-        sink.write(each)
+    for many_window in many_windows():
+        sink.write(many_window)
     return 40_000
 
 
 @cache
-def many_windows() -> list[Window]:
+def many_windows():
     return [window(1000, 1000 * number) for number in range(40)]

@@ -1,33 +1,34 @@
 """Trackers stepped by hand: detections in portions, and what trackers of a plan are built from."""
 
-from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from opir_core.planning.plan import Plan
-from opir_core.plugin import Detections, Sensor, Tracker, TrackerContext, Tracks
+from opir_core.plugin import TrackerContext, Tracks
 
 
-def portions(detections: Detections, ticks_s: Sequence[float]) -> list[Detections]:
+def portions(detections, ticks_s):
     """Return detections (ordered) before each tick, since the last one."""
     cuts = [0, *np.searchsorted(detections.time_s, ticks_s).tolist()]
-    return [detections.take(slice(*each)) for each in pairwise(cuts)]
+    return [detections.take(slice(*edges)) for edges in pairwise(cuts)]
 
 
-def stepped(one: Tracker, ticks_s: Sequence[float], parts: Sequence[Detections]) -> Tracks:
+def stepped(tracker, ticks_s, slices):
     """Return the tracks of all ticks."""
     return Tracks.concatenate(
-        [one.step(tick_s, part) for tick_s, part in zip(ticks_s, parts, strict=True)]
+        [
+            tracker.step(tick_s, detections)
+            for tick_s, detections in zip(ticks_s, slices, strict=True)
+        ]
     )
 
 
-def last(tracks: Tracks, count: int = 1) -> Tracks:
+def last(tracks, count=1):
     """Return the tracks of the last ticks."""
     return tracks.take(np.flatnonzero(tracks.tick_s >= np.unique(tracks.tick_s)[-count]))
 
 
-def context_of(plan: Plan, sensors: tuple[Sensor, ...]) -> TrackerContext:
+def context_of(plan, sensors):
     """Return what a tracker of a plan without false alarms is built from, with other sensors."""
     return TrackerContext(
         sensors=sensors,

@@ -17,9 +17,7 @@ SENSORS: Mapping[str, Mapping[str, Any]] = {
 BLIND = {"model": "generic-scanner", "id": "BLIND", "orbital_slot_deg": 130.0}
 
 
-def launch(
-    name: str, kind: str, start: tuple[float, float, float], aim: tuple[float, float]
-) -> dict[str, Any]:
+def launch(name, kind, start, aim):
     """Return a target that starts at latitude, longitude and time."""
     lat_deg, lon_deg, time_s = start
     return {
@@ -35,7 +33,7 @@ ALONE_DEG = 39.0
 CROWDED_DEG = 34.78
 
 
-def scene(tracker: Any, second_deg: float = ALONE_DEG, **changes: Any) -> dict[str, Any]:
+def scene(tracker, second_deg=ALONE_DEG, **changes):
     """Return a scene of four launches: two in the northwest, one whose burn soon ends, one before a
     single sensor.
     """
@@ -60,16 +58,16 @@ def scene(tracker: Any, second_deg: float = ALONE_DEG, **changes: Any) -> dict[s
     }
 
 
-def simulated(mapping: Mapping[str, Any], **settings: Any) -> opir.Run:
+def simulated(mapping, **settings):
     """Return the run of a scene."""
     return opir.simulate(opir.scene_from_mapping(dict(mapping)), **settings)
 
 
-def turned(mapping: Mapping[str, Any], turn_deg: float) -> dict[str, Any]:
+def turned(mapping, turn_deg):
     """Return a scene whose sensors and targets are moved east alike."""
     sensors = [
-        {**one, "orbital_slot_deg": in_circle(one["orbital_slot_deg"] + turn_deg)}
-        for one in mapping["sensors"]
+        {**sensor, "orbital_slot_deg": in_circle(sensor["orbital_slot_deg"] + turn_deg)}
+        for sensor in mapping["sensors"]
     ]
     targets = []
     for target in mapping["targets"]:
@@ -84,6 +82,6 @@ def turned(mapping: Mapping[str, Any], turn_deg: float) -> dict[str, Any]:
 ENDS = ("launch", "aim")
 
 
-def in_circle(degrees: float) -> float:
+def in_circle(degrees):
     """Return a longitude between -180 and 180 degrees."""
     return (degrees + 180.0) % 360.0 - 180.0

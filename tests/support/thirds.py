@@ -5,7 +5,6 @@ So three runs of CI run each of them.
 """
 
 import zlib
-from collections.abc import Callable
 
 import pytest
 
@@ -14,15 +13,15 @@ SLOW = "OPIR_THIRD"
 QUICK = "OPIR_QUICK_THIRD"
 
 
-def chooser(third: str, name: str = SLOW) -> Callable[[str], bool]:
+def chooser(third, name=SLOW):
     """Return whether a test, by its id, is in a part as "1/3"; all are in the part "" or "all".
 
     `name` is the variable that the part comes from.
     """
     if third in {"", "all"}:
         return lambda _node_id: True
-    part, _, parts = third.partition("/")
-    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+    number, _, count = third.partition("/")
+    if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
         raise pytest.UsageError(f"{name} must be all, 1/3, 2/3 or 3/3, got {third!r}")
     # Not `hash`: it differs from process to process.
-    return lambda node_id: zlib.crc32(node_id.encode()) % int(parts) == int(part) - 1
+    return lambda node_id: zlib.crc32(node_id.encode()) % int(count) == int(number) - 1

@@ -46,14 +46,14 @@ def sensors_of(chances=CHANCES, bias_rad=0.0):
     launch = {"lat_deg": 0.0, "lon_deg": 0.0, "time_s": 0.0}
     target = {"id": "T", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 2.0, "lon_deg": 2.0}}
     plan = compile_plan(scene_from_mapping({**scene, "targets": [target]}))
-    said = {"detection_probability": chances, "line_of_sight_bias_sigma_rad": bias_rad}
-    return tuple(evolve(sensor, **said) for sensor in plan.sensors)
+    settings = {"detection_probability": chances, "line_of_sight_bias_sigma_rad": bias_rad}
+    return tuple(evolve(sensor, **settings) for sensor in plan.sensors)
 
 
 def detections_of(rays):
     """Return rays as detections that say nothing of the type."""
     count = len(rays)
-    whole = np.zeros(count, dtype=np.int64)
+    total = np.zeros(count, dtype=np.int64)
     return Detections(
         time_ns=np.round(rays.time_s * 1e9).astype(np.int64),
         sensor=rays.sensor,
@@ -66,8 +66,8 @@ def detections_of(rays):
         line_of_sight_ecef=rays.direction_ecef,
         sensor_ecef_m=rays.origin_ecef_m,
         snr=np.full(count, np.nan),
-        track=whole - 1,
-        estimate=whole - 1,
+        track=total - 1,
+        estimate=total - 1,
         line_of_sight_sigma_rad=rays.sigma_rad,
         band_irradiance_w_m2=np.empty((count, 0)),
     )
@@ -79,22 +79,22 @@ def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", region
     """
     sensors = sensors or sensors_of()
     owner, rays = seen(truth, seeing, seed)
-    mine = np.flatnonzero(rays.sensor < len(sensors))
-    owner = owner[mine]
-    rays = rays.take(mine)
+    rows = np.flatnonzero(rays.sensor < len(sensors))
+    owner = owner[rows]
+    rays = rays.take(rows)
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, forces=forces)
     tracker = imm_tracker(ImmConfig(regions_every_s=regions_every_s), context)
-    every = detections_of(rays)
+    detections = detections_of(rays)
     shared = np.zeros((0, len(truth) + 1))
     cut = 0
     for tick in range(1, int(until_s) + 1):
-        end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))
-        part = every.take(slice(cut, end))
-        label = tracker.associate(part)
+        end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
+        window = detections.take(slice(cut, end))
+        label = tracker.associate(window)
         more = max(int(label.max(initial=-1)) + 1 - len(shared), 0)
         shared = np.concatenate([shared, np.zeros((more, len(truth) + 1))])
         np.add.at(shared, (label[label >= 0], owner[cut:end][label >= 0]), 1.0)
-        reported = tracker.step(float(tick), evolve(part, track=label))
+        reported = tracker.step(float(tick), evolve(window, track=label))
         cut = end
         yield Tick(float(tick), reported, shared)
 
@@ -103,21 +103,21 @@ def rows_of(tracks, shared):
     """Return the rows (flights,) of the tracks that share most detections with each flight, -1 for
     none.
     """
-    known = np.flatnonzero(tracks.track < len(shared))
-    hits = shared[tracks.track[known], :-1]
-    if not len(known):
+    rows = np.flatnonzero(tracks.track < len(shared))
+    hits = shared[tracks.track[rows], :-1]
+    if not len(rows):
         return np.full(shared.shape[1] - 1, -1)
-    return np.where(hits.max(axis=0) > 0.0, known[np.argmax(hits, axis=0)], -1)
+    return np.where(hits.max(axis=0) > 0.0, rows[np.argmax(hits, axis=0)], -1)
 
 
 def last_reported(truth, seeing, seed, after_s, forces="kepler"):
     """Return the reports on flights, one row each, a time after the last burn; each of them has a
     track.
     """
-    *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces)
-    rows = rows_of(last.reported, last.shared)
+    *_, report = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces)
+    rows = rows_of(report.reported, report.shared)
     assert (rows >= 0).all()
-    return last.reported.take(rows)
+    return report.reported.take(rows)
 
 
 def usual(kind):

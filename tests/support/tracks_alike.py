@@ -1,12 +1,8 @@
 """Tracks of two runs that differ in nothing but numbers, times or longitudes."""
 
-from collections.abc import Collection
-from typing import Any
-
 import numpy as np
 from attrs import evolve, fields
 
-from opir_core.arrays import FloatArray, IntArray
 from opir_core.plugin import Tracks
 
 #: Columns of places: longitude_rad is the second number, the scene time the third.
@@ -37,9 +33,7 @@ DRAWN_SHARE = 0.15
 FEW_ROWS = 10
 
 
-def assert_alike(
-    tracks: Tracks, other: Tracks, rtol: float = 1e-9, apart: Collection[str] = ()
-) -> None:
+def assert_alike(tracks, other, rtol=1e-9, separation=()):
     """Fail unless both have the same rows, whatever the numbers of their tracks.
 
     A number may differ by a share of the largest one of its column; the columns `apart` are not
@@ -48,39 +42,41 @@ def assert_alike(
     assert len(tracks) == len(other) > 0
     rows = renumbered_rows(tracks, other)
     for item in fields(Tracks):
-        if item.name not in ("track", "impact_regions", *apart):
+        if item.name not in ("track", "impact_regions", *separation):
             close(getattr(other, item.name)[rows], getattr(tracks, item.name), rtol, item.name)
-    for regions, others in zip(tracks.impact_regions, other.impact_regions[rows], strict=True):
-        if "impact_regions" not in apart:
-            assert_same_regions(regions, others, rtol)
+    for regions, reference_regions in zip(
+        tracks.impact_regions, other.impact_regions[rows], strict=True
+    ):
+        if "impact_regions" not in separation:
+            assert_same_regions(regions, reference_regions, rtol)
 
 
-def assert_drawn_alike(tracks: Tracks, other: Tracks) -> None:
+def assert_drawn_alike(tracks, other):
     """Fail unless forecasts (`DRAWN`) agree to within what other draws make of the same states."""
     other = other.take(renumbered_rows(tracks, other))
-    one_known, other_known = (np.isfinite(each.impact).all(axis=1) for each in (tracks, other))
-    known = one_known & other_known
-    assert np.count_nonzero(known) > 10
+    one_known, other_known = (np.isfinite(run.impact).all(axis=1) for run in (tracks, other))
+    rows = one_known & other_known
+    assert np.count_nonzero(rows) > 10
     assert np.count_nonzero(one_known != other_known) <= FEW_ROWS
-    apart = east_north_time(tracks.impact[known], other.impact[known])
-    both = tracks.impact_covariance[known] + other.impact_covariance[known]
-    assert mahalanobis(apart, both).max() < DRAWN_SIGMAS
+    separation = east_north_time(tracks.impact[rows], other.impact[rows])
+    covariance = tracks.impact_covariance[rows] + other.impact_covariance[rows]
+    assert mahalanobis(separation, covariance).max() < DRAWN_SIGMAS
     for name in DRAWN[4:]:
         off = np.abs(getattr(other, name) - getattr(tracks, name))
         assert off.mean() < DRAWN_SHARE, name
 
 
-def assert_states_alike(tracks: Tracks, other: Tracks, sigmas: float) -> None:
+def assert_states_alike(tracks, other, sigmas):
     """Fail unless states differ by less than some standard deviations, and covariances by as large
     a share.
     """
     other = other.take(renumbered_rows(tracks, other))
     assert mahalanobis(other.state - tracks.state, tracks.state_covariance).max() < sigmas
-    spread = [np.linalg.slogdet(each.state_covariance)[1] for each in (tracks, other)]
+    spread = [np.linalg.slogdet(run.state_covariance)[1] for run in (tracks, other)]
     assert np.abs(spread[1] - spread[0]).max() < sigmas
 
 
-def east_north_time(points: FloatArray, others: FloatArray) -> FloatArray:
+def east_north_time(points, others):
     """Return how far east and north, m, and later, s, other latitudes, longitudes and times (n, 3)
     are.
     """
@@ -91,7 +87,7 @@ def east_north_time(points: FloatArray, others: FloatArray) -> FloatArray:
     )
 
 
-def mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:
+def mahalanobis(error, covariance):
     """Return the lengths (n,) of errors (n, d) in standard deviations of covariances (n, d, d)."""
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     scaled = error / sigma
@@ -101,40 +97,43 @@ def mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:
     )
 
 
-def renumbered_rows(tracks: Tracks, other: Tracks) -> IntArray:
+def renumbered_rows(tracks, other):
     """Return the rows of the other tracks in the order of these: tracks are the same if they begin
     alike.
     """
     number = {}
     for track in np.unique(other.track).tolist():
-        first = np.flatnonzero(other.track == track)[0]
-        rows = np.flatnonzero(np.abs(tracks.tick_s - other.tick_s[first]) < 1e-6)
-        apart = np.linalg.norm(tracks.state[rows, :3] - other.state[first, :3], axis=1)
-        number[track] = int(tracks.track[rows[apart.argmin()]])
+        row = np.flatnonzero(other.track == track)[0]
+        rows = np.flatnonzero(np.abs(tracks.tick_s - other.tick_s[row]) < 1e-6)
+        separation = np.linalg.norm(tracks.state[rows, :3] - other.state[row, :3], axis=1)
+        number[track] = int(tracks.track[rows[separation.argmin()]])
     assert len(set(number.values())) == len(number)
     return np.lexsort(([number[track] for track in other.track.tolist()], other.tick_s))
 
 
-def assert_same_regions(regions: Any, others: Any, rtol: float) -> None:
+def assert_same_regions(regions, others, rtol):
     """Fail unless two tuples of regions have the same figures and corners."""
     assert len(regions) == len(others)
-    for region, other in zip(regions, others, strict=True):
-        assert (region.condition, region.containment) == (other.condition, other.containment)
+    for region, reference in zip(regions, others, strict=True):
+        assert (region.condition, region.containment) == (
+            reference.condition,
+            reference.containment,
+        )
         for name in ("area_km2", "probability", "effective_samples"):
-            close(np.array(getattr(other, name)), np.array(getattr(region, name)), rtol, name)
-        for polygon, other_polygon in zip(region.polygons, other.polygons, strict=True):
+            close(np.array(getattr(reference, name)), np.array(getattr(region, name)), rtol, name)
+        for polygon, other_polygon in zip(region.polygons, reference.polygons, strict=True):
             for ring, other_ring in zip(polygon, other_polygon, strict=True):
                 close(on_sphere(other_ring), on_sphere(ring), rtol, "polygons")
 
 
-def on_sphere(ring: FloatArray) -> FloatArray:
+def on_sphere(ring):
     """Return unit vectors (n, 3) of latitudes and longitudes (n, 2), rad."""
     latitude, longitude = ring.T
     flat = np.cos(latitude)
     return np.stack([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)], axis=1)
 
 
-def close(value: Any, expected: Any, rtol: float, name: str) -> None:
+def close(value, expected, rtol, name):
     """Fail unless numbers are the same to a share of the largest one, and unknown where the others
     are.
     """
@@ -144,7 +143,7 @@ def close(value: Any, expected: Any, rtol: float, name: str) -> None:
     np.testing.assert_allclose(value, expected, rtol=0.0, atol=rtol * scale, err_msg=name)
 
 
-def moved(tracks: Tracks, *, turn_rad: float = 0.0, later_s: float = 0.0) -> Tracks:
+def moved(tracks, *, turn_rad=0.0, later_s=0.0):
     """Return tracks turned eastwards about the Earth's axis, and later in scene time."""
     cosine = np.cos(turn_rad)
     sine = np.sin(turn_rad)
@@ -153,9 +152,7 @@ def moved(tracks: Tracks, *, turn_rad: float = 0.0, later_s: float = 0.0) -> Tra
     burnout = np.zeros((7, 7))
     burnout[:6, :6] = state
     burnout[6, 6] = 1.0
-    columns: dict[str, Any] = {
-        name: moved_points(getattr(tracks, name), turn_rad, later_s) for name in POINTS
-    }
+    columns = {name: moved_points(getattr(tracks, name), turn_rad, later_s) for name in POINTS}
     return evolve(
         tracks,
         tick_s=tracks.tick_s + later_s,
@@ -169,14 +166,14 @@ def moved(tracks: Tracks, *, turn_rad: float = 0.0, later_s: float = 0.0) -> Tra
     )
 
 
-def moved_points(points: FloatArray, turn_rad: float, later_s: float) -> FloatArray:
+def moved_points(points, turn_rad, later_s):
     """Return latitudes, longitudes and times (n, 3), turned and later."""
     shifted = points + np.array([0.0, turn_rad, later_s])
     shifted[:, 1] = np.remainder(shifted[:, 1] + np.pi, 2.0 * np.pi) - np.pi
     return shifted
 
 
-def turned_regions(column: Any, turn_rad: float) -> Any:
+def turned_regions(column, turn_rad):
     """Return tuples of regions (n,) with their corners turned."""
     turned = np.empty(len(column), dtype=np.object_)
     shift = np.array([0.0, turn_rad])

@@ -6,8 +6,7 @@ import numpy as np
 from opir_testing.doubles import stub_estimates
 
 import opir_core as opir
-from opir_core.interfaces.records import Detections, Tracks
-from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning.plan import compile_plan
 from opir_core.plugin import Host, NoConfig, Tracker, TrackerModel, hookimpl
 
 
@@ -18,14 +17,14 @@ class TwoSides(Tracker):
 
     cadence_s = 1.0
 
-    def __init__(self, hypotheses: Any) -> None:
+    def __init__(self, hypotheses):
         self._hypotheses = hypotheses
 
-    def associate(self, detections: Detections) -> Any:
+    def associate(self, detections):
         return np.where(detections.line_of_sight_ecef[:, 2] > 0.0, 0, 1).astype(np.int64)
 
-    def step(self, tick_s: float, detections: Detections) -> Tracks:
-        names = [each.name for each in self._hypotheses]
+    def step(self, tick_s, detections):
+        names = [hypothese.name for hypothese in self._hypotheses]
         chances = np.zeros((2, len(names)))
         chances[0, names.index("ICBM")] = 0.9
         chances[0, names.index("none of these")] = 0.1
@@ -43,7 +42,7 @@ class TwoSides(Tracker):
 
 class TwoSidesPlugin:
     @hookimpl
-    def opir_trackers(self) -> Any:
+    def opir_trackers(self):
         yield TrackerModel(
             name="two-sides",
             summary="north and south",
@@ -72,14 +71,14 @@ SCENE: dict[str, Any] = {
 }
 
 
-def two_sides_host() -> Host:
+def two_sides_host():
     """Return a host of what is installed and the tracker."""
     host = Host.discover()
     host.register(TwoSidesPlugin())
     return host
 
 
-def two_sides_plan(**changes: Any) -> Plan:
+def two_sides_plan(**changes):
     """Return the plan of the scene with changes."""
     host = two_sides_host()
     return compile_plan(opir.scene_from_mapping({**SCENE, **changes}, host=host), host)

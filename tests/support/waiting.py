@@ -2,14 +2,13 @@
 
 import threading
 import time
-from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import TypeVar
 
 Result = TypeVar("Result")
 
 
-def until(is_so: Callable[[], Any], within_s: float = 60.0) -> None:
+def until(is_so, within_s=60.0):
     """Wait until a condition is met; fail at the deadline."""
     give_up_at = time.monotonic() + within_s
     while not is_so():
@@ -17,13 +16,13 @@ def until(is_so: Callable[[], Any], within_s: float = 60.0) -> None:
         time.sleep(0.005)
 
 
-def within(seconds: float, call: Callable[[], Result]) -> Result:
+def within(seconds, call):
     """Return what a call that may block for ever returns, or raise what it raises; `TimeoutError`
     at the deadline.
     """
-    answer: Future[Result] = Future()
+    answer = Future()
 
-    def run() -> None:
+    def run():
         try:
             answer.set_result(call())
         except BaseException as error:

@@ -15,17 +15,14 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Mapping
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import kafka_broker
 from faulty_process import tell
 from forked_processes import is_alive
 from kafka_broker import messages
-from serve_process import Nursery
 from waiting import until
 
 SCENE = """
@@ -66,7 +63,7 @@ COUNTS = ("delivered", "spooled", "dropped", "withheld")
 class WatchedService:
     """The service, from life to life; `close` heals everything and examines what has arrived."""
 
-    def __init__(self, nurse: Nursery, broker: Any) -> None:
+    def __init__(self, nurse, broker):
         self.folder = Path(tempfile.mkdtemp(prefix="opir-watched-"))
         self._nurse = nurse
         self.broker = broker
@@ -78,34 +75,34 @@ class WatchedService:
         os.mkfifo(self.control)
         (self.folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
         self.life = -1
-        self.number: int | None = None
+        self.number = None
         self.is_frozen = False
         self.is_faulty = False
         #: By life: the events given at least, those that viewers have seen, and those that may be
         #: missing.
-        self.given: dict[int, int] = {}
-        self.seen: dict[int, set[str]] = defaultdict(set)
+        self.given = {}
+        self.seen = defaultdict(set)
         self.lost = {"lines": 0, "topic": 0}
         self.start()
 
     @property
-    def is_running(self) -> bool:
+    def is_running(self):
         return self.number is not None
 
-    def start(self) -> None:
+    def start(self):
         """Begin a life."""
         self.life += 1
         self.log.unlink(missing_ok=True)
-        kept = {"when_full": "wait", "wait_s": 600}
+        stored = {"when_full": "wait", "wait_s": 600}
         kafka = {"bootstrap_servers": self.broker.address, "topic": self.topic, **PATIENT}
         sinks = [
             {
                 "jsonl": {
                     "path": str(self.disk / "lines"),
-                    "spool": {"path": str(self.disk / "a.spool"), **kept},
+                    "spool": {"path": str(self.disk / "a.spool"), **stored},
                 }
             },
-            {"kafka": {**kafka, "spool": {"path": str(self.disk / "b.spool"), **kept}}},
+            {"kafka": {**kafka, "spool": {"path": str(self.disk / "b.spool"), **stored}}},
         ]
         words = ["serve", str(self.folder / "scene.yaml"), "--port", "0", "--speed", "5", "--loop"]
         words += ["--unready-after", str(UNREADY_S), "--set", f"outputs={json.dumps(sinks)}"]
@@ -119,15 +116,15 @@ class WatchedService:
         self.number = self._nurse.born(self.log, str(self.disk), str(self.control), *words)
         until(lambda: "http://" in self.reported() or not is_alive(self.number or 0))
         assert "http://" in self.reported(), self.reported()
-        found = re.search(r"http://[^:]+:(\d+)", self.reported())
-        assert found
-        self.port = int(found[1])
+        result = re.search(r"http://[^:]+:(\d+)", self.reported())
+        assert result
+        self.port = int(result[1])
         threading.Thread(target=self._view, args=(self.life, self.port), daemon=True).start()
 
-    def reported(self) -> str:
+    def reported(self):
         return self.log.read_text(encoding="utf-8") if self.log.exists() else ""
 
-    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
+    def ask(self, method, path, body=None, **headers):
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60.0)
         try:
             more = {"Content-Type": "application/json"} if body is not None else {}
@@ -140,11 +137,11 @@ class WatchedService:
         finally:
             connection.close()
 
-    def launch(self) -> None:
+    def launch(self):
         status, reported = self.ask("POST", "/trigger", LAUNCH)
         assert status == 202 or status in BUSY, reported
 
-    def configure(self, period_ms: float, client: str) -> None:
+    def configure(self, period_ms, client):
         """Change the scan period of the first sensor, and the output to the broker, which is opened
         anew.
         """
@@ -155,24 +152,24 @@ class WatchedService:
         status, reported = self.ask("PUT", "/config", settings, **{"If-Match": tag})
         assert status == 200 or status in BUSY, reported
 
-    def freeze(self) -> None:
+    def freeze(self):
         self.broker.freeze()
         self.is_frozen = True
 
-    def thaw(self) -> None:
+    def thaw(self):
         if self.is_frozen:
             self.broker.thaw()
         self.is_frozen = False
 
-    def fail_disk(self, number: int, error: int, lasts: bool, kinds: tuple[str, ...]) -> None:
+    def fail_disk(self, number, error, lasts, kinds):
         tell(self.control, "fail", number, error, lasts, ",".join(kinds))
         self.is_faulty = True
 
-    def heal_disk(self) -> None:
+    def heal_disk(self):
         tell(self.control, "heal")
         self.is_faulty = False
 
-    def stop(self) -> None:
+    def stop(self):
         """End the life with SIGTERM; the report must be in time, and balance."""
         assert self.number is not None
         self._observe_given()
@@ -182,13 +179,13 @@ class WatchedService:
         self.is_faulty = False
         reported = self.reported()
         assert "Traceback" not in reported, reported
-        dropped = [int(found) for found in re.findall(r"spooled, (\d+) dropped", reported)]
+        dropped = [int(result) for result in re.findall(r"spooled, (\d+) dropped", reported)]
         assert len(dropped) == 2, reported
         self.lost = {
             name: self.lost[name] + count for name, count in zip(self.lost, dropped, strict=True)
         }
 
-    def kill(self) -> None:
+    def kill(self):
         assert self.number is not None
         self._observe_given()
         os.kill(self.number, signal.SIGKILL)
@@ -196,7 +193,7 @@ class WatchedService:
         self.number = None
         self.is_faulty = False
 
-    def damage(self, name: str, seed: int, flips: int) -> bool:
+    def damage(self, name, seed, flips):
         """Flip bits of the spool of a service that was stopped, behind its first page; return
         whether there is more.
         """
@@ -212,7 +209,7 @@ class WatchedService:
         path.write_bytes(content)
         return True
 
-    def observe(self) -> None:
+    def observe(self):
         """Check what holds at any moment: books, and a readiness that follows the cycles."""
         ready, reasons = self.ask("GET", "/health/ready")
         began_s = time.monotonic()
@@ -225,7 +222,7 @@ class WatchedService:
             assert sink["state"] in ("open", "parked"), sink
             assert sink["unbalanced"] == 0, sink
 
-    def _observe_given(self) -> None:
+    def _observe_given(self):
         """Note how many events were given; a window is counted after it is in the spool, so wait
         until it is.
         """
@@ -244,7 +241,7 @@ class WatchedService:
         )
         self.sinks = sinks
 
-    def recover(self) -> None:
+    def recover(self):
         """Heal everything; the service must become ready, and deliver all that was given."""
         self.thaw()
         self.broker.heal()
@@ -255,28 +252,28 @@ class WatchedService:
         while (health := self.ask("GET", "/health/ready"))[0] != 200:
             assert time.monotonic() < give_up_s, (health, self._sinks(), self.reported())
             self._retry()
-        due = {
+        missing = {
             sink["path"]: sink["given"] + sink["recovered"]
             for sink in self.ask("GET", "/status")[1]["sinks"]
         }
-        while any(self._done(sink) < due[sink["path"]] for sink in self._sinks()):
-            assert time.monotonic() < give_up_s, (due, self._sinks(), self.reported())
+        while any(self._done(sink) < missing[sink["path"]] for sink in self._sinks()):
+            assert time.monotonic() < give_up_s, (missing, self._sinks(), self.reported())
             time.sleep(0.1)
 
-    def _sinks(self) -> Any:
+    def _sinks(self):
         return self.ask("GET", "/status")[1]["sinks"]
 
-    def _done(self, sink: Mapping[str, Any]) -> int:
+    def _done(self, sink):
         return int(sink["delivered"] + sink["dropped"] + sink["withheld"])
 
-    def _retry(self) -> None:
+    def _retry(self):
         """Let parked outputs try again, at a moderate rate."""
         for sink in self._sinks():
             if sink["state"] == "parked":
                 self.ask("POST", f"/outputs/{sink['name']}/retry")
         time.sleep(0.2)
 
-    def close(self) -> None:
+    def close(self):
         """Heal, stop and examine."""
         try:
             for _ in range(3):  # a stop has 4 s, which are too few for a slow machine now and then
@@ -290,7 +287,7 @@ class WatchedService:
         finally:
             self.end()
 
-    def end(self) -> None:
+    def end(self):
         """Leave nothing behind."""
         self.thaw()
         self.broker.heal()
@@ -299,70 +296,66 @@ class WatchedService:
                 os.kill(self.number, signal.SIGKILL)
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def examine(self) -> None:
+    def examine(self):
         """Hold what arrived in the file against what arrived in the topic, by life and sensor."""
         lines = [json.loads(line) for line in (self.disk / "lines").read_bytes().splitlines()]
         came = messages(self.broker.address, self.topic)
-        first = {message.partition(): message.offset() for message in reversed(came)}
-        assert not any(first.values()), "the broker has forgotten the first messages"
+        offsets = {message.partition(): message.offset() for message in reversed(came)}
+        assert not any(offsets.values()), "the broker has forgotten the first messages"
         carried = [json.loads(message.value()) for message in came]
         arrived = {"lines": by_life(lines), "topic": by_life(carried)}
-        everything: dict[str, dict[str, Any]] = {name: {} for name in arrived}
+        everything = {name: {} for name in arrived}
         for name, lives in arrived.items():
-            for sensors in lives.values():
-                for events in sensors.values():
-                    everything[name] |= {event["detection_id"]: event for event in events}
-                    times = [event["timestamp"] for event in events]
-                    at = next(
-                        (at for at, (one, other) in enumerate(pairwise(times)) if one > other), None
-                    )
-                    assert at is None, (
-                        name,
-                        "out of order",
-                        times[at - 3 : at + 5],
-                        len(times),
-                        self.life,
-                    )
-        both = everything["lines"].keys() & everything["topic"].keys()
-        assert all(everything["lines"][each] == everything["topic"][each] for each in both)
-        for name in arrived:
+            for events in (events for sensors in lives.values() for events in sensors.values()):
+                everything[name] |= {event["detection_id"]: event for event in events}
+                hold_order(name, [event["timestamp"] for event in events])
+        names = everything["lines"].keys() & everything["topic"].keys()
+        assert all(everything["lines"][each] == everything["topic"][each] for each in names)
+        for name, lives in arrived.items():
             missing = 0
             for life in range(self.life + 1):
-                came = sum(map(len, arrived[name].get(life, {}).values()))
-                missing += max(0, self.given.get(life, 0) - came)
+                count = sum(map(len, lives.get(life, {}).values()))
+                missing += max(0, self.given.get(life, 0) - count)
             assert missing <= self.lost[name], (name, missing, self.lost)
             unseen = set().union(*self.seen.values()) - everything[name].keys()
             assert len(unseen) <= self.lost[name], (name, len(unseen), self.lost)
 
-    def _view(self, life: int, port: int) -> None:
+    def _view(self, life, port):
         """Note the ids of all detections that a viewer receives."""
-        rest = b""
+        remainder = b""
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
         try:
             connection.request("GET", "/stream")
             response = connection.getresponse()
-            while part := response.read1(1 << 16):
-                *whole, rest = (rest + part).split(b"\n")
-                for line in whole:
-                    found = re.findall(rb'"detection_id":"([0-9a-f-]{36})"', line)
-                    self.seen[life].update(each.decode() for each in found)
+            while chunk := response.read1(1 << 16):
+                *total, remainder = (remainder + chunk).split(b"\n")
+                for line in total:
+                    result = re.findall(rb'"detection_id":"([0-9a-f-]{36})"', line)
+                    self.seen[life].update(identifier.decode() for identifier in result)
         except (OSError, http.client.HTTPException):
             return
         finally:
             connection.close()
 
 
-def by_life(events: list[dict[str, Any]]) -> dict[int, dict[str, list[dict[str, Any]]]]:
+def hold_order(name, times):
+    """Events of a sensor arrive in the order of their times."""
+    fallen = (at for at, (start, end) in enumerate(pairwise(times)) if start > end)
+    at = next(fallen, None)
+    assert at is None, (name, "out of order", times[max(at - 3, 0) : at + 5], len(times))
+
+
+def by_life(events):
     """Return the first arrivals by life and sensor; a second one must be the same."""
-    first: dict[str, dict[str, Any]] = {}
+    offsets = {}
     for event in events:
-        assert first.setdefault(event["detection_id"], event) == event
-    lives: dict[int, dict[str, list[dict[str, Any]]]] = defaultdict(lambda: defaultdict(list))
-    for event in first.values():
+        assert offsets.setdefault(event["detection_id"], event) == event
+    lives = defaultdict(lambda: defaultdict(list))
+    for event in offsets.values():
         lives[life_of(event)][event["sensor_id"]].append(event)
     return lives
 
 
-def life_of(event: Mapping[str, Any]) -> int:
+def life_of(event):
     """Return the life of an event: the days since the first."""
     return int(event["timestamp"][8:10]) - 1

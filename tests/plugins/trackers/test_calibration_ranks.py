@@ -1,4 +1,4 @@
-"""The tests of `benchmarks/simulation_calibration.py`: uniform for draws of the stated
+"""The tests of `benchmarks/calibration_ranks.py`: uniform for draws of the stated
 distribution, else not.
 """
 
@@ -8,9 +8,7 @@ import numpy as np
 from repository import ROOT
 
 sys.path.append(str(ROOT / "benchmarks"))
-from foreign_flights import ecef
-from opir_trackers.launch_points import EDGES_S
-from simulation_calibration import (
+from calibration_ranks import (
     CELLS,
     START_S,
     Mixture,
@@ -19,6 +17,8 @@ from simulation_calibration import (
     of_probabilities,
     uniformity,
 )
+from foreign_flights import ecef
+from opir_trackers.launch_points import EDGES_S
 
 
 def test_ranks_of_draws_of_the_stated_distribution_are_uniform_and_others_are_not():

@@ -15,7 +15,7 @@ from opir_core.builtin.classification import (
 )
 from opir_core.builtin.configs import ConfusionConfig, WeightedConfig
 from opir_core.interfaces.records import ClassifierInputs
-from opir_core.plugin import ClassifierModel, ConfidenceModel, RandomDraws
+from opir_core.plugin import ClassifierModel, ConfidenceModel
 
 
 @frozen
@@ -25,15 +25,15 @@ class OwnConfidence:
     change: Callable[[FloatArray, ClassifierInputs], FloatArray]
     model: Any
 
-    def confidence(self, sightings: ClassifierInputs) -> FloatArray:
+    def confidence(self, sightings):
         return self.change(self.model.confidence(sightings), sightings)
 
 
-def confidence_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+def confidence_mutant(name, caught_by):
     """Offer a confidence model made of the built-in one."""
 
-    def offered(change: Any) -> Any:
-        def build(config: Any, context: Any) -> Any:
+    def offered(change):
+        def build(config, context):
             return OwnConfidence(change, weighted_confidence(config, context))
 
         mutant(ConfidenceModel, name, caught_by, WeightedConfig)(build)
@@ -43,22 +43,22 @@ def confidence_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
 
 
 @confidence_mutant("certain-by-rank", "test_confidences_are_independent")
-def certain_by_rank(confidence: FloatArray, _sightings: ClassifierInputs) -> FloatArray:
+def certain_by_rank(confidence, _sightings):
     return np.linspace(0.0, 1.0, len(confidence))
 
 
 @confidence_mutant("snr-for-granted", "test_confidences_lie_in_the_unit_interval")
-def snr_for_granted(confidence: FloatArray, sightings: ClassifierInputs) -> FloatArray:
+def snr_for_granted(confidence, sightings):
     return np.clip(confidence * sightings.snr, 0.0, 1.0)
 
 
 @confidence_mutant("one-by-one", "test_detections_are_computed_as_arrays")
-def one_by_one(confidence: FloatArray, _sightings: ClassifierInputs) -> FloatArray:
+def one_by_one(confidence, _sightings):
     return np.array([min(value, 1.0) for value in confidence.tolist()])
 
 
 @confidence_mutant("writes-to-its-input", "test_confidences_lie_in_the_unit_interval")
-def writes_to_its_input(confidence: FloatArray, sightings: ClassifierInputs) -> FloatArray:
+def writes_to_its_input(confidence, sightings):
     sightings.snr[:] = 0.0
     return confidence
 
@@ -66,21 +66,21 @@ def writes_to_its_input(confidence: FloatArray, sightings: ClassifierInputs) -> 
 class UnknownCodes(ConfusionClassifier):
     """Codes of types that do not exist."""
 
-    def pair_type(self, sensor: Any, target: Any, rng: RandomDraws) -> Any:
+    def pair_type(self, sensor, target, rng):
         return np.full(len(sensor), 9, dtype=np.uint8)
 
 
 class ThreeStates(ConfusionClassifier):
     """One type for the pair, another for the detection."""
 
-    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> Any:
+    def reported_type(self, sightings, rng):
         return (super().reported_type(sightings, rng) + 1) % 4
 
 
-def classifier_build(made: type[ConfusionClassifier]) -> Callable[..., Any]:
-    def build(config: Any, context: Any) -> Any:
-        like: Any = confusion_classifier(config, context)
-        return made(like.thresholds, like.class_number, like.classes)
+def classifier_build(component):
+    def build(config, context):
+        like = confusion_classifier(config, context)
+        return component(like.thresholds, like.class_number, like.classes)
 
     return build
 
@@ -96,13 +96,13 @@ mutant(ClassifierModel, "three-states", "test_pairs_and_detections_agree", Confu
 class SureOfAll(ConfusionClassifier):
     """Type probabilities that sum to 4."""
 
-    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
+    def log_posterior(self, sightings):
         return np.zeros((len(sightings), 4))
 
-    def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
+    def revised(self, log_posterior, type_probability):
         return log_posterior
 
-    def reported(self, log_posterior: FloatArray) -> Any:
+    def reported(self, log_posterior):
         return np.zeros(len(log_posterior), dtype=np.uint8)
 
 
@@ -117,7 +117,7 @@ mutant(
 class HalfPosterior(ConfusionClassifier):
     """Has posteriors, and nothing that reports them."""
 
-    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
+    def log_posterior(self, sightings):
         return np.full((len(sightings), 4), np.log(0.25))
 
 

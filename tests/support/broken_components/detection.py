@@ -5,16 +5,13 @@ import os
 import random
 import socket
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from broken_components.offers import mutant
-from opir_core.arrays import FloatArray
 from opir_core.builtin.detection import ConstantDetection, always_detection
-from opir_core.interfaces.records import Exposures
-from opir_core.plugin import DetectionModel, Measured, RandomDraws, Response
+from opir_core.plugin import DetectionModel, Measured, Response
 
 
 class Changed(ConstantDetection):
@@ -22,27 +19,27 @@ class Changed(ConstantDetection):
 
     surroundings: Any = None
 
-    def pair_probability(self, sensor: Any, target: Any) -> Any:
+    def pair_probability(self, sensor, target):
         return None
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return np.full(len(exposures), 0.5)
 
 
-def detection_mutant(name: str, caught_by: str) -> Callable[[type[Changed]], Any]:
+def detection_mutant(name, caught_by):
     """Offer a detection model of a class of its own."""
 
-    def offered(made: type[Changed]) -> Any:
-        def build(config: Any, context: Any) -> Any:
+    def offered(model):
+        def build(config, context):
             like = always_detection(config, context)
-            part = made(
+            mutated = model(
                 like.probability_table, like.class_number, like.band_count, 1.0, needs_geometry=True
             )
-            part.surroundings = context.surroundings
-            return part
+            mutated.surroundings = context.surroundings
+            return mutated
 
         mutant(DetectionModel, name, caught_by)(build)
-        return made
+        return model
 
     return offered
 
@@ -56,7 +53,7 @@ class Moody(Changed):
 
     asked = 0
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         Moody.asked += 1
         return np.full(len(exposures), 0.9 / (1.0 + 0.05 * Moody.asked))
 
@@ -65,7 +62,7 @@ class Moody(Changed):
 class Sown(Changed):
     """Built from the scene's seed, and says that it is not."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return np.full(len(exposures), 0.3 + 0.4 * (self.surroundings.scene.seed % 2))
 
 
@@ -73,7 +70,7 @@ class Sown(Changed):
 class Hashed(Changed):
     """Depends on how this process hashes text."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return np.full(len(exposures), 0.2 + 0.6 * (hash("hashed") % 1009) / 1009.0)
 
 
@@ -81,16 +78,16 @@ class Hashed(Changed):
 class ByWindow(Changed):
     """Depends on the first look of the call."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
-        first = float(exposures.time_s.min()) if len(exposures) else 0.0
-        return np.full(len(exposures), 0.3 + 0.6 * (first % 7.0) / 7.0)
+    def probability(self, exposures):
+        start_s = float(exposures.time_s.min()) if len(exposures) else 0.0
+        return np.full(len(exposures), 0.3 + 0.6 * (start_s % 7.0) / 7.0)
 
 
 @detection_mutant("by-mean", "test_probabilities_are_independent")
 class ByMean(Changed):
     """Looks are compared with the mean of those asked about with them."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return np.where(exposures.range_m < np.mean(exposures.range_m), 0.7, 0.3)
 
 
@@ -98,7 +95,7 @@ class ByMean(Changed):
 class ByNumber(Changed):
     """Targets are distinguished by their place in the scene."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return 0.2 + 0.15 * exposures.target
 
 
@@ -106,7 +103,7 @@ class ByNumber(Changed):
 class ByCrowd(Changed):
     """Less likely the more targets there are."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return np.full(len(exposures), 1.0 / len(self.class_number))
 
 
@@ -114,7 +111,7 @@ class ByCrowd(Changed):
 class BeyondCertain(Changed):
     """Rounding takes it over 1."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return np.full(len(exposures), 1.0 + 1e-9)
 
 
@@ -122,7 +119,7 @@ class BeyondCertain(Changed):
 class TwoMinds(Changed):
     """Says one thing of pairs and another of looks."""
 
-    def pair_probability(self, sensor: Any, target: Any) -> Any:
+    def pair_probability(self, sensor, target):
         return np.full(len(sensor), 0.4)
 
 
@@ -131,14 +128,14 @@ class NeedsWhatItDenies(Changed):
     """Reads geometry and says it needs none."""
 
     @property
-    def needs_geometry(self) -> bool:
+    def needs_geometry(self):
         return False
 
     @needs_geometry.setter
-    def needs_geometry(self, _value: bool) -> None:
+    def needs_geometry(self, _value):
         pass
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return np.clip(1.0 - exposures.range_m / 1e9, 0.0, 1.0)
 
 
@@ -146,7 +143,7 @@ class NeedsWhatItDenies(Changed):
 class Bandless(Changed):
     """No band confirms."""
 
-    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
+    def measure(self, exposures, rng):
         return Measured(np.zeros(len(exposures), dtype=np.uint8), np.full(len(exposures), np.nan))
 
 
@@ -154,7 +151,7 @@ class Bandless(Changed):
 class SnrByRank(Changed):
     """The SNR is the place in the call."""
 
-    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
+    def measure(self, exposures, rng):
         return Measured(
             np.ones(len(exposures), dtype=np.uint8), np.arange(len(exposures), dtype=np.float64)
         )
@@ -164,7 +161,7 @@ class SnrByRank(Changed):
 class DrawsAgain(Changed):
     """The SNR is drawn from the numbers that decided the detection."""
 
-    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
+    def measure(self, exposures, rng):
         return Measured(np.ones(len(exposures), dtype=np.uint8), rng.uniforms("detection")[:, 0])
 
 
@@ -174,7 +171,7 @@ class Tired(Changed):
 
     rested = False
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         Tired.rested = not Tired.rested
         return np.full(len(exposures), 0.5 if Tired.rested else 0.25)
 
@@ -184,7 +181,7 @@ class PromisesNoise(Changed):
     """States a rate of false alarms and has no measurements of them."""
 
     @property
-    def rate_per_scan(self) -> FloatArray:
+    def rate_per_scan(self):
         return np.full(len(self.band_count), 0.1)
 
 
@@ -195,10 +192,10 @@ class NoiseOfTargets(Changed):
     words = 1
 
     @property
-    def rate_per_scan(self) -> FloatArray:
+    def rate_per_scan(self):
         return np.full(len(self.band_count), 0.1 * len(self.class_number))
 
-    def measure_noise(self, sensor: Any, uniforms: FloatArray) -> Measured:
+    def measure_noise(self, sensor, uniforms):
         return Measured(np.ones(len(sensor), dtype=np.uint8), np.full(len(sensor), 5.0))
 
 
@@ -208,13 +205,11 @@ class OtherResponse(Changed):
 
     probability_tolerance = None
 
-    def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
+    def response(self, exposures, *, slack=0.0):
         ones = np.ones((len(exposures), 1))
         return Response(ones[:, 0], ones, ones)
 
-    def measure_response(
-        self, response: Response, sensor: Any, rng: RandomDraws, probability: Any = None
-    ) -> Measured:
+    def measure_response(self, response, sensor, rng, probability=None):
         return Measured(np.ones(len(sensor), dtype=np.uint8), response.snr[:, 0])
 
 
@@ -222,7 +217,7 @@ class OtherResponse(Changed):
 class LookByLook(Changed):
     """A loop over looks."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         return np.array([0.5 if range_m > 0.0 else 0.0 for range_m in exposures.range_m.tolist()])
 
 
@@ -230,7 +225,7 @@ class LookByLook(Changed):
 class ClockWatcher(Changed):
     """Looks at the clock, and makes nothing of it."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         time.time()
         return super().probability(exposures)
 
@@ -239,7 +234,7 @@ class ClockWatcher(Changed):
 class DateWatcher(Changed):
     """Looks at the date."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         datetime.datetime.now(tz=datetime.UTC)
         return super().probability(exposures)
 
@@ -248,7 +243,7 @@ class DateWatcher(Changed):
 class GlobalDice(Changed):
     """Draws from numpy's global generator."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         np.random.random()  # noqa: NPY002 - the fault
         return super().probability(exposures)
 
@@ -257,7 +252,7 @@ class GlobalDice(Changed):
 class SeedsTheWorld(Changed):
     """Seeds Python's global generator."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         random.seed(1)
         return super().probability(exposures)
 
@@ -266,7 +261,7 @@ class SeedsTheWorld(Changed):
 class Entropy(Changed):
     """Asks for entropy."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         os.urandom(1)
         return super().probability(exposures)
 
@@ -275,7 +270,7 @@ class Entropy(Changed):
 class PhonesHome(Changed):
     """Opens a socket."""
 
-    def probability(self, exposures: Exposures) -> FloatArray:
+    def probability(self, exposures):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
             line.getsockname()
         return super().probability(exposures)
@@ -285,7 +280,7 @@ class PhonesHome(Changed):
 class AfraidOfTheEmpty(Changed):
     """Fails where there is nothing to see."""
 
-    def pair_probability(self, sensor: Any, target: Any) -> Any:
+    def pair_probability(self, sensor, target):
         int(np.min(np.asarray(self.type_code)))
 
 
@@ -293,7 +288,7 @@ class AfraidOfTheEmpty(Changed):
 class InfinitelyClear(Changed):
     """An infinite SNR, over the pole."""
 
-    def measure(self, exposures: Exposures, rng: RandomDraws) -> Measured:
+    def measure(self, exposures, rng):
         over = np.abs(exposures.target_ecef_m[:, 2]) > 6.3e6
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.where(over, np.inf, 5.0))
 
@@ -302,5 +297,5 @@ class InfinitelyClear(Changed):
 class KeepsALock(Changed):
     """Holds what cannot be pickled."""
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self):
         raise TypeError("cannot pickle a lock")

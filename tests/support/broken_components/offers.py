@@ -2,7 +2,6 @@
 each.
 """
 
-from collections.abc import Callable, Iterable
 from typing import Any
 
 from opir_core.plugin import NoConfig
@@ -22,22 +21,20 @@ SOUND = {
 _MADE: dict[str, list[Any]] = {}
 
 
-def mutant(
-    kind: type[Any], name: str, caught_by: str, config: type = NoConfig, **fields: Any
-) -> Callable[[Any], Any]:
+def mutant(kind, name, caught_by, config=NoConfig, **fields):
     """Offer what is decorated as `build` of a component, with further fields, which a test is to
     catch.
     """
 
-    def offered(build: Any) -> Any:
+    def offered(build):
         CAUGHT_BY[kind.hook, name] = caught_by
-        made = kind(name=name, summary=f"mutant: {name}", build=build, config=config, **fields)
-        _MADE.setdefault(kind.hook, []).append(made)
+        component = kind(name=name, summary=f"mutant: {name}", build=build, config=config, **fields)
+        _MADE.setdefault(kind.hook, []).append(component)
         return build
 
     return offered
 
 
-def offered(hook: str) -> Iterable[Any]:
+def offered(hook):
     """Return the components of a kind, by the name of its hook."""
     return _MADE.get(hook, [])

@@ -3,19 +3,16 @@
 import json
 import threading
 import time
-from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
 from attrs import frozen
 
 from broken_components.offers import SOUND, mutant
 from opir_core.interfaces.outputs import Delivery
-from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.plugin import Batch, EventEncoder, SinkContext, SinkModel, Transport, text
+from opir_core.plugin import EventEncoder, SinkModel, Transport, text
 from opir_core.random_streams.detection_ids import uuid_text
 
 
@@ -23,19 +20,19 @@ class OwnEncoder(ForgeEncoder):
     """The built-in encoder, changed."""
 
 
-def encoder_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+def encoder_mutant(name, caught_by):
     """Offer an encoder of a class of its own."""
 
-    def offered(made: Any) -> Any:
-        mutant(EventEncoder, name, caught_by)(lambda _config, context: made(context))
-        return made
+    def offered(component):
+        mutant(EventEncoder, name, caught_by)(lambda _config, context: component(context))
+        return component
 
     return offered
 
 
 @encoder_mutant("forgets-the-last", "test_each_detection_is_one_line")
 class ForgetsTheLast(OwnEncoder):
-    def encode(self, window: Window) -> bytes:
+    def encode(self, window):
         return b"\n".join(super().encode(window).splitlines()[:-1])
 
 
@@ -43,7 +40,7 @@ class ForgetsTheLast(OwnEncoder):
 class NumbersLines(OwnEncoder):
     content_type = "text/plain"
 
-    def encode(self, window: Window) -> bytes:
+    def encode(self, window):
         return b"".join(b"%d\n" % number for number in range(len(window.detections)))
 
 
@@ -51,13 +48,13 @@ class NumbersLines(OwnEncoder):
 class TellsTheTruth(OwnEncoder):
     content_type = "text/plain"
 
-    def encode(self, window: Window) -> bytes:
+    def encode(self, window):
         return b"".join(b"%r\n" % range_m for range_m in window.truth.range_m.tolist())
 
 
 @encoder_mutant("nan-in-json", "test_json_follows_the_schema")
 class NanInJson(OwnEncoder):
-    def encode(self, window: Window) -> bytes:
+    def encode(self, window):
         return b"".join(
             json.dumps({"snr": snr}).encode() + b"\n" for snr in window.detections.snr.tolist()
         )
@@ -70,7 +67,7 @@ class Unsaid(OwnEncoder):
 
 @encoder_mutant("stamps", "test_clock_network_and_global_random_state_are_not_used")
 class Stamps(OwnEncoder):
-    def encode(self, window: Window) -> bytes:
+    def encode(self, window):
         time.time_ns()
         return super().encode(window)
 
@@ -80,22 +77,22 @@ class Counts:
 
     wrong = 0
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.taken = self.wrong
 
-    def write(self, window: Window) -> None:
+    def write(self, window):
         self.taken += len(window.detections)
 
-    def close(self) -> Delivery:
+    def close(self):
         return Delivery(delivered=self.taken)
 
 
-def sink_mutant(name: str, caught_by: str, **abilities: Any) -> Callable[[Any], Any]:
+def sink_mutant(name, caught_by, **abilities):
     """Offer a sink of a class of its own."""
 
-    def offered(made: Any) -> Any:
-        mutant(SinkModel, name, caught_by, **abilities)(lambda _config, _context: made())
-        return made
+    def offered(component):
+        mutant(SinkModel, name, caught_by, **abilities)(lambda _config, _context: component())
+        return component
 
     return offered
 
@@ -107,13 +104,13 @@ class OneTooMany(Counts):
 
 @sink_mutant("loses-some", "test_every_event_is_accounted_for")
 class LosesSome(Counts):
-    def write(self, window: Window) -> None:
+    def write(self, window):
         self.taken += len(window.detections) - (len(window.detections) > 20)
 
 
 @sink_mutant("trips-over-nothing", "test_windows_without_events_are_accepted")
 class TripsOverNothing(Counts):
-    def write(self, window: Window) -> None:
+    def write(self, window):
         self.taken += (
             1 + int(np.argmax(window.detections.time_ns)) if len(window.detections) == 3 else 0
         )
@@ -122,7 +119,7 @@ class TripsOverNothing(Counts):
 
 @sink_mutant("scribbles", "test_windows_are_not_modified")
 class Scribbles(Counts):
-    def write(self, window: Window) -> None:
+    def write(self, window):
         super().write(window)
         window.detections.confidence.flags.writeable = True
         window.detections.confidence[:] = 0.0
@@ -130,13 +127,13 @@ class Scribbles(Counts):
 
 @sink_mutant("knows-no-tracks", "test_edge_case_windows_are_accepted")
 class KnowsNoTracks(Counts):
-    def write(self, window: Window) -> None:
+    def write(self, window):
         self.taken += int(np.sum(window.detections.track < 0))
 
 
 @sink_mutant("runs-ahead", "test_every_event_is_accounted_for")
 class RunsAhead(Counts):
-    def delivery_so_far(self) -> Delivery:
+    def delivery_so_far(self):
         return Delivery(delivered=self.taken + 1)
 
 
@@ -148,19 +145,17 @@ class HalfBuffered(Counts):
 class ShortTruth:
     """A truth file as JSON that loses the last detection."""
 
-    def __init__(
-        self, _path: Path, place: Path, _target_ids: Sequence[str], records: Sequence[Any]
-    ) -> None:
+    def __init__(self, _path, place, _target_ids, records):
         self._place = place
         self._rows = list(records)
 
-    def __enter__(self) -> Self:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_error: object) -> None:
+    def __exit__(self, *_error):
         self._place.write_text(json.dumps(self._rows[:-1]))
 
-    def write(self, window: Window) -> None:
+    def write(self, window):
         self._rows += [{"detection_id": text} for text in uuid_text(window.detections.detection_id)]
 
 
@@ -189,25 +184,25 @@ class EncodedConfig:
 class CountFile(Counts):
     """Writes a letter for each detection into a file."""
 
-    def __init__(self, config: FileConfig, context: SinkContext) -> None:
+    def __init__(self, config, context):
         super().__init__()
         self.thread = threading.get_ident()
         self.place = Path(config.path) if context.resumes else context.stage(config.path)
         self.file = self.place.open(self.mode(context), encoding="utf-8")
 
-    def mode(self, context: SinkContext) -> str:
+    def mode(self, context):
         return "a" if context.resumes else "w"
 
-    def write(self, window: Window) -> None:
+    def write(self, window):
         super().write(window)
         self.file.write("x" * len(window.detections))
 
-    def close(self) -> Delivery:
+    def close(self):
         self.file.close()
         return super().close()
 
 
-def file_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+def file_mutant(name, caught_by):
     """Offer a sink with a file."""
     return mutant(SinkModel, name, caught_by, FileConfig)
 
@@ -220,19 +215,19 @@ file_mutant("sound-file", "")(CountFile)
 class MakesItsFileAnew(CountFile):
     """Refuses a file that exists, as a database does that finds an empty one."""
 
-    def mode(self, context: SinkContext) -> str:
+    def mode(self, context):
         return "a" if context.resumes else "x"
 
 
 @file_mutant("replaces-its-file", "test_a_batch_run_succeeds_and_succeeds_again")
 class ReplacesItsFile(CountFile):
-    def close(self) -> Delivery:
+    def close(self):
         self.file.close()
         self.place.with_suffix(".new").write_text("x" * self.taken)
         self.place.with_suffix(".new").replace(self.place)
         return Counts.close(self)
 
-    def write(self, window: Window) -> None:
+    def write(self, window):
         Counts.write(self, window)
 
 
@@ -240,7 +235,7 @@ class ReplacesItsFile(CountFile):
 class OfOneThread(CountFile):
     """Works in the thread alone that has opened it, as a connection of sqlite3."""
 
-    def write(self, window: Window) -> None:
+    def write(self, window):
         if threading.get_ident() != self.thread:
             raise RuntimeError("this connection belongs to another thread")
         super().write(window)
@@ -248,23 +243,23 @@ class OfOneThread(CountFile):
 
 @file_mutant("overwrites", "test_a_run_with_a_spool_continues_its_output")
 class Overwrites(CountFile):
-    def mode(self, context: SinkContext) -> str:
+    def mode(self, context):
         return "w"
 
 
 class Letters(Transport):
     """Keeps what it sends."""
 
-    def __init__(self) -> None:
-        self.sent: list[bytes] = []
+    def __init__(self):
+        self.sent = []
 
-    def send(self, batch: Batch) -> "Future[None]":
+    def send(self, batch):
         self.sent += batch.messages()
-        acknowledged: Future[None] = Future()
+        acknowledged = Future()
         acknowledged.set_result(None)
         return acknowledged
 
-    def close(self, wait_s: float) -> None:
+    def close(self, wait_s):
         return
 
 
@@ -273,16 +268,16 @@ sink_mutant("sound-transport", "", config=EncodedConfig)(Letters)
 
 
 @mutant(SinkModel, "knows-no-spool", "test_a_run_with_a_spool_continues_its_output", EncodedConfig)
-def knows_no_spool(_config: EncodedConfig, context: SinkContext) -> Letters:
+def knows_no_spool(_config, context):
     return {False: Letters}[context.resumes]()
 
 
 @sink_mutant("built-of-none", "test_build_returns_a_complete_part")
-def nothing() -> None:
+def nothing():
     return None
 
 
 @sink_mutant("without-close", "test_build_returns_a_complete_part")
 class WithoutClose:
-    def write(self, window: Window) -> None:
+    def write(self, window):
         return

@@ -1,6 +1,5 @@
 """Broken renderers, and the sound one that they are made of."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,17 +9,17 @@ from broken_components.offers import SOUND, mutant
 from opir_core.plugin import Renderer, RendererModel
 
 
-def offered(name: str, caught_by: str) -> Any:
+def offered(name, caught_by):
     """Offer a class that is made with the reference."""
 
-    def offer(made: Any) -> Any:
-        mutant(RendererModel, name, caught_by)(lambda _config, context: made(context.reference))
-        return made
+    def offer(renderer):
+        mutant(RendererModel, name, caught_by)(lambda _config, context: renderer(context.reference))
+        return renderer
 
     return offer
 
 
-def kinds(columns: Sequence[Any]) -> list[str]:
+def kinds(columns):
     return ["text" if isinstance(column, bytes) else column.plain()[0] for column in columns]
 
 
@@ -29,7 +28,7 @@ def kinds(columns: Sequence[Any]) -> list[str]:
 class Sound:
     reference: Renderer
 
-    def __call__(self, count: int, columns: Sequence[Any]) -> bytes:
+    def __call__(self, count, columns):
         return self.reference(count, columns)
 
 
@@ -39,7 +38,7 @@ SOUND.add((RendererModel.hook, "sound-renderer"))
 @offered("rowless", "test_texts_are_those_of_the_reference")
 @frozen
 class Rowless(Sound):
-    def __call__(self, count: int, columns: Sequence[Any]) -> bytes:
+    def __call__(self, count, columns):
         lines = self.reference(count, columns)
         return b"\n".join(sorted(lines.split(b"\n"))) if "looked" in kinds(columns) else lines
 
@@ -47,14 +46,14 @@ class Rowless(Sound):
 @offered("writes-nan", "test_numbers_are_those_of_the_reference")
 @frozen
 class WritesNan(Sound):
-    def __call__(self, count: int, columns: Sequence[Any]) -> bytes:
+    def __call__(self, count, columns):
         return self.reference(count, columns).replace(b"null", b"NaN")
 
 
 @offered("capitals", "test_ids_and_times_are_those_of_the_reference")
 @frozen
 class Capitals(Sound):
-    def __call__(self, count: int, columns: Sequence[Any]) -> bytes:
+    def __call__(self, count, columns):
         lines = self.reference(count, columns)
         return lines.upper() if "ids" in kinds(columns) else lines
 
@@ -62,14 +61,14 @@ class Capitals(Sound):
 @offered("never-empty", "test_no_lines_are_no_bytes")
 @frozen
 class NeverEmpty(Sound):
-    def __call__(self, count: int, columns: Sequence[Any]) -> bytes:
+    def __call__(self, count, columns):
         return self.reference(count, columns) or b"\n"
 
 
 @offered("rounds-in-place", "test_columns_are_not_modified")
 @frozen
 class RoundsInPlace(Sound):
-    def __call__(self, count: int, columns: Sequence[Any]) -> bytes:
+    def __call__(self, count, columns):
         lines = self.reference(count, columns)
         for column in columns:
             if not isinstance(column, bytes) and column.plain()[0] == "decimal":

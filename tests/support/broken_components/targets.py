@@ -20,24 +20,24 @@ class OwnTargets:
     made: Any
     change: Callable[[Any, FloatArray, Any, FloatArray], FloatArray]
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self.__getattribute__("made"), name)
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self):
         return (OwnTargets, (self.made, self.change))
 
-    def position_ecef_m(self, target: Any, time_s: FloatArray) -> FloatArray:
+    def position_ecef_m(self, target, time_s):
         return self.change(self.made, self.made.position_ecef_m(target, time_s), target, time_s)
 
-    def truth(self) -> Any:
+    def truth(self):
         return self.made.truth()
 
 
-def target_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+def target_mutant(name, caught_by):
     """Offer a target model made of the built-in one."""
 
-    def offered(change: Any) -> Any:
-        def build(configs: Any, context: Any) -> Any:
+    def offered(change):
+        def build(configs, context):
             return OwnTargets(ballistic_targets(configs, context), change)
 
         mutant(TargetModel, name, caught_by, BallisticConfig)(build)
@@ -47,29 +47,29 @@ def target_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
 
 
 @target_mutant("burns-for-ever", "test_positions_are_finite_during_the_burn_only")
-def burns_for_ever(made: Any, _place: Any, target: Any, time_s: FloatArray) -> FloatArray:
-    return made.position_ecef_m(
-        target, np.clip(time_s, made.ignition_s[target], made.burnout_s[target])
+def burns_for_ever(model, _place, target, time_s):
+    return model.position_ecef_m(
+        target, np.clip(time_s, model.ignition_s[target], model.burnout_s[target])
     )
 
 
 @target_mutant("jumps", "test_paths_are_above_the_ground_and_smooth")
-def jumps(made: Any, place: Any, target: Any, time_s: FloatArray) -> FloatArray:
-    return place + np.where(time_s - made.ignition_s[target] > 30.0, 5e4, 0.0)[:, None]
+def jumps(model, place, target, time_s):
+    return place + np.where(time_s - model.ignition_s[target] > 30.0, 5e4, 0.0)[:, None]
 
 
 @target_mutant("led-astray", "test_free_flight_extends_to_end_s_and_burns_do_not_change")
-def led_astray(made: Any, place: Any, _target: Any, _time_s: FloatArray) -> FloatArray:
-    return place if made.coast is None else place + 1.0
+def led_astray(model, place, _target, _time_s):
+    return place if model.coast is None else place + 1.0
 
 
 @target_mutant("swarm", "test_positions_are_independent")
-def swarm(_made: Any, place: Any, _target: Any, _time_s: FloatArray) -> FloatArray:
+def swarm(_product, place, _target, _time_s):
     return place + 1e-3 * (place - np.nanmean(place, axis=0)) if len(place) else place
 
 
 @target_mutant("flies-by-number", "test_targets_are_independent")
-def flies_by_number(_made: Any, place: Any, target: Any, _time_s: FloatArray) -> FloatArray:
+def flies_by_number(_product, place, target, _time_s):
     return place + 10.0 * target[:, None]
 
 
@@ -78,17 +78,17 @@ class BurnsTwice(OwnTargets):
     """Targets with a second burn that ends after burnout."""
 
     @property
-    def burns_s(self) -> FloatArray:
-        one = np.stack([self.ignition_s, self.burnout_s], axis=-1)
-        return np.stack([one, one + 1e3], axis=1)
+    def burns_s(self):
+        burn = np.stack([self.ignition_s, self.burnout_s], axis=-1)
+        return np.stack([burn, burn + 1e3], axis=1)
 
 
 @mutant(
     TargetModel, "burns-twice", "test_burns_are_in_order_from_ignition_to_burnout", BallisticConfig
 )
-def burns_twice(configs: Any, context: Any) -> Any:
+def burns_twice(configs, context):
     return BurnsTwice(
-        ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place
+        ballistic_targets(configs, context), lambda _product, place, _target, _time_s: place
     )
 
 
@@ -97,9 +97,9 @@ class BurnsOfOneMore(OwnTargets):
     """Targets with the burns of one that is not there."""
 
     @property
-    def burns_s(self) -> FloatArray:
-        own = np.stack([self.ignition_s, self.burnout_s], axis=-1)[:, None, :]
-        return np.concatenate([own, own[-1:]])
+    def burns_s(self):
+        burns = np.stack([self.ignition_s, self.burnout_s], axis=-1)[:, None, :]
+        return np.concatenate([burns, burns[-1:]])
 
 
 @mutant(
@@ -108,7 +108,7 @@ class BurnsOfOneMore(OwnTargets):
     "test_burns_are_in_order_from_ignition_to_burnout",
     BallisticConfig,
 )
-def burns_of_one_more(configs: Any, context: Any) -> Any:
+def burns_of_one_more(configs, context):
     return BurnsOfOneMore(
-        ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place
+        ballistic_targets(configs, context), lambda _product, place, _target, _time_s: place
     )

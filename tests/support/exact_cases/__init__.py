@@ -3,10 +3,9 @@ out, and why.
 """
 
 from exact_cases import chain, detection, estimation, flight, geometry, radiometry
-from exact_cases.measure import Bound, Case
 
 
-def every_case() -> list[Case]:
+def every_case():
     """Return the cases of all functions."""
     return [
         case
@@ -15,12 +14,12 @@ def every_case() -> list[Case]:
     ]
 
 
-def every_bound() -> list[Bound]:
+def every_bound():
     """Return the searches of functions with a stated bound."""
     return [*geometry.BOUNDS, *flight.BOUNDS, *radiometry.BOUNDS]
 
 
-def left_out() -> dict[str, str]:
+def left_out():
     """Return the reasons for public names without a case, by package and name."""
     by_package = {
         "geometry": geometry.LEFT_OUT,

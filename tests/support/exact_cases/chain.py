@@ -30,8 +30,10 @@ _LOOKS = 8
 def _satellite_m(altitude_km, inclination_deg, node_deg, latitude_deg, time_s):
     """Return positions (n, 3), ECEF, of satellites on circular orbits."""
     states = [
-        orbits.circular_elements(1e3 * a, *(float(np.radians(v)) for v in rest)).perigee_state_eci()
-        for a, *rest in zip(
+        orbits.circular_elements(
+            1e3 * a, *(float(np.radians(v)) for v in remainder)
+        ).perigee_state_eci()
+        for a, *remainder in zip(
             altitude_km.tolist(),
             inclination_deg.tolist(),
             node_deg.tolist(),

@@ -3,7 +3,6 @@ least squares.
 """
 
 from itertools import permutations
-from types import ModuleType
 
 import mpmath as mp
 import numpy as np
@@ -29,11 +28,11 @@ def quantile(probability):
         return None
     upper = probability > mp.mpf(1) / 2
     small = 1 - probability if upper else probability
-    wanted = mp.log(small)
-    x = mp.sqrt(-2 * wanted) if wanted < -2 else mp.mpf(1) / 2
+    expected = mp.log(small)
+    x = mp.sqrt(-2 * expected) if expected < -2 else mp.mpf(1) / 2
     for _ in range(200):
         value = tail(x)
-        step = (mp.log(value) - wanted) * value / (mp.exp(-x * x / 2) / mp.sqrt(2 * mp.pi))
+        step = (mp.log(value) - expected) * value / (mp.exp(-x * x / 2) / mp.sqrt(2 * mp.pi))
         x += step
         if abs(step) < mp.mpf(10) ** -(mp.mp.dps - 4):
             break
@@ -52,17 +51,21 @@ def student_threshold(probability, cells):
     """Return the threshold of a tail of Student's t, by secant steps in logarithms from the float64
     answer.
     """
-    wanted = mp.log(probability)
+    expected = mp.log(probability)
     start = mp.mpf(float(detection.cfar_threshold(float(probability), float(cells))))
-    before = start
-    now = start * (1 + mp.mpf(10) ** -9) + mp.mpf(10) ** -12
-    miss_before = mp.log(student_tail(before, cells - 1)) - wanted
+    previous = start
+    guess = start * (1 + mp.mpf(10) ** -9) + mp.mpf(10) ** -12
+    miss_before = mp.log(student_tail(previous, cells - 1)) - expected
     for _ in range(4):
-        miss = mp.log(student_tail(now, cells - 1)) - wanted
+        miss = mp.log(student_tail(guess, cells - 1)) - expected
         if miss == miss_before:
             break
-        before, now, miss_before = now, now - miss * (now - before) / (miss - miss_before), miss
-    return now
+        previous, guess, miss_before = (
+            guess,
+            guess - miss * (guess - previous) / (miss - miss_before),
+            miss,
+        )
+    return guess
 
 
 def noncentral_tail(snr, threshold, cells):
@@ -119,10 +122,10 @@ def grid_time(value):
 def latency_cdf(time, period, probability, random=True):
     elapsed = grid_time(max(time, mp.mpf(0)))
     step = grid_time(period)
-    whole = mp.floor(elapsed / step)
-    certain = cumulative(probability, whole)
-    part = elapsed / step - whole if random else mp.mpf(0)
-    return certain + (1 - certain) * part * probability
+    total = mp.floor(elapsed / step)
+    certain = cumulative(probability, total)
+    fraction = elapsed / step - total if random else mp.mpf(0)
+    return certain + (1 - certain) * fraction * probability
 
 
 def latency_quantile(level, period, probability):
@@ -132,9 +135,9 @@ def latency_quantile(level, period, probability):
     if level == 0:
         return mp.mpf(0)
     looks = mp.log1p(-level) / log_miss(probability) if probability < 1 else mp.mpf(0)
-    whole = mp.nint(looks) if abs(looks - mp.nint(looks)) < mp.mpf("1e-9") else mp.floor(looks)
-    left = mp.log1p(-level) - (whole * log_miss(probability) if whole else 0)
-    return period * (whole - mp.expm1(left) / probability)
+    total = mp.nint(looks) if abs(looks - mp.nint(looks)) < mp.mpf("1e-9") else mp.floor(looks)
+    remainder = mp.log1p(-level) - (total * log_miss(probability) if total else 0)
+    return period * (total - mp.expm1(remainder) / probability)
 
 
 def latencies(rng, n):
@@ -248,20 +251,20 @@ def directed(direction):
     ]
 
 
-def between(one, other):
+def between(a, b):
     return mp.atan2(
         norm(
             [
-                one[1] * other[2] - one[2] * other[1],
-                one[2] * other[0] - one[0] * other[2],
-                one[0] * other[1] - one[1] * other[0],
+                a[1] * b[2] - a[2] * b[1],
+                a[2] * b[0] - a[0] * b[2],
+                a[0] * b[1] - a[1] * b[0],
             ]
         ),
-        dot(one, other),
+        dot(a, b),
     )
 
 
-def _of(module: ModuleType, name: str):
+def _of(module, name):
     return f"{module.__name__.removeprefix('opir_core.')}.{name}"
 
 

@@ -61,8 +61,8 @@ def latitudes(rng, n):
 def directions(rng, n):
     """Return unit vectors (n, 3), some along the axes or almost."""
     vectors = rng.normal(size=(n, 3))
-    near = rng.random(n) < 0.15
-    vectors[near] *= rng.choice([0.0, 1e-16, 1e-9, 1.0], (int(near.sum()), 3))
+    is_close = rng.random(n) < 0.15
+    vectors[is_close] *= rng.choice([0.0, 1e-16, 1e-9, 1.0], (int(is_close.sum()), 3))
     size = np.sqrt((vectors**2).sum(axis=1, keepdims=True))
     return np.where(size > 0.0, vectors / np.where(size > 0.0, size, 1.0), [0.0, 0.0, 1.0])
 

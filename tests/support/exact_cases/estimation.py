@@ -17,13 +17,13 @@ RADIUS = mp.mpf(6378137)
 
 def direction(place):
     """Return the unit vector of a latitude and longitude."""
-    (sine, cosine), (east, ahead) = ((mp.sin(angle), mp.cos(angle)) for angle in place)
-    return [cosine * ahead, cosine * east, sine]
+    (sine, cosine), (east, forward) = ((mp.sin(angle), mp.cos(angle)) for angle in place)
+    return [cosine * forward, cosine * east, sine]
 
 
-def great_circle(one, other):
-    a = direction(one)
-    b = direction(other)
+def great_circle(start, end):
+    a = direction(start)
+    b = direction(end)
     # By half angles: exact between near points and between opposite ones.
     return (
         2
@@ -34,11 +34,11 @@ def great_circle(one, other):
 
 def places(rng, n):
     """Return pairs of places: any, near ones, and almost opposite ones; poles among them."""
-    one = np.stack([draws.latitudes(rng, n), draws.angles(rng, n)], axis=1)
+    start = np.stack([draws.latitudes(rng, n), draws.angles(rng, n)], axis=1)
     off = draws.log_uniform(rng, n, 1e-12, 1.0)[:, None] * rng.normal(size=(n, 2))
     opposite = (rng.random(n) < 0.3)[:, None]
-    other = np.where(opposite, one * [-1.0, 1.0] + [0.0, np.pi], one) + off
-    return one, np.clip(other, [-0.5 * np.pi, -np.inf], [0.5 * np.pi, np.inf])
+    end = np.where(opposite, start * [-1.0, 1.0] + [0.0, np.pi], start) + off
+    return start, np.clip(end, [-0.5 * np.pi, -np.inf], [0.5 * np.pi, np.inf])
 
 
 def mapped(rng, n):
@@ -53,7 +53,7 @@ def mapped(rng, n):
 def _latitudes(centre, point):
     charts = (AzimuthalEquidistant.about(up) for up in unit_vectors(centre))
     return np.array(
-        [chart.places(one[None])[0, 0] for chart, one in zip(charts, point, strict=True)]
+        [chart.places(place[None])[0, 0] for chart, place in zip(charts, point, strict=True)]
     )
 
 
@@ -66,8 +66,10 @@ def latitude(centre, point):
         -mp.sin(centre[0]) * mp.sin(centre[1]),
         mp.cos(centre[0]),
     ]
-    ahead = [(point[0] * e + point[1] * n) / norm(point) for e, n in zip(east, north, strict=True)]
-    x, y, z = (mp.cos(angle) * u + mp.sin(angle) * a for u, a in zip(up, ahead, strict=True))
+    forward = [
+        (point[0] * e + point[1] * n) / norm(point) for e, n in zip(east, north, strict=True)
+    ]
+    x, y, z = (mp.cos(angle) * u + mp.sin(angle) * a for u, a in zip(up, forward, strict=True))
     return mp.atan2(z, mp.hypot(x, y))
 
 
@@ -94,8 +96,8 @@ def log_values(rng, n):
 
 
 def exact_log_sum(values):
-    most = max(values)
-    return most + mp.log(mp.fsum(mp.exp(each - most) for each in values))
+    largest = max(values)
+    return largest + mp.log(mp.fsum(mp.exp(value - largest) for value in values))
 
 
 def looks(rng, n):
@@ -127,29 +129,29 @@ def looks(rng, n):
 
 
 def _log_densities(*columns):
-    found = []
+    result = []
     for signal, variance, count, mean, covariance in zip(*columns, strict=True):
-        one = Mixture.of([[Components(np.zeros(1), mean[None], covariance.reshape(1, 3, 3))]])
-        found.append(
-            one.log_densities(
+        mixture = Mixture.of([[Components(np.zeros(1), mean[None], covariance.reshape(1, 3, 3))]])
+        result.append(
+            mixture.log_densities(
                 np.zeros(1, dtype=np.int64), signal[None], variance[None], np.array([count])
             )
         )
-    return tuple(np.array([each[part][0, 0] for each in found]) for part in (0, 1))
+    return tuple(np.array([density[component][0, 0] for density in result]) for component in (0, 1))
 
 
 def log_densities(signal, variance, count, mean, covariance):
     """Return ln p(signal) and ln p(count | signal) of a normal distribution, signals in noise."""
-    whole = mp.matrix([covariance[3 * k : 3 * k + 3] for k in range(3)])
-    whole = (whole + whole.T) / 2
+    total = mp.matrix([covariance[3 * k : 3 * k + 3] for k in range(3)])
+    total = (total + total.T) / 2
     for k in range(2):
-        whole[k, k] += variance[k]
+        total[k, k] += variance[k]
     off = [y - m for y, m in zip([*signal, count], mean, strict=True)]
 
     def log_normal(size):
-        part = whole[:size, :size]
-        solved = list(mp.lu_solve(part, mp.matrix(off[:size])))
-        return -(dot(off[:size], solved) + mp.log(mp.det(part)) + size * mp.log(2 * mp.pi)) / 2
+        block = total[:size, :size]
+        solved = list(mp.lu_solve(block, mp.matrix(off[:size])))
+        return -(dot(off[:size], solved) + mp.log(mp.det(block)) + size * mp.log(2 * mp.pi)) / 2
 
     return log_normal(2), log_normal(3) - log_normal(2)
 
@@ -162,18 +164,18 @@ def steps(rng, n):
     root[:, [0, 1, 2], [0, 1, 2]] = draws.log_uniform(rng, 3 * n, 0.1, 10.0).reshape(n, 3)
     back = np.eye(3) + np.triu(rng.normal(size=(n, 3, 3)), 1)
     noise = draws.log_uniform(rng, n, 1e-6, 1e9)[:, None, None] * rng.normal(size=(n, 3, 3))
-    return tuple(each.reshape(n, 9) for each in (root, back, noise))
+    return tuple(matrix.reshape(n, 9) for matrix in (root, back, noise))
 
 
 def _updated(root, back, noise):
-    found = square_root.time_update(*(each.reshape(-1, 3, 3) for each in (root, back, noise)))
-    return square_root.covariance(found).reshape(-1, 9)
+    result = square_root.time_update(*(matrix.reshape(-1, 3, 3) for matrix in (root, back, noise)))
+    return square_root.covariance(result).reshape(-1, 9)
 
 
 def updated(root, back, noise):
     """Return the covariance after a step: F P Fᵀ + L Lᵀ."""
     r, b, side = (
-        mp.matrix([each[3 * k : 3 * k + 3] for k in range(3)]) for each in (root, back, noise)
+        mp.matrix([matrix[3 * k : 3 * k + 3] for k in range(3)]) for matrix in (root, back, noise)
     )
     carried = (r * b) ** -1
     return list(carried * carried.T + side * side.T)

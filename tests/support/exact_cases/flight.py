@@ -61,7 +61,7 @@ def kepler_impacts(rng, n):
         if not np.isfinite(duration[row]):
             continue
         end = [mp.mpf(float(v)) for v in point[row]]
-        start = [[mp.mpf(float(v)) for v in each[row]] for each in columns[:2]]
+        start = [[mp.mpf(float(v)) for v in column[row]] for column in columns[:2]]
         arrived_at, speed = two_body(*start, mp.mpf(float(duration[row])))
         miss[row] = float(
             abs(geodetic(end)[2] - mp.mpf(float(columns[2][row]))) + norm(less(arrived_at, end))
@@ -82,53 +82,53 @@ def launches(rng, n):
         np.array([getattr(p, f"{end}_range_m") for p in profiles]) for end in ("minimum", "maximum")
     )
     reach = shortest + (longest - shortest) * rng.uniform(0.01, 0.99, n)
-    there = geodesic_direct(latitude, longitude, rng.uniform(0.0, 2.0 * np.pi, n), reach)
+    place = geodesic_direct(latitude, longitude, rng.uniform(0.0, 2.0 * np.pi, n), reach)
     launch = Geodetic(latitude, longitude, rng.choice([0.0, -400.0, 3000.0], n))
-    goal = Geodetic(*there, rng.choice([0.0, 2000.0], n))
+    goal = Geodetic(*place, rng.choice([0.0, 2000.0], n))
     ignition = draws.log_uniform(rng, n, 1e-6, 1e7, (0.0,))
     return launch, goal, ignition, profiles, flight.aim(launch, goal, ignition, profiles)
 
 
 def aims(rng, n):
     """Return the distances of exactly flown impacts from aim points, over the tolerance of 1 cm."""
-    launch, goal, ignition, profiles, found = launches(rng, n)
+    launch, goal, ignition, profiles, result = launches(rng, n)
     burn = np.array([profile.burn_time_s for profile in profiles])
     place, velocity = boost_states(
         launch,
-        found.azimuth_rad,
-        found.burnout_speed_m_s,
-        found.burnout_flight_path_angle_rad,
+        result.azimuth_rad,
+        result.burnout_speed_m_s,
+        result.burnout_flight_path_angle_rad,
         profiles,
         burn,
     )
-    wanted = geodetic_to_ecef(*goal)
+    expected = geodetic_to_ecef(*goal)
     miss = np.zeros(n)
     for row in range(n):
-        start, speed = ([mp.mpf(str(v)) for v in each[row]] for each in (place, velocity))
+        start, speed = ([mp.mpf(str(v)) for v in column[row]] for column in (place, velocity))
         speed = [speed[0] - OMEGA * start[1], speed[1] + OMEGA * start[0], speed[2]]
-        duration = mp.mpf(float(found.impact_s[row])) - mp.mpf(float(found.burnout_s[row]))
+        duration = mp.mpf(float(result.impact_s[row])) - mp.mpf(float(result.burnout_s[row]))
         end = fixed(two_body(start, speed, duration)[0], duration)
-        miss[row] = float(norm(less(end, [mp.mpf(float(v)) for v in wanted[row]])))
+        miss[row] = float(norm(less(end, [mp.mpf(float(v)) for v in expected[row]])))
     # The impact's time is a scene time: its own rounding moves the impact along the path.
-    rounding = 8e3 * np.spacing(found.impact_s)
+    rounding = 8e3 * np.spacing(result.impact_s)
     return (*launch, *goal, ignition), miss, 0.01 + rounding
 
 
 def boosts(rng, n):
     """Return the errors of boost ephemerides at drawn times, over their tolerances."""
-    launch, _, ignition, profiles, found = launches(rng, n)
+    launch, _, ignition, profiles, result = launches(rng, n)
     tolerance = float(10.0 ** rng.uniform(-5.0, 0.0))
-    ephemeris = flight.boost_ephemeris(found.path, tolerance)
+    ephemeris = flight.boost_ephemeris(result.path, tolerance)
     share = draws.uniform(rng, n, 0.0, 1.0, (0.0, 1.0, 1e-12))
-    time_s = found.path.ignition_s + share * (found.path.burnout_s - found.path.ignition_s)
-    time_s = np.minimum(time_s, found.path.burnout_s)
+    time_s = result.path.ignition_s + share * (result.path.burnout_s - result.path.ignition_s)
+    time_s = np.minimum(time_s, result.path.burnout_s)
     place, _ = boost_states(
         launch,
-        found.azimuth_rad,
-        found.burnout_speed_m_s,
-        found.burnout_flight_path_angle_rad,
+        result.azimuth_rad,
+        result.burnout_speed_m_s,
+        result.burnout_flight_path_angle_rad,
         profiles,
-        np.asarray(time_s, np.longdouble) - found.path.ignition_s,
+        np.asarray(time_s, np.longdouble) - result.path.ignition_s,
     )
     miss = np.sqrt(((ephemeris.position_m(np.arange(n), time_s) - place) ** 2).sum(axis=1)).astype(
         float
@@ -138,22 +138,22 @@ def boosts(rng, n):
 
 def coasts(rng, n):
     """Return the errors of ephemerides of free flight at drawn times, over their tolerances."""
-    _, _, ignition, _, found = launches(rng, n)
+    _, _, ignition, _, result = launches(rng, n)
     tolerance = float(10.0 ** rng.uniform(-4.0, 0.0))
-    ephemeris = flight.coast_ephemeris(found, tolerance)
-    time_s = found.burnout_s + draws.uniform(rng, n, 0.0, 1.0, (0.0, 1.0)) * (
-        found.impact_s - found.burnout_s
+    ephemeris = flight.coast_ephemeris(result, tolerance)
+    time_s = result.burnout_s + draws.uniform(rng, n, 0.0, 1.0, (0.0, 1.0)) * (
+        result.impact_s - result.burnout_s
     )
-    time_s = np.minimum(time_s, found.impact_s)
+    time_s = np.minimum(time_s, result.impact_s)
     at = ephemeris.position_m(np.arange(n), time_s)
     miss = np.zeros(n)
     for row in range(n):
         start, speed = (
-            [mp.mpf(float(v)) for v in each[row]]
-            for each in (found.burnout_position_eci_m, found.burnout_velocity_eci_m_s)
+            [mp.mpf(float(v)) for v in column[row]]
+            for column in (result.burnout_position_eci_m, result.burnout_velocity_eci_m_s)
         )
         time = mp.mpf(float(time_s[row]))
-        end = fixed(two_body(start, speed, time - mp.mpf(float(found.burnout_s[row])))[0], time)
+        end = fixed(two_body(start, speed, time - mp.mpf(float(result.burnout_s[row])))[0], time)
         miss[row] = float(norm(less([mp.mpf(float(v)) for v in at[row]], end)))
     return (ignition, time_s), miss, tolerance + 2e4 * np.spacing(time_s)
 
@@ -194,7 +194,7 @@ def forced_impacts(rng, n):
         np.isfinite(duration) & (duration > 1.0) & (np.abs(radial) > 0.2 * 6.4e6 * 1e3)
     )[:n]
     end, _ = propagated(position[rows], velocity[rows], duration[rows], NAMES)
-    apart = np.sqrt(((point[rows] - end) ** 2).sum(axis=1)).astype(float)
+    separation = np.sqrt(((point[rows] - end) ** 2).sum(axis=1)).astype(float)
     with mp.workdps(40):
         low = np.array(
             [
@@ -207,7 +207,11 @@ def forced_impacts(rng, n):
                 for row in rows
             ]
         )
-    return (position[rows], velocity[rows], height[rows]), apart + low, np.full(len(rows), 1e-3)
+    return (
+        (position[rows], velocity[rows], height[rows]),
+        separation + low,
+        np.full(len(rows), 1e-3),
+    )
 
 
 def _ellipse(rng, n):
@@ -296,11 +300,11 @@ def orbit_positions(rng, n):
             lon_asc_node_deg=node,
             arg_latitude_deg=latitude,
         )
-        found = orbits.orbit_of(orbits.OrbitConfig(circular=config), 0).position_ecef_m(
+        result = orbits.orbit_of(orbits.OrbitConfig(circular=config), 0).position_ecef_m(
             np.array([time])
         )[0]
         exact = orbital_position(*(mp.mpf(v) for v in (altitude, tilt, node, latitude, time)))
-        miss[row] = float(norm(less([mp.mpf(float(v)) for v in found], exact)))
+        miss[row] = float(norm(less([mp.mpf(float(v)) for v in result], exact)))
         bound[row] = 0.01 + 8e3 * time * 2.0**-50
     return columns, miss, bound
 

@@ -110,8 +110,8 @@ def line_of_sight(observer, azimuth, elevation):
 
 
 def nadir_angle(sensor, target):
-    away = less(target, sensor)
-    return mp.atan2(norm(cross(sensor, away)), -dot(sensor, away))
+    offset = less(target, sensor)
+    return mp.atan2(norm(cross(sensor, offset)), -dot(sensor, offset))
 
 
 def julian_date(epoch, time):
@@ -210,13 +210,13 @@ def discs(position, sun):
     """
     stretch = A / B
     here = [position[0], position[1], position[2] * stretch]
-    there = [sun[0], sun[1], sun[2] * stretch]
-    away = less(there, here)
-    normal = cross(here, away)
-    slope = (normal[0] * away[1] - normal[1] * away[0]) / (norm(normal) * norm(away))
+    place = [sun[0], sun[1], sun[2] * stretch]
+    offset = less(place, here)
+    normal = cross(here, offset)
+    slope = (normal[0] * offset[1] - normal[1] * offset[0]) / (norm(normal) * norm(offset))
     radius = mp.mpf(SUN_RADIUS_M) * mp.sqrt(1 + (stretch * stretch - 1) * slope * slope)
-    separation = mp.atan2(norm(normal), -dot(here, away))
-    return mp.asin(radius / norm(away)), mp.asin(min(mp.mpf(1), A / norm(here))), separation
+    separation = mp.atan2(norm(normal), -dot(here, offset))
+    return mp.asin(radius / norm(offset)), mp.asin(min(mp.mpf(1), A / norm(here))), separation
 
 
 def sunlit_fraction(position, sun):
@@ -241,19 +241,19 @@ def intersection(origin, ray, height):
     if dd == 0 or od * od < dd * oo:
         return None
     root = mp.sqrt(od * od - dd * oo)
-    ahead = [step for step in ((-od - root) / dd, (-od + root) / dd) if step >= 0]
-    return plus(origin, ray, ahead[0]) if ahead else None
+    forward = [step for step in ((-od - root) / dd, (-od + root) / dd) if step >= 0]
+    return plus(origin, ray, forward[0]) if forward else None
 
 
 def lowest(observer, target):
     """Return the share of a segment at which it is lowest, and the height there: the slope's zero,
     by bisection.
     """
-    away = less(target, observer)
+    offset = less(target, observer)
 
     def slope(share):
-        place = plus(observer, away, share)
-        return dot(axes_at(place)[2], away)
+        place = plus(observer, offset, share)
+        return dot(axes_at(place)[2], offset)
 
     low = mp.mpf(0)
     high = mp.mpf(1)
@@ -263,7 +263,7 @@ def lowest(observer, target):
         return high, geodetic(target)[2]
     # A height is stationary at its minimum: half the digits of the share give all of the height's.
     share = mp.findroot(slope, (low, high), solver="anderson", tol=mp.mpf(10) ** -24, verify=False)
-    return share, geodetic(plus(observer, away, share))[2]
+    return share, geodetic(plus(observer, offset, share))[2]
 
 
 def grazing_condition(observer, target):
@@ -272,12 +272,12 @@ def grazing_condition(observer, target):
     """
     share, height = lowest(observer, target)
     up = axes_at(plus(observer, less(target, observer), share))[2]
-    parts = [
+    terms = [
         abs(weight * u * p)
         for weight, end in ((1 - share, observer), (share, target))
         for u, p in zip(up, end, strict=True)
     ]
-    return [mp.fsum(parts) / abs(height)]
+    return [mp.fsum(terms) / abs(height)]
 
 
 def lines(rng, n):
@@ -293,12 +293,12 @@ def lit(rng, n):
     """Return positions about the Earth's shadow, and the Sun's (n, 3)."""
     sun = draws.directions(rng, n) * 1.496e11
     radius = draws.log_uniform(rng, n, 6.6e6, 4.3e7)
-    away = -sun / 1.496e11
-    across = np.cross(away, draws.directions(rng, n))
+    offset = -sun / 1.496e11
+    across = np.cross(offset, draws.directions(rng, n))
     across /= np.maximum(np.sqrt((across**2).sum(axis=1, keepdims=True)), 1e-300)
     miss = 6.37e6 * (1.0 + rng.normal(scale=0.01, size=n))
     along = np.sqrt(np.maximum(radius**2 - miss**2, 0.0))
-    return away * along[:, None] + across * miss[:, None], sun
+    return offset * along[:, None] + across * miss[:, None], sun
 
 
 def rays(rng, n):
@@ -341,8 +341,8 @@ def _with_axes(rng, n):
     return target - observer, rows[:, 0], rows[:, 1], rows[:, 2]
 
 
-def _three(found):
-    return found[:, 0], found[:, 1], found[:, 2]
+def _three(result):
+    return result[:, 0], result[:, 1], result[:, 2]
 
 
 CASES = (

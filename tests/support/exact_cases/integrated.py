@@ -3,6 +3,7 @@ extrapolation.
 """
 
 from functools import cache
+from typing import NamedTuple
 
 import mpmath as mp
 import numpy as np
@@ -12,6 +13,7 @@ from opir_core.flight.forces import ZonalField
 LONG = np.longdouble
 _ORDER = 16
 _PANELS = 48
+HALF_PI = LONG(mp.nstr(mp.pi / 2, 30))
 
 
 @cache
@@ -42,6 +44,60 @@ def _gauss():
         return np.array([LONG(mp.nstr(node, 30)) for node in nodes]), long
 
 
+class Course(NamedTuple):
+    """Courses (n,) of class profiles in extended precision: burn and start of the pitch, s, shapes
+    of speed and pitch, final speed, m/s, and final lean off the vertical, rad.
+    """
+
+    burn_s: np.ndarray
+    start_s: np.ndarray
+    shape: np.ndarray
+    exponent: np.ndarray
+    speed_m_s: np.ndarray
+    turn_rad: np.ndarray
+
+    @classmethod
+    def of(cls, profiles, speed_m_s, angle_rad):
+        """Return the courses of profiles with final speeds and flight path angles."""
+        columns = (
+            np.array([getattr(profile, name) for profile in profiles], LONG)
+            for name in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
+        )
+        return cls(*columns, np.asarray(speed_m_s, LONG), HALF_PI - np.asarray(angle_rad, LONG))
+
+    def at(self, time_s):
+        """Return speeds and leans at times."""
+        share = np.maximum((time_s - self.start_s) / (self.burn_s - self.start_s), 0)
+        growth = np.expm1(self.shape * time_s / self.burn_s) / np.expm1(self.shape)
+        return self.speed_m_s * growth, self.turn_rad * np.sin(HALF_PI * share**self.exponent)
+
+    def risen_m(self, time_s):
+        """Return heights of the vertical part: its closed form."""
+        y = self.shape * time_s / self.burn_s
+        small = sum(y**n / LONG(mp.nstr(mp.factorial(n), 30)) for n in range(2, 24))
+        high = np.where(y < 2, small, np.expm1(y) - y)
+        return self.speed_m_s * self.burn_s / self.shape * high / np.expm1(self.shape)
+
+    def way(self, radius_m, elapsed_s):
+        """Return heights, m, and angles over the Earth, rad, by quadrature in the fourth root of
+        the share of the turn, in which it is smooth.
+        """
+        nodes, to_node = _gauss()
+        rise = self.risen_m(np.minimum(elapsed_s, self.start_s))
+        swept = np.zeros_like(rise)
+        turn_s = self.burn_s - self.start_s
+        step = np.maximum((elapsed_s - self.start_s) / turn_s, 0) ** LONG(0.25) / _PANELS
+        for panel in range(_PANELS):
+            root = step * panel + step * nodes[:, None]
+            speed, lean = self.at(self.start_s + turn_s * root**4)
+            pace = 4 * root**3 * turn_s * step
+            climb = to_node @ (pace * speed * np.cos(lean))
+            sweep = pace * speed * np.sin(lean) / (radius_m + rise + climb[:-1])
+            swept += (to_node[-1][:, None] * sweep).sum(axis=0)
+            rise = rise + climb[-1]
+        return rise, swept
+
+
 def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
     """Return positions and velocities (n, 3) of boosts in ECEF, `elapsed_s` (n,) after ignition, by
     quadrature in time.
@@ -49,68 +105,29 @@ def boost_states(site, azimuth_rad, speed_m_s, angle_rad, profiles, elapsed_s):
     `site` are latitude, longitude (rad) and height (m), (n,) each; the course is that of the class
     profiles.
     """
-    latitude, longitude, height = (np.asarray(v, LONG) for v in site)
-    burn, start, k, exponent = (
-        np.array([getattr(profile, name) for profile in profiles], LONG)
-        for name in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
-    )
-    azimuth, speed, elapsed = (np.asarray(v, LONG) for v in (azimuth_rad, speed_m_s, elapsed_s))
-    turn = LONG(mp.nstr(mp.pi / 2, 30)) - np.asarray(angle_rad, LONG)
-    half_pi = LONG(mp.nstr(mp.pi / 2, 30))
-    a = LONG(6378137.0)
-    f = LONG(1.0 / 298.257223563)
-    e2 = f * (2 - f)
-    w = 1 - e2 * np.sin(latitude) ** 2
-    normal = a / np.sqrt(w)
-    meridian = normal * (1 - e2) / w
-    curvature = np.cos(azimuth) ** 2 / (meridian + height) + np.sin(azimuth) ** 2 / (
-        normal + height
-    )
-    radius = 1 / curvature
-    nodes, to_node = _gauss()
-
-    def course(t):
-        u = np.maximum((t - start) / (burn - start), 0)
-        return speed * np.expm1(k * t / burn) / np.expm1(k), turn * np.sin(half_pi * u**exponent)
-
-    # The turn is smooth in the fourth root of its share; the vertical part has a closed form.
-    def risen(t):
-        y = k * t / burn
-        small = sum(y**n / LONG(mp.nstr(mp.factorial(n), 30)) for n in range(2, 24))
-        return speed * burn / k * np.where(y < 2, small, np.expm1(y) - y) / np.expm1(k)
-
-    rise = risen(np.minimum(elapsed, start))
-    swept = np.zeros_like(rise)
-    last = np.maximum((elapsed - start) / (burn - start), 0) ** LONG(0.25)
-    step = last / _PANELS
-    for panel in range(_PANELS):
-        x = step * panel + step * nodes[:, None]
-        t = start + (burn - start) * x**4
-        v, lean = course(t)
-        pace = 4 * x**3 * (burn - start) * step
-        climb = to_node @ (pace * v * np.cos(lean))
-        swept += (
-            to_node[-1][:, None] * (pace * v * np.sin(lean) / (radius + rise + climb[:-1]))
-        ).sum(axis=0)
-        rise = rise + climb[-1]
-    v, lean = course(elapsed)
-    s = np.sin(latitude)
-    c = np.cos(latitude)
-    sl = np.sin(longitude)
-    cl = np.cos(longitude)
-    up = np.stack([c * cl, c * sl, s])
-    east = np.stack([-sl, cl, 0 * sl])
-    north = np.stack([-s * cl, -s * sl, c])
-    heading = np.sin(azimuth) * east + np.cos(azimuth) * north
-    launch = np.stack(
-        [(normal + height) * c * cl, (normal + height) * c * sl, (normal * (1 - e2) + height) * s]
-    )
-    place = (
-        launch
-        + ((radius + rise) * np.cos(swept) - radius) * up
-        + (radius + rise) * np.sin(swept) * heading
-    )
-    velocity = v * (np.cos(lean + swept) * up + np.sin(lean + swept) * heading)
+    latitude, longitude, height = (np.asarray(column, LONG) for column in site)
+    azimuth = np.asarray(azimuth_rad, LONG)
+    elapsed = np.asarray(elapsed_s, LONG)
+    course = Course.of(profiles, speed_m_s, angle_rad)
+    flattening = LONG(1.0 / 298.257223563)
+    e2 = flattening * (2 - flattening)
+    sine = np.sin(latitude)
+    cosine = np.cos(latitude)
+    root = 1 - e2 * sine**2
+    normal = LONG(6378137.0) / np.sqrt(root)
+    meridian = normal * (1 - e2) / root + height
+    radius = 1 / (np.cos(azimuth) ** 2 / meridian + np.sin(azimuth) ** 2 / (normal + height))
+    rise, swept = course.way(radius, elapsed)
+    speed, lean = course.at(elapsed)
+    outward = np.stack([np.cos(longitude), np.sin(longitude), 0 * longitude])
+    pole = np.array([[0], [0], [1]], LONG)
+    up = cosine * outward + sine * pole
+    east = np.stack([-np.sin(longitude), np.cos(longitude), 0 * longitude])
+    heading = np.sin(azimuth) * east + np.cos(azimuth) * (cosine * pole - sine * outward)
+    launch = (normal + height) * cosine * outward + (normal * (1 - e2) + height) * sine * pole
+    arm = radius + rise
+    place = launch + (arm * np.cos(swept) - radius) * up + arm * np.sin(swept) * heading
+    velocity = speed * (np.cos(lean + swept) * up + np.sin(lean + swept) * heading)
     return place.T, velocity.T
 
 
@@ -126,16 +143,19 @@ def zonal_acceleration(position, names):
     ratio = LONG(field.radius_m) / r
     radial = -mu / (r * r)
     along = np.zeros_like(r)
-    before = np.ones_like(s)
-    now = s
+    previous = np.ones_like(s)
+    current = s
     slope_before = np.zeros_like(s)
     slope = np.ones_like(s)
     for degree in range(2, 5):
-        slope_before, slope = slope, slope_before + (2 * degree - 1) * now
-        before, now = now, ((2 * degree - 1) * s * now - (degree - 1) * before) / degree
+        slope_before, slope = slope, slope_before + (2 * degree - 1) * current
+        previous, current = (
+            current,
+            ((2 * degree - 1) * s * current - (degree - 1) * previous) / degree,
+        )
         if f"j{degree}" in names:
             size = mu / (r * r) * LONG(getattr(field, f"j{degree}")) * ratio**degree
-            radial = radial + size * (degree + 1) * now
+            radial = radial + size * (degree + 1) * current
             along = along - size * slope
     # The gradient of sin(latitude) has the length cos(latitude) / r: along is per cosine squared.
     return np.stack(
@@ -162,11 +182,11 @@ def propagated(position_m, velocity_m_s, duration_s, names, steps=64):
         table = []
         for count in sequence:
             h = step / count
-            one = state
+            k1 = state
             two = state + h * rate(state)
             for _ in range(count - 1):
-                one, two = two, one + 2 * h * rate(two)
-            row = [(one + two + h * rate(two)) / 2]
+                k1, two = two, k1 + 2 * h * rate(two)
+            row = [(k1 + two + h * rate(two)) / 2]
             for column in range(len(table)):
                 factor = (LONG(count) / sequence[len(table) - 1 - column]) ** 2 - 1
                 row.append(row[column] + (row[column] - table[-1][column]) / factor)

@@ -79,12 +79,12 @@ class Searched(NamedTuple):
     ratio: np.ndarray
 
     @property
-    def worst(self) -> int:
+    def worst(self):
         """The row of the largest error over its bound."""
         return int(np.argmax(self.ratio))
 
 
-def searched(case: Bound, rng: np.random.Generator, draws: int) -> Searched:
+def searched(case, rng, draws):
     """Return the errors of a function at inputs drawn over their bounds, with floating-point
     warnings as errors.
     """
@@ -95,22 +95,20 @@ def searched(case: Bound, rng: np.random.Generator, draws: int) -> Searched:
 
 
 def bound_of(
-    name: str,
-    stated: str,
-    draw: Callable[..., Any],
-    call: Callable[..., Any],
-    exact: Callable[..., Any],
-    bound: Callable[..., Any],
-    **rest: Any,
-) -> Bound:
+    name,
+    stated,
+    draw,
+    call,
+    exact,
+    bound,
+    **remainder,
+):
     """Return the search of a function of one output against its reference, relative to the output's
     length.
     """
-    case = Case(name, draw, call, exact, **rest)
+    case = Case(name, draw, call, exact, **remainder)
 
-    def search(
-        rng: np.random.Generator, draws: int
-    ) -> tuple[Sequence[Any], np.ndarray, np.ndarray]:
+    def search(rng, draws):
         inputs = [np.asarray(column) for column in draw(rng, draws)]
         output = _outputs(call(*inputs))[0]
         error = np.zeros(draws)
@@ -123,7 +121,7 @@ def bound_of(
     return Bound(name, stated, search, case.share, case.digits)
 
 
-def row_text(inputs: Sequence[np.ndarray], number: int) -> str:
+def row_text(inputs, number):
     """Return the inputs of a draw as text that gives the same floats."""
     return ", ".join(_text(column[number]) for column in inputs)
 
@@ -141,12 +139,12 @@ class Outcome(NamedTuple):
     raised: list[tuple[int, str]]
 
     @property
-    def worst(self) -> int:
+    def worst(self):
         """The row of the largest scaled error."""
         return int(np.argmax(self.scaled))
 
 
-def measured(case: Case, rng: np.random.Generator, draws: int) -> Outcome:
+def measured(case, rng, draws):
     """Return the errors of a case at inputs drawn, with every floating-point warning an error."""
     inputs = tuple(
         np.asarray(column) for column in case.draw(rng, max(4, round(draws * case.share)))
@@ -164,23 +162,21 @@ def measured(case: Case, rng: np.random.Generator, draws: int) -> Outcome:
                 condition[row] = error[row]
                 scaled[row] = error[row]
                 continue
-            found = [output[row] for output in outputs]
+            result = [output[row] for output in outputs]
             error[row], condition[row], scaled[row] = _compared(
-                case, [column[row] for column in inputs], found
+                case, [column[row] for column in inputs], result
             )
     return Outcome(case, inputs, error, condition, scaled, raised)
 
 
-def exactly(value: Any) -> Exact:
+def exactly(value):
     """Return a float, or an array of them, in mpmath; integers, texts and times as they are."""
     if isinstance(value, np.ndarray):
         return [exactly(item) for item in value]
     return mp.mpf(float(value)) if isinstance(value, float | np.floating) else value
 
 
-def _called(
-    case: Case, inputs: Sequence[np.ndarray]
-) -> tuple[list[np.ndarray], list[tuple[int, str]]]:
+def _called(case, inputs):
     """Return the outputs of all rows; where the whole raises, row by row, with nan for rows that
     raise.
     """
@@ -189,8 +185,8 @@ def _called(
             return _outputs(case.call(*inputs)), []
     except (ArithmeticError, Warning):
         pass
-    rows: list[Any] = []
-    raised: list[tuple[int, str]] = []
+    rows = []
+    raised = []
     for row in range(len(inputs[0])):
         try:
             with np.errstate(all="raise", under="ignore"):
@@ -205,52 +201,53 @@ def _called(
         except (ArithmeticError, Warning) as problem:
             raised.append((row, f"{type(problem).__name__}: {problem}"))
             rows.append(None)
-    whole = next((each for each in rows if each is not None), [np.nan])
+    total = next((row_outputs for row_outputs in rows if row_outputs is not None), [np.nan])
     filled = [
-        each if each is not None else [np.full_like(output, np.nan) for output in whole]
-        for each in rows
+        row_outputs
+        if row_outputs is not None
+        else [np.full_like(output, np.nan) for output in total]
+        for row_outputs in rows
     ]
     return [np.array(column) for column in zip(*filled, strict=True)], raised
 
 
-def _outputs(result: Any) -> list[np.ndarray]:
+def _outputs(result):
     return [
         np.asarray(output, dtype=np.float64)
         for output in (result if isinstance(result, tuple) else (result,))
     ]
 
 
-def _compared(case: Case, inputs: list[Any], found: list[Any]) -> tuple[float, float, float]:
+def _compared(case, inputs, result):
     """Return error, condition number and scaled error of the worst output of one draw."""
     row = [exactly(value) for value in inputs]
     exact = _groups(case.exact(*row))
-    if len(exact) != len(found):
+    if len(exact) != len(result):
         raise AssertionError(
-            f"{case.name}: {len(found)} outputs, and {len(exact)} in the reference"
+            f"{case.name}: {len(result)} outputs, and {len(exact)} in the reference"
         )
     lengths = [_length(case, number, group) for number, group in enumerate(exact)]
     conditions = None
     worst = 0.0, 0.0, -1.0
     for number, (group, length) in enumerate(zip(exact, lengths, strict=True)):
-        values = [float(value) for value in np.ravel(found[number])]
+        values = [float(value) for value in np.ravel(result[number])]
         error = _error(case, number, group, values, length)
         if error == 0.0:
-            worst = max(worst, (0.0, 0.0, 0.0), key=lambda each: each[2])
+            worst = max(worst, (0.0, 0.0, 0.0), key=lambda outcome: outcome[2])
             continue
         if conditions is None:
             conditions = _conditions(case, row, exact, lengths)
         scaled = error / ((1.0 + conditions[number]) * ROUNDOFF)
-        worst = max(worst, (error, conditions[number], scaled), key=lambda each: each[2])
+        worst = max(worst, (error, conditions[number], scaled), key=lambda outcome: outcome[2])
     return worst
 
 
-def _error(
-    case: Case, number: int, group: list[Exact] | None, values: list[float], length: Exact
-) -> float:
+def _error(case, number, group, values, length):
     if group is None:
         return 0.0 if all(np.isnan(values)) else np.inf
     if all(
-        abs(value) > 1.8e308 and value * one > 0 for value, one in zip(values, group, strict=True)
+        abs(value) > 1.8e308 and value * exact_value > 0
+        for value, exact_value in zip(values, group, strict=True)
     ):
         return 0.0
     if not np.all(np.isfinite(values)):
@@ -258,14 +255,12 @@ def _error(
     return float(_distance(case, number, [mp.mpf(value) for value in values], group) / length)
 
 
-def _is_beyond(group: list[Exact]) -> bool:
+def _is_beyond(group):
     """Return whether a number is beyond the range of float64."""
     return any(abs(value) > 1.7976931348623157e308 for value in group)
 
 
-def _conditions(
-    case: Case, row: list[Exact], exact: list[list[Exact] | None], lengths: list[Exact]
-) -> list[float]:
+def _conditions(case, row, exact, lengths):
     """Return the condition number of each output."""
     if case.condition is not None:
         return [float(value) for value in case.condition(*row)]
@@ -277,18 +272,16 @@ def _conditions(
         if number in case.fixed:
             continue
         for moved in _moved(value):
-            other = _groups(case.exact(*row[:number], moved, *row[number + 1 :]))
-            for output, (group, before) in enumerate(zip(other, exact, strict=True)):
-                if group is not None and before is not None:
+            outputs = _groups(case.exact(*row[:number], moved, *row[number + 1 :]))
+            for output, (group, reference) in enumerate(zip(outputs, exact, strict=True)):
+                if group is not None and reference is not None:
                     total[output] += (
-                        _distance(case, output, group, before) / lengths[output] / _STEP
+                        _distance(case, output, group, reference) / lengths[output] / _STEP
                     )
     return [float(value) for value in total]
 
 
-def _sampled_conditions(
-    case: Case, row: list[Exact], exact: list[list[Exact] | None], lengths: list[Exact]
-) -> list[float]:
+def _sampled_conditions(case, row, exact, lengths):
     """Return estimates of condition numbers: the largest of changes for all inputs moved at once,
     with random signs.
 
@@ -304,18 +297,18 @@ def _sampled_conditions(
             else value * (1 + _STEP * int(signs.choice([-1, 1])))
             for number, value in enumerate(row)
         ]
-        for output, (group, before) in enumerate(
+        for output, (group, reference) in enumerate(
             zip(_groups(case.exact(*moved)), exact, strict=True)
         ):
-            if group is not None and before is not None:
+            if group is not None and reference is not None:
                 worst[output] = max(
                     worst[output],
-                    float(_distance(case, output, group, before) / lengths[output] / _STEP),
+                    float(_distance(case, output, group, reference) / lengths[output] / _STEP),
                 )
     return worst
 
 
-def _moved(value: Exact) -> list[Exact]:
+def _moved(value):
     """Return an input with each of its numbers a little larger, one at a time."""
     if isinstance(value, list):
         return [
@@ -330,7 +323,7 @@ def _moved(value: Exact) -> list[Exact]:
     )
 
 
-def _groups(result: Any) -> list[list[Exact] | None]:
+def _groups(result):
     """Return the outputs of a reference as lists of numbers."""
     outputs = result if isinstance(result, tuple) else (result,)
     return [
@@ -338,53 +331,53 @@ def _groups(result: Any) -> list[list[Exact] | None]:
     ]
 
 
-def _length(case: Case, number: int, group: list[Exact] | None) -> Exact:
+def _length(case, number, group):
     floor = case.scale[number] if number < len(case.scale) else TINY
     return mp.mpf(1) if group is None else max(norm(group), mp.mpf(max(floor, TINY)))
 
 
-def _distance(case: Case, number: int, one: list[Exact], other: list[Exact]) -> Exact:
-    apart = [a - b for a, b in zip(one, other, strict=True)]
+def _distance(case, number, one, other):
+    separation = [a - b for a, b in zip(one, other, strict=True)]
     if number in case.angles:
         turn = 2 * mp.pi
-        apart = [min(abs(each), abs(turn - abs(each))) for each in apart]
-    return norm(apart)
+        separation = [min(abs(angle), abs(turn - abs(angle))) for angle in separation]
+    return norm(separation)
 
 
-def norm(vector: Sequence[Exact]) -> Exact:
+def norm(vector):
     """Return the length of a vector."""
     return (
         abs(vector[0]) if len(vector) == 1 else mp.sqrt(mp.fsum(value * value for value in vector))
     )
 
 
-def dot(one: Sequence[Exact], other: Sequence[Exact]) -> Exact:
+def dot(one, other):
     """Return a scalar product."""
     return mp.fsum(a * b for a, b in zip(one, other, strict=True))
 
 
-def cross(one: Sequence[Exact], other: Sequence[Exact]) -> list[Exact]:
+def cross(one, other):
     """Return a vector product."""
     (a, b, c), (d, e, f) = one, other
     return [b * f - c * e, c * d - a * f, a * e - b * d]
 
 
-def less(one: Sequence[Exact], other: Sequence[Exact]) -> list[Exact]:
+def less(left_side, right_side):
     """Return a difference of vectors."""
-    return [a - b for a, b in zip(one, other, strict=True)]
+    return [a - b for a, b in zip(left_side, right_side, strict=True)]
 
 
-def plus(one: Sequence[Exact], other: Sequence[Exact], times: Exact = 1) -> list[Exact]:
+def plus(vector, increment, times=1):
     """Return a vector plus a multiple of another."""
-    return [a + times * b for a, b in zip(one, other, strict=True)]
+    return [a + times * b for a, b in zip(vector, increment, strict=True)]
 
 
-def times(factor: Exact, vector: Sequence[Exact]) -> list[Exact]:
+def times(factor, vector):
     """Return a multiple of a vector."""
     return [factor * value for value in vector]
 
 
-def _text(value: Any) -> str:
+def _text(value):
     if isinstance(value, np.ndarray) and value.ndim:
         return f"[{', '.join(map(_text, value))}]"
     return repr(float(value)) if isinstance(value, float | np.floating | np.ndarray) else str(value)

@@ -47,8 +47,8 @@ def second_radiation():
 def planck(temperature, wavelength, power=5):
     if temperature == 0:
         return mp.mpf(0)
-    first = first_radiation() if power == 5 else first_photon()
-    return first / (wavelength**power * mp.expm1(second_radiation() / (wavelength * temperature)))
+    series = first_radiation() if power == 5 else first_photon()
+    return series / (wavelength**power * mp.expm1(second_radiation() / (wavelength * temperature)))
 
 
 def tail(x, power):
@@ -85,9 +85,9 @@ def band(temperature, lower, upper, power=3):
     narrow = abs(upper - lower) / upper if upper else mp.mpf(1)
     with mp.workdps(mp.mp.dps + 6 + (int(-mp.log10(narrow)) if 0 < narrow < 1 else 0)):
         x, y = (second_radiation() / (edge * temperature) for edge in (upper, lower))
-        first = first_radiation() if power == 3 else first_photon()
+        series = first_radiation() if power == 3 else first_photon()
         return (
-            first
+            series
             / second_radiation() ** (power + 1)
             * temperature ** (power + 1)
             * (tail(x, power) - tail(y, power))
@@ -106,27 +106,31 @@ def ratio(temperature, shorter=SHORT, longer=MID):
     return band(temperature, *edges(shorter)) / band(temperature, *edges(longer))
 
 
-def edges(own):
-    return mp.mpf(own.lower_um), mp.mpf(own.upper_um)
+def edges(band):
+    return mp.mpf(band.lower_um), mp.mpf(band.upper_um)
 
 
 def two_colour(first, second):
     """Return the temperature of a ratio of signals, by secant steps in 1/T from the float64
     answer.
     """
-    wanted = mp.log(first) - mp.log(second)
+    expected = mp.log(first) - mp.log(second)
     guess = radiometry.two_colour_temperature(
         [float(first)], [float(second)], [0.0], [0.0], SHORT, MID
     ).temperature_k[0]
     if np.isnan(guess):
         return None
-    before = 1 / mp.mpf(float(guess))
-    now = before * (1 + mp.mpf(10) ** -10)
-    miss_before = mp.log(ratio(1 / before)) - wanted
+    previous = 1 / mp.mpf(float(guess))
+    current = previous * (1 + mp.mpf(10) ** -10)
+    miss_before = mp.log(ratio(1 / previous)) - expected
     for _ in range(3):
-        miss = mp.log(ratio(1 / now)) - wanted
-        before, now, miss_before = now, now - miss * (now - before) / (miss - miss_before), miss
-    return 1 / now
+        miss = mp.log(ratio(1 / current)) - expected
+        previous, current, miss_before = (
+            current,
+            current - miss * (current - previous) / (miss - miss_before),
+            miss,
+        )
+    return 1 / current
 
 
 def bands(rng, n):
@@ -208,7 +212,7 @@ def mean_share(width, sigma, pixel):
 
         places = [mp.mpf(k) - mp.mpf(width - 1) / 2 for k in range(width)]
         along = [edge(at + 1) - 2 * edge(at) + edge(at - 1) for at in places]
-        return [one * other for one in along for other in along]
+        return [a * b for a in along for b in along]
 
 
 @cache
@@ -240,21 +244,31 @@ def centroid_factor(sigma, pixel):
 
 def matern(distance, scale, exponent):
     order = exponent / 2 - 1
-    far = distance / scale
-    if far == 0:
+    scaled = distance / scale
+    if scaled == 0:
         return mp.mpf(1)
-    return 2 ** (1 - order) / mp.gamma(order) * far**order * mp.besselk(order, far)
+    return 2 ** (1 - order) / mp.gamma(order) * scaled**order * mp.besselk(order, scaled)
 
 
 def joined(white, photons):
-    both = white + photons
-    return both + photons * mp.sqrt(white / (2 * both)) if both else mp.mpf(0)
+    total = white + photons
+    return total + photons * mp.sqrt(white / (2 * total)) if total else mp.mpf(0)
 
 
 @cache
 def _grid():
     """Return the fine grid of a climate that `band_transmittance` interpolates in."""
     return lowtran._cached_grid(2.0, 2.4, "us1976", "rural23km", "flat")
+
+
+def _clamped(value, low, high):
+    return min(max(value, mp.mpf(low)), mp.mpf(high))
+
+
+def _lowest(height, sine):
+    """Return the lowest height of a slant that goes down, m."""
+    radius = mp.mpf(RADIUS_M)
+    return height - (radius + height) * (1 - mp.sqrt(1 - sine * sine))
 
 
 def transmittance(height, elevation):
@@ -266,23 +280,23 @@ def transmittance(height, elevation):
     grid = _grid()
     sine = mp.sin(elevation)
     if sine < 0:
-        radius = mp.mpf(RADIUS_M)
-        lowest = height - (radius + height) * (1 - mp.sqrt(1 - sine * sine))
+        lowest = _lowest(height, sine)
         if lowest < 0:
             return mp.mpf(0)
-        table = grid.below
-        high = lowest
         across = mp.sqrt(max(height - lowest, mp.mpf(0))) * (CLIMBS - 1) / mp.mpf(HIGHEST_ROOT)
-    else:
-        table = grid.above
-        high = height
-        across = mp.asinh(sine / mp.mpf(BEND)) * (len(table) - 1) / mp.mpf(HIGHEST_SLANT)
+        return _interpolated(grid.below, across, lowest)
+    across = mp.asinh(sine / mp.mpf(BEND)) * (len(grid.above) - 1) / mp.mpf(HIGHEST_SLANT)
+    return _interpolated(grid.above, across, height)
+
+
+def _interpolated(table, across, height):
+    """Return the value of a table, `across` rows from its first, at a height."""
     rows, heights = table.shape
-    across = min(max(across, mp.mpf(0)), mp.mpf(rows - 1))
-    up = min(max(high * (heights - 1) / mp.mpf(TOP_M), mp.mpf(0)), mp.mpf(heights - 1))
+    across = _clamped(across, 0, rows - 1)
+    up = _clamped(height * (heights - 1) / mp.mpf(TOP_M), 0, heights - 1)
     row = min(int(across), rows - 2)
     column = min(int(up), heights - 2)
-    part = across - row
+    fraction = across - row
     rise = up - column
 
     def at(r, c):
@@ -292,14 +306,15 @@ def transmittance(height, elevation):
             return 2 * at(r, heights - 1) - at(r, heights - 2)
         return mp.mpf(float(table[r, c]))
 
-    before, here, beyond, after = (
-        at(row, column + k) * (1 - part) + at(row + 1, column + k) * part for k in (-1, 0, 1, 2)
+    lower, position, beyond, upper = (
+        at(row, column + k) * (1 - fraction) + at(row + 1, column + k) * fraction
+        for k in (-1, 0, 1, 2)
     )
-    first = (beyond - before) / 2
-    last = (after - here) / 2
-    cubic = 2 * (here - beyond) + first + last
-    value = here + rise * (first + rise * (beyond - here - first - cubic + rise * cubic))
-    return min(max(value, mp.mpf(0)), mp.mpf(1))
+    start_slope = (beyond - lower) / 2
+    end_slope = (upper - position) / 2
+    cubic = 2 * (position - beyond) + start_slope + end_slope
+    bend = beyond - position - start_slope - cubic + rise * cubic
+    return _clamped(position + rise * (start_slope + rise * bend), 0, 1)
 
 
 def _products(name, *exponents, factor=lambda: 1):

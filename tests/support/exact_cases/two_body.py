@@ -30,14 +30,14 @@ def exact_anomaly(r, eta, beta, mu, time):
         low = high
         high = 2 * high
     s = (low + high) / 2
-    before = mpmath.inf
+    previous = mpmath.inf
     for _ in range(2000):
         excess, slope = late(s)
         low, high = (s, high) if excess < 0 else (low, s)
         step = excess / slope if slope > 0 else mpmath.inf
-        good = low < s - step < high and abs(excess) < before / 2
-        moved = s - step if good else (low + high) / 2
-        before = abs(excess) if good else mpmath.inf
+        is_newton = low < s - step < high and abs(excess) < previous / 2
+        moved = s - step if is_newton else (low + high) / 2
+        previous = abs(excess) if is_newton else mpmath.inf
         if abs(moved - s) <= abs(s) * mpmath.mpf(10) ** -54 or low == high:
             return moved
         s = moved

@@ -1,7 +1,7 @@
 """Discrimination and classification through the whole engine: the order of sensors, and
 probabilities that hold.
 
-The objects are those of benchmarks/discrimination.py, fewer of them. Sensors have a given noise and
+The objects are those of benchmarks/calibration_looks.py, fewer of them. Sensors have a given noise and
 no focal planes, whose difference of frames would take away what does not move: bands are compared.
 """
 
@@ -43,14 +43,9 @@ SOURCES = 70
 
 @pytest.fixture(scope="module")
 def benchmark_() -> Iterator[SimpleNamespace]:
-    """Yield the names of the benchmark's modules."""
+    """Yield the names of the benchmark's module."""
     sys.path.insert(0, str(BENCHMARKS))
-    modules = [
-        importlib.import_module(f"discrimination{part}") for part in ("_objects", "_statistics", "")
-    ]
-    yield SimpleNamespace(
-        **{name: value for module in modules for name, value in vars(module).items()}
-    )
+    yield SimpleNamespace(**vars(importlib.import_module("calibration_looks")))
     sys.path.remove(str(BENCHMARKS))
 
 

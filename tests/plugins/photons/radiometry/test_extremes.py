@@ -17,7 +17,6 @@ from opir_core.plugin import (
     SignatureContext,
     SourceContext,
 )
-from opir_core.plugin import Band
 
 HOST = Host.discover()
 ODD = (
