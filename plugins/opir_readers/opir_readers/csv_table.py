@@ -106,7 +106,7 @@ def csv_table(
             f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth"
         )
     burns_s = _burns_s(time_s, values.get(BURNING, np.ones(count)))
-    names = tuple(known[name].name for group in VELOCITIES for name in group if name in known)
+    names = {quantity: column.name for quantity, column in known.items()}
     frame = _FRAMES[group]
     return StateTable(
         time_s,

@@ -14,6 +14,7 @@ from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import StateTable
+from opir_readers.free_fall import misreading_of
 from opir_readers.interpolation import interpolant, runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
@@ -42,6 +43,11 @@ _PARTS = 4
 #: some 500 m, and ten times more at 1.3 times.
 _WIDEST_STEP_RAD = 1.0
 _WIDEST_WITHOUT_VELOCITIES_RAD = 0.5
+
+#: Two places of one time are nearer than this, m, where motion is not smooth there; farther at so
+#: many times, times are rounded.
+_LEAST_JUMP_M = 1.0
+_FEWEST_JUMPS = 3
 
 #: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
 _LEAST_HEIGHT_M = -1000.0
@@ -77,14 +83,21 @@ class Findings:
 
 
 def findings_of(
-    table: StateTable, times: SceneTimes | None = None, start_s: float | None = None
+    table: StateTable,
+    times: SceneTimes | None = None,
+    start_s: float | None = None,
+    *,
+    as_given: bool = False,
 ) -> Findings:
     """Return what of a table is wrong in itself and, with the times of a scene, in that scene.
 
-    `start_s` is the scene time of the table's time 0, None where its times are dates.
+    `start_s` is the scene time of the table's time 0, None where its times are dates. With
+    `as_given` a table that contradicts gravity is not refused.
     """
     refused = [] if times is None else [*_no_overlap(table, times, start_s)]
-    coarse = _coarse_steps(table)
+    coarse = [*_coarse_steps(table), *_two_places(table)]
+    # States that cannot be interpolated say nothing of gravity.
+    misread = [] if coarse else _misread(table)
     # Differences of positions that are far apart say nothing of velocities.
     slip = None if coarse else velocity_slip(table)
     is_refused = slip is not None and slip.is_systematic and slip.difference_m_s >= _REFUSED_M_S
@@ -95,7 +108,40 @@ def findings_of(
         *_doubts_of_motion(table),
         *_doubts_of_heights(table),
     ]
-    return Findings((*refused, *coarse, *(slips if is_refused else ())), tuple(warnings))
+    if as_given:
+        warnings = [*misread, *warnings]
+        misread = []
+    return Findings((*refused, *coarse, *misread, *(slips if is_refused else ())), tuple(warnings))
+
+
+def _misread(table: StateTable) -> list[str]:
+    """Return that the table is right only if read otherwise, if so."""
+    found = misreading_of(table)
+    if found is None:
+        return []
+    return [
+        (
+            f"line {table.line_of(0)}: its states seem to be {found.slip}: {found.evidence}; {found.remedy},"
+            " or set as_given: true"
+        )
+    ]
+
+
+def _two_places(table: StateTable) -> list[str]:
+    """Return that several times have two places each, if so: no motion goes through them."""
+    rows = np.flatnonzero(np.diff(table.time_s) == 0.0)
+    apart_m = _length(table.position_m[rows + 1] - table.position_m[rows])
+    rows = rows[apart_m > _LEAST_JUMP_M]
+    if len(rows) < _FEWEST_JUMPS:
+        return []
+    row = int(rows[0])
+    return [
+        (
+            f"line {table.line_of(row + 1)}: the same time as line {table.line_of(row)}, and a place"
+            f" {apart_m[apart_m > _LEAST_JUMP_M][0]:.3g} m away; so at {len(rows)} times: give times"
+            " with more decimals, or one state for each"
+        )
+    ]
 
 
 def _coarse_steps(table: StateTable) -> list[str]:

@@ -85,7 +85,8 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
         place = f"{path}.file"
         try:
             table, digest = _table(config, context)
-            found = findings_of(table, times, None if table.has_dates else config.start_s or 0.0)
+            start_s = None if table.has_dates else config.start_s or 0.0
+            found = findings_of(table, times, start_s, as_given=config.as_given)
             warnings += [Problem(place, f"{config.file}: {words}") for words in found.warnings]
             if found.refused:
                 problems += [Problem(place, f"{config.file}: {words}") for words in found.refused]

@@ -19,6 +19,7 @@ from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic
 from opir_core.plugin import StateTable
+from opir_readers.columns import VELOCITIES
 from opir_readers.interpolation import runs
 
 #: A slip explains what velocities and positions differ by if it leaves at most this share of it.
@@ -155,7 +156,7 @@ def _mended(
     turning = EARTH_ROTATION_RAD_S * np.stack(
         [-place_m[:, 1], place_m[:, 0], 0.0 * place_m[:, 0]], axis=1
     )
-    angle = EARTH_ROTATION_RAD_S * (time_s - time_s[0])
+    angle = _angle_of_axes(given, rates + turning, EARTH_ROTATION_RAD_S * (time_s - time_s[0]))
     cosine = np.cos(angle)[:, None]
     sine = np.sin(angle)[:, None]
     for unit, factor in _UNITS.items():
@@ -207,6 +208,17 @@ def _mended(
     yield from _lagged(given, rates, time_s)
 
 
+def _angle_of_axes(given: FloatArray, inertial: FloatArray, turn_rad: FloatArray) -> FloatArray:
+    """Return the angles (n,) of Earth-fixed axes from the inertial ones of given velocities, by
+    least squares.
+    """
+    east = given[:, 0] + 1j * given[:, 1]
+    other = inertial[:, 0] + 1j * inertial[:, 1]
+    first = np.angle(np.sum(east * np.conj(other) * np.exp(-1j * turn_rad)))
+    angle: FloatArray = first + turn_rad
+    return angle
+
+
 def _lagged(
     given: FloatArray, rates: FloatArray, time_s: FloatArray
 ) -> Iterator[tuple[str, str, FloatArray]]:
@@ -230,7 +242,13 @@ def _lagged(
 
 def _renamed(table: StateTable, quantities: tuple[str, ...], unit: str) -> str:
     """Return the column map that reads the velocities rightly, "" where none does."""
-    pairs = zip(quantities, table.velocity_names, strict=False)
+    names = [
+        table.column_names[name]
+        for group in VELOCITIES
+        for name in group
+        if name in table.column_names
+    ]
+    pairs = zip(quantities, names, strict=False)
     mapped = ", ".join(f"{quantity}_{unit or 'm_s'}: {name}" for quantity, name in pairs)
     return f"set columns: {{{mapped}}}" if mapped else ""
 

@@ -21,6 +21,7 @@ from opir_core.errors import PluginError, SceneError
 from opir_core.host import core_sources
 from opir_core.host.discovery import Selection
 from opir_core.orbits import OmmFileConfig, OrbitConfig, orbit_of
+from opir_core.orbits.configs import OrbitFileConfig
 from opir_core.plugin import BadFileError, Host
 
 EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
@@ -35,21 +36,27 @@ def test_elements_of_each_form_are_the_same_orbit(tmp_path, form, satellite):
     assert [each["NORAD_CAT_ID"] for each in omm_elements(text)] == [25544, 5]
     (tmp_path / "f").write_text(text)
     time_s = np.linspace(0.0, 3000.0, 7)
-    ours = orbit_of_file(str(tmp_path / "f"), satellite, EPOCH_US, READERS).position_ecef_m(time_s)
+    ours = orbit_of_file(file_block(tmp_path / "f", satellite), EPOCH_US, READERS).position_ecef_m(
+        time_s
+    )
     expected = orbit_of(OrbitConfig(omm=OMM), EPOCH_US).position_ecef_m(time_s)
     np.testing.assert_allclose(ours, expected, rtol=0.0, atol=1e-6)
 
 
+def file_block(path, satellite):
+    return OrbitFileConfig(path=str(path), satellite=satellite)
+
+
 def test_two_line_elements_are_the_orbit_of_their_lines(tmp_path):
     (tmp_path / "f.tle").write_text(TLE)
-    orbit = orbit_of_file(str(tmp_path / "f.tle"), "25544", EPOCH_US, READERS)
+    orbit = orbit_of_file(file_block(tmp_path / "f.tle", "25544"), EPOCH_US, READERS)
     time_s = np.linspace(0.0, 3000.0, 7)
     expected = orbit_of(OrbitConfig(tle=LINES), EPOCH_US).position_ecef_m(time_s)
     np.testing.assert_allclose(orbit.position_ecef_m(time_s), expected, rtol=0.0, atol=1e-9)
     with pytest.raises(BadFileError, match="has 2 satellites; say which with satellite: ISS"):
-        orbit_of_file(str(tmp_path / "f.tle"), None, EPOCH_US, READERS)
+        orbit_of_file(file_block(tmp_path / "f.tle", None), EPOCH_US, READERS)
     with pytest.raises(BadFileError, match="has no satellite 'ISS' among 2; did you mean ISS"):
-        orbit_of_file(str(tmp_path / "f.tle"), "ISS", EPOCH_US, READERS)
+        orbit_of_file(file_block(tmp_path / "f.tle", "ISS"), EPOCH_US, READERS)
 
 
 def test_lines_of_68_columns_and_with_a_tail_are_reported_not_refused():

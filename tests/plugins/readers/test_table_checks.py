@@ -16,6 +16,8 @@ from scipy.integrate import solve_ivp
 from opir_core.plugin import BadFileError, StateTable
 
 TURN = np.array([0.0, 0.0, 7.292115e-5])
+#: How a table of text would name the velocities.
+NAMES = {"vx_ecef": "VX", "vy_ecef": "VY", "vz_ecef": "VZ"}
 EPOCH_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
 SCENE = SceneTimes(EPOCH_US, 600.0)
 
@@ -70,9 +72,7 @@ def boost(step_s, *, latitude=34.7, azimuth=250.0, stages=((60.0, 20.0), (70.0, 
     position, velocity = np.round(state(time_s).T, decimals).reshape(-1, 2, 3).transpose(1, 0, 2)
     run = np.zeros(len(time_s), np.intp)
     burn = np.array([[0.0, time_s[-1]]])
-    return StateTable(
-        time_s, position, velocity, run, burn, lambda row: row + 2, (), ("VX", "VY", "VZ")
-    )
+    return StateTable(time_s, position, velocity, run, burn, lambda row: row + 2, (), NAMES)
 
 
 def axes_at(position):

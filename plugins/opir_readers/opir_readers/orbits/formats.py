@@ -31,10 +31,10 @@ def _tle(_config: Any, context: ReaderContext) -> Sequence[Mapping[str, Any]]:
     return tle_elements(context.text)
 
 
-def _orbit(path: str, satellite: str | None, epoch_us: int, readers: Sequence[FileReader]) -> Any:
+def _orbit(file: Any, epoch_us: int, readers: Sequence[FileReader]) -> Any:
     from opir_readers.orbits.orbit_of_files import orbit_of_file
 
-    return orbit_of_file(path, satellite, epoch_us, readers)
+    return orbit_of_file(file, epoch_us, readers)
 
 
 ORBITS = (

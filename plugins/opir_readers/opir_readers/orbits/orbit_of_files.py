@@ -30,16 +30,19 @@ _NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
 _BEYOND_S = 10.0
 
 
-def orbit_of_file(
-    path: str, satellite: str | None, epoch_us: int, readers: Sequence[FileReader]
-) -> MovingOrbit:
-    """Return the orbit of a satellite of a file for a scene epoch; raises `BadFileError`."""
-    text = file_text(path).text
+def orbit_of_file(file: Any, epoch_us: int, readers: Sequence[FileReader]) -> MovingOrbit:
+    """Return the orbit that a sensor's block `orbit.file` asks for, for a scene epoch.
+
+    Raises `BadFileError`.
+    """
+    text = file_text(file.path).text
     reader = reader_of(text, [each for each in readers if each.yields != "detections"])
     if reader.yields == "orbits":
-        return elements_orbit(chosen(content_of(text, reader, {}, epoch_us), satellite), epoch_us)
-    named = {"object": satellite} if "object" in fields_dict(reader.config) else {}
-    return _of_table(content_of(text, reader, named, epoch_us), epoch_us)
+        return elements_orbit(
+            chosen(content_of(text, reader, {}, epoch_us), file.satellite), epoch_us
+        )
+    named = {"object": file.satellite} if "object" in fields_dict(reader.config) else {}
+    return _of_table(content_of(text, reader, named, epoch_us), epoch_us, as_given=file.as_given)
 
 
 def chosen(rows: Sequence[Mapping[str, Any]], satellite: str | None) -> Mapping[str, Any]:
@@ -135,8 +138,8 @@ class EphemerisMotion:
         return self.state_ecef(time_s)[0]
 
 
-def _of_table(table: StateTable, epoch_us: int) -> MovingOrbit:
-    found = findings_of(table)
+def _of_table(table: StateTable, epoch_us: int, *, as_given: bool) -> MovingOrbit:
+    found = findings_of(table, as_given=as_given)
     if found.refused:
         raise BadFileError(found.refused[0])
     if not table.has_dates:
