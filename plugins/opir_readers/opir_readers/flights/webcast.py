@@ -27,6 +27,7 @@ from opir_core.constants import (
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
 from opir_core.plugin import BadFileError, StateTable
 from opir_readers.flights.burns import AIRLESS_M, LEAST_THRUST_M_S2, burns_s
+from opir_readers.flights.coasting import misread_speeds
 from opir_readers.flights.site import Site
 from opir_readers.flights.smoothing import (
     Smoothed,
@@ -99,6 +100,9 @@ def webcast_table(
     """
     columns, events = _columns(text)
     time_s, speed, height = _in_order(*columns)
+    complaint = misread_speeds(time_s, speed, height)
+    if complaint:
+        raise BadFileError(complaint)
     fits, notes = _fits(time_s, speed, height, height_noise_m, speed_noise_m_s)
     grid = _grid(time_s, events)
     position, velocity = _path(grid, fits, site, _turn_s(grid, fits, events))
