@@ -11,6 +11,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.errors import number_of
 from opir_core.plugin import BadFileError
 from opir_readers.detections.columns_of_run import Row, RunColumns
+from opir_readers.detections.meeting import slips_of_lines
 from opir_readers.detections.numbers import place_of
 from opir_readers.table_checks import SceneTimes, moment_text, scale_text
 
@@ -22,6 +23,15 @@ _FARTHEST_M = 8.0e6
 
 #: Sensors farther from their orbits in the scene than this, m, are others, or of another time.
 _ASTRAY_M = 20_000.0
+
+#: Lines this many scan periods apart in the median, of at least so many gaps, were thinned out.
+_RARE = 4
+_FEWEST_GAPS = 8
+
+#: Standard deviations of lines of sight that a sensor may plausibly have, as the setting of that
+#: name, µrad.
+_LEAST_SIGMA_URAD = 0.1
+_MOST_SIGMA_URAD = 10_000.0
 
 #: The share of a sensor's detections from which a warning is worth reading.
 _MANY = 0.05
@@ -63,6 +73,9 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
     yield from _many(
         columns, plan, outside > limit + 1e-3, "is outside of the sensor's field of regard"
     )
+    yield from _odd_sigmas(columns, plan)
+    yield from _rare_lines(columns, plan)
+    yield from slips_of_lines(found, plan)
     for number in np.unique(found.sensor[astray_m > _ASTRAY_M]).tolist():
         own = np.flatnonzero(found.sensor == number)
         row = own[int(astray_m[own].argmax())]
@@ -77,6 +90,35 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
 _MISSES = (
     "leads past the Earth; are angles in other units, from other axes, or counted from elsewhere?"
 )
+
+
+def _rare_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
+    """Yield, for each sensor, that its lines come more rarely than its scans in the scene."""
+    found = columns.detections
+    for number in np.unique(found.sensor).tolist():
+        gaps_ns = np.diff(np.unique(found.time_ns[found.sensor == number]))
+        sensor = plan.sensors[number]
+        if len(gaps_ns) < _FEWEST_GAPS or np.median(gaps_ns) < _RARE * sensor.scan.period_ns:
+            continue
+        period_ms = float(np.median(gaps_ns)) * 1e-6
+        yield (
+            f"lines of {sensor.id} are {period_ms * 1e-3:.3g} s apart in the median, and its scans"
+            f" in the scene {sensor.scan.period_ns / _NS:g} s: looks between count as darkness; if"
+            f" the file is thinned, set scan_period_ms: {period_ms:.0f}"
+        )
+
+
+def _odd_sigmas(columns: RunColumns, plan: Plan) -> Iterator[str]:
+    """Yield, for each sensor, standard deviations that no sensor has."""
+    sigma_urad = columns.detections.line_of_sight_sigma_rad * 1e6
+    is_odd = (sigma_urad < _LEAST_SIGMA_URAD) | (sigma_urad > _MOST_SIGMA_URAD)
+    for number in np.unique(columns.detections.sensor[is_odd]).tolist():
+        row = int(np.flatnonzero(is_odd & (columns.detections.sensor == number))[0])
+        yield (
+            f"{place_of(columns.rows[row])}the standard deviation of {plan.sensors[number].id},"
+            f" {sigma_urad[row]:.3g} µrad, is outside of {_LEAST_SIGMA_URAD:g} to"
+            f" {_MOST_SIGMA_URAD:g} µrad; is it in another unit (line_of_sight_sigma_rad)?"
+        )
 
 
 def _many(columns: RunColumns, plan: Plan, is_odd: BoolArray, words: str) -> Iterator[str]:

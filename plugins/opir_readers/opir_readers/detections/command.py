@@ -18,6 +18,7 @@ from opir_core.simulation import ReportOrder
 from opir_readers.column_maps import columns_of_text
 from opir_readers.detections.checks import warnings_of, within_scene
 from opir_readers.detections.columns_of_run import Row, RunColumns, columns_of, times_ns
+from opir_readers.detections.no_tracks import reason_of_no_track
 from opir_readers.detections.sensors_scene import scene_of_sensors
 from opir_readers.reading import FileText, content_of, file_text, reader_of
 
@@ -183,6 +184,7 @@ def _text(
         "\n".join([head, *_darkness(plan, columns)]),
         table(("sensor", "type", "detections"), rows, numbers=(2,)),
         "\n".join(answers(outcome.summary)),
+        "" if outcome.summary["tracks"] else reason_of_no_track(found, plan),
         *reported_tables(outcome.summary),
         "\n".join(
             [f"{arguments.out}: events", *(f"{path}: {what}" for what, path in files.items())]
