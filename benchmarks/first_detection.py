@@ -11,13 +11,13 @@ switched off by itself.
 from typing import Any, NamedTuple
 
 import numpy as np
-from opir_core.interfaces.protocols import Band
 from pages import markdown_table, options_of, publish, svg_plot
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
 from opir_core.planning.looks import Looks
+from opir_core.plugin import Band
 
 CLIMATES = ("us1976", "tropical", "midlat_summer", "midlat_winter", "subarctic_winter")
 CLOUDS: dict[str, dict[str, Any] | None] = {

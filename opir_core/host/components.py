@@ -251,7 +251,7 @@ class FileReader(Component):
     `recognises(text)` returns whether a file is of the format, from its text alone. `yields` is one
     of `FILE_CONTENTS`: of trajectories a `StateTable`, of orbits a list of mappings by the keywords
     of an OMM, of detections by the keys of an event. `example` is a small file of the format, for
-    the documentation and the conformance tests. `orbit(path, satellite, epoch_us, readers)` and
+    the documentation and the conformance tests. `orbit(file, epoch_us, readers)` and
     `fleet`, of one reader, are the orbit of a sensor from any file and a class of settings whose
     `satellites(epoch_us, readers)` are the `id` and `orbit` of each satellite of a file.
     """

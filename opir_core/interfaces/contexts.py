@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 @frozen(kw_only=True)
 class SensorContext:
     """The context of a sensor model; `readers` returns the readers of files that plugins offer
-    (`FileReader`).
+    (`FileReader`), `duration_s` is the length of the scene.
     """
 
     id: str
     epoch_us: int
+    duration_s: float = 0.0
     readers: Callable[[], Sequence[Any]] = field(default=tuple, eq=False)
 
 

@@ -1,9 +1,9 @@
 """What readers of files return, and what they are given."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from attrs import frozen
+from attrs import Factory, frozen
 
 if TYPE_CHECKING:  # the descriptions of readers import no numpy
     from opir_core.arrays import FloatArray, IntArray
@@ -39,7 +39,7 @@ class StateTable:
     `velocity_m_s` is None where the file has none. `run` (n,) numbers the runs of smooth motion,
     which polynomials do not cross. `burns_s` (k, 2) are the scene times of ignition and burnout of
     each burn, in order. `line_of` returns the line of a row, from 1; `notes` are what a user should
-    know of the reading; `velocity_names` are those of the columns of velocity, `has_dates` says
+    know of the reading; `column_names` are those of a table of text by what they hold, `has_dates` says
     that the times are dates, which no setting shifts, and `frame` is that of the file in words.
     """
 
@@ -50,6 +50,6 @@ class StateTable:
     burns_s: "FloatArray"
     line_of: Callable[[int], int] = int
     notes: tuple[str, ...] = ()
-    velocity_names: tuple[str, ...] = ()
+    column_names: Mapping[str, str] = Factory(dict)
     has_dates: bool = False
     frame: str = "ECEF"

@@ -17,7 +17,7 @@ from opir_core.orbits.elements import (
     walker_complaint,
 )
 from opir_core.orbits.mean_elements import omm_complaint, tle_complaint
-from opir_core.scene.fields import nested, number, text
+from opir_core.scene.fields import flag, nested, number, text
 
 _RADIUS_KM = EARTH_EQUATORIAL_RADIUS_M * 1e-3
 
@@ -268,6 +268,17 @@ class OmmFileConfig:
 
 
 @frozen(kw_only=True)
+class OrbitFileConfig(OmmFileConfig):
+    """A file of elements or of an ephemeris, and the satellite in it."""
+
+    as_given: bool = flag(
+        default=False,
+        source="states that contradict gravity were read wrongly",
+        help="take the states of an ephemeris as they are, though they contradict gravity",
+    )
+
+
+@frozen(kw_only=True)
 class OrbitConfig:
     """The orbit of a sensor: exactly one of these blocks."""
 
@@ -288,7 +299,7 @@ class OrbitConfig:
         help="an Orbit Mean-Elements Message, for SGP4, by its CCSDS keywords",
     )
     omm_file: OmmFileConfig | None = nested(default=None, help="a JSON file of OMM, for SGP4")
-    file: OmmFileConfig | None = nested(
+    file: OrbitFileConfig | None = nested(
         default=None,
         help="a file of elements or an ephemeris, with opir-readers: OMM, TLE, OEM, SP3, STK",
     )

@@ -26,6 +26,7 @@ from opir_core.orbits.configs import (
     MolniyaConfig,
     OmmFileConfig,
     OrbitConfig,
+    OrbitFileConfig,
     WalkerConfig,
 )
 from opir_core.orbits.elements import (
@@ -211,13 +212,13 @@ def orbit_of(
     )
 
 
-def _orbit_of_file(config: OmmFileConfig, epoch_us: int, readers: Sequence[Any]) -> MovingOrbit:
+def _orbit_of_file(config: OrbitFileConfig, epoch_us: int, readers: Sequence[Any]) -> MovingOrbit:
     makers = [reader.orbit for reader in readers if reader.orbit is not None]
     if not makers:
         remedy = install_command("opir-readers")
         raise PluginError(f"orbit.file: no installed plugin reads orbits from files; {remedy}")
     try:
-        orbit: MovingOrbit = makers[0](config.path, config.satellite, epoch_us, readers)
+        orbit: MovingOrbit = makers[0](config, epoch_us, readers)
     except BadFileError as error:
         raise SceneError(
             [Problem("orbit.file.path", f"{config.path}: {error}".replace(": : ", ": "))]

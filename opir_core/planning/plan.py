@@ -274,7 +274,12 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
                 _sensor(
                     host,
                     choice.model,
-                    SensorContext(id=choice.id, epoch_us=scene.epoch_us, readers=host.readers),
+                    SensorContext(
+                        id=choice.id,
+                        epoch_us=scene.epoch_us,
+                        readers=host.readers,
+                        duration_s=scene.duration_s,
+                    ),
                 )
             )
     sensors = tuple(built_sensors)

@@ -10,7 +10,7 @@ import numpy as np
 from attrs import asdict, evolve, fields_dict
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.errors import ModelError
+from opir_core.errors import ModelError, Problem, SceneError
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.sensors import (
@@ -21,7 +21,7 @@ from opir_core.interfaces.sensors import (
     ScanPattern,
     Sensor,
 )
-from opir_core.orbits.orbit_models import GeostationaryOrbit, orbit_of
+from opir_core.orbits.orbit_models import GeostationaryOrbit, MovingOrbit, orbit_of
 from opir_core.sensors.reporting import ReportingConfig
 from opir_core.sensors.scan_patterns import scan_pattern
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
@@ -85,7 +85,21 @@ def _orbit(config: ScanningSensorConfig, context: SensorContext) -> Orbit:
     if config.orbit is None:
         assert config.orbital_slot_deg is not None
         return GeostationaryOrbit(config.orbital_slot_deg)
-    return orbit_of(config.orbit, context.epoch_us, context.readers)
+    orbit = orbit_of(config.orbit, context.epoch_us, context.readers)
+    if config.orbit.file is not None and isinstance(orbit, MovingOrbit):
+        try:
+            orbit.motion.position_ecef_m(np.array([context.duration_s]))
+        except ModelError as error:
+            raise SceneError(
+                [
+                    Problem(
+                        "orbit.file.path",
+                        f"{config.orbit.file.path}: {error}, and the scene lasts"
+                        f" {context.duration_s:g} s",
+                    )
+                ]
+            ) from error
+    return orbit
 
 
 def _half_angle_deg(config: ScanningSensorConfig, orbit: Orbit) -> float:

@@ -44,6 +44,11 @@ class TableConfig:
     site: SiteConfig | None = nested(default=None, help=SITE_HELP)
     object: str | None = text(default=None, help=OBJECT_HELP)
     noise_m: float | None = noise_setting()
+    as_given: bool = flag(
+        default=False,
+        source="states that contradict gravity were read wrongly",
+        help="take the states as they are, though they contradict gravity",
+    )
     burns: str | None = burns_setting()
     ignition_s: float | None = _scene_time(
         "scene time of the first ignition; default: from the file"

@@ -109,9 +109,7 @@ def csv_table(
         moving = np.zeros_like(position) if velocity is None else velocity
         position, moving = to_ecef(frame, position, moving, epoch_us, time_s)
         velocity = None if velocity is None else moving
-    velocity_names = tuple(
-        table.columns[name].name for group in VELOCITIES for name in group if name in table.columns
-    )
+    column_names = {quantity: column.name for quantity, column in table.columns.items()}
     return StateTable(
         time_s,
         position,
@@ -120,7 +118,7 @@ def csv_table(
         _burns_s(time_s, values.get(BURNING, np.ones(count))),
         table.line_of,
         _notes(table),
-        velocity_names,
+        column_names,
         has_dates,
         PLACES[place],
     )

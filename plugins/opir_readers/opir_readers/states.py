@@ -10,6 +10,10 @@ from opir_core.arrays import FloatArray
 from opir_core.geometry import dot
 from opir_core.plugin import BadFileError, StateTable
 
+#: Positions nearer to the Earth's centre, or farther from it, m, are most likely in other units.
+LEAST_RADIUS_M = 6.2e6
+MOST_RADIUS_M = 1e9
+
 #: The most burns of a flight, as many as plumes have stages.
 MOST_BURNS = 8
 
@@ -72,12 +76,10 @@ def require_places(position_m: FloatArray, line_of: LineOf) -> None:
     """Raise `BadFileError` for a position deep inside the Earth or beyond the Moon; `line_of` gives
     a row's line. Such positions are most likely in other units.
     """
-    least_m = 6.2e6
-    most_m = 1e9
     with np.errstate(over="ignore"):
         radius_m = np.sqrt(dot(position_m, position_m))
-    for row in np.flatnonzero((radius_m < least_m) | (radius_m > most_m)).tolist():
-        where = "deep below the ground" if radius_m[row] < least_m else "beyond the Moon"
+    for row in np.flatnonzero((radius_m < LEAST_RADIUS_M) | (radius_m > MOST_RADIUS_M)).tolist():
+        where = "deep below the ground" if radius_m[row] < LEAST_RADIUS_M else "beyond the Moon"
         place = f"{radius_m[row]:.6g} m from the Earth's centre, {where}"
         raise BadFileError(f"line {line_of(row)}: the position is {place}; check its units")
 

@@ -14,6 +14,7 @@ from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import dot, ecef_to_geodetic
 from opir_core.plugin import StateTable
+from opir_readers.free_fall import misreading_of
 from opir_readers.interpolation import interpolant, runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
@@ -43,6 +44,10 @@ class PlausibleLimits:
     step_without_velocities_rad: float = 0.5
     #: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
     least_height_m: float = -1000.0
+    #: Two places of one time are nearer than this, m, where motion is not smooth there;
+    jump_m: float = 1.0
+    #: farther at so many times, times are rounded.
+    jumps: int = 3
 
 
 _LIMITS = PlausibleLimits()
@@ -82,15 +87,23 @@ class Findings:
 
 
 def findings_of(
-    table: StateTable, times: SceneTimes | None = None, start_s: float | None = None
+    table: StateTable,
+    times: SceneTimes | None = None,
+    start_s: float | None = None,
+    *,
+    as_given: bool = False,
 ) -> Findings:
     """Return the findings of a table in itself and, with the times of a scene, in that scene.
 
-    `start_s` is the scene time of the table's time 0, None where its times are dates.
+    `start_s` is the scene time of the table's time 0, None where its times are dates. With
+    `as_given` a table that contradicts gravity is not refused.
     """
     refused = [] if times is None else [*_no_overlap(table, times, start_s)]
-    coarse = _coarse_steps(table)
+    coarse = [*_coarse_steps(table), *_two_places(table)]
     warnings = [*table.notes]
+    # States that cannot be interpolated say nothing of gravity.
+    misread = [] if coarse else _misread(table)
+    (warnings if as_given else refused).extend(misread)
     # Differences of positions that are far apart say nothing of velocities.
     slip = None if coarse else velocity_slip(table)
     refused += coarse
@@ -99,6 +112,34 @@ def findings_of(
         (refused if is_refused else warnings).append(_slip_text(slip))
     warnings += [*_doubts_of_motion(table), *_doubts_of_heights(table)]
     return Findings(tuple(refused), tuple(warnings))
+
+
+def _misread(table: StateTable) -> list[str]:
+    """Return the reason to refuse a table that falls freely only if read otherwise."""
+    misreading = misreading_of(table)
+    if misreading is None:
+        return []
+    words = (
+        f"line {table.line_of(0)}: its states seem to be {misreading.slip}: {misreading.evidence};"
+        f" {misreading.remedy}, or set as_given: true"
+    )
+    return [words]
+
+
+def _two_places(table: StateTable) -> list[str]:
+    """Return the reason to refuse several times with two places each."""
+    rows = np.flatnonzero(np.diff(table.time_s) == 0.0)
+    apart_m = _length(table.position_m[rows + 1] - table.position_m[rows])
+    jumps = np.flatnonzero(apart_m > _LIMITS.jump_m)
+    if len(jumps) < _LIMITS.jumps:
+        return []
+    row = int(rows[jumps[0]])
+    words = (
+        f"line {table.line_of(row + 1)}: the same time as line {table.line_of(row)}, and a place"
+        f" {apart_m[jumps[0]]:.3g} m away; so at {len(jumps)} times: give times with more decimals,"
+        " or one state for each"
+    )
+    return [words]
 
 
 def _coarse_steps(table: StateTable) -> list[str]:

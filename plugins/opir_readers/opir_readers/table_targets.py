@@ -132,7 +132,8 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
         place = f"{path}.file"
         try:
             table, digest = _table(config, context)
-            findings = findings_of(table, times, None if table.has_dates else config.start_s or 0.0)
+            start_s = None if table.has_dates else config.start_s or 0.0
+            findings = findings_of(table, times, start_s, as_given=config.as_given)
             warnings += [Problem(place, f"{config.file}: {words}") for words in findings.warnings]
             problems += [Problem(place, f"{config.file}: {words}") for words in findings.refused]
             if not findings.refused:

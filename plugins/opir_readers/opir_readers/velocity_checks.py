@@ -21,7 +21,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import dot
 from opir_core.plugin import StateTable
 from opir_readers.celestial_frames import earth_rotation_m_s, turned
-from opir_readers.columns import INERTIAL_VELOCITY, LOCAL_VELOCITY, SPEEDS, xyz
+from opir_readers.columns import INERTIAL_VELOCITY, LOCAL_VELOCITY, SPEEDS, VELOCITIES, xyz
 from opir_readers.frames import along_axes, axes_at
 from opir_readers.interpolation import runs
 
@@ -161,7 +161,7 @@ def _mended(table: StateTable, rows: RowArray, rates: FloatArray) -> Iterator[_M
     assert table.velocity_m_s is not None
     velocity = table.velocity_m_s[rows]
     for unit, factor in SPEEDS.items():
-        for cause, names, mended in _frames(table, rows, factor * velocity):
+        for cause, names, mended in _frames(table, rows, factor * velocity, rates):
             text = {"kn": "knots"}.get(unit, unit.replace("_", "/"))
             words = [cause, "" if unit == "m_s" else f"in {text}"]
             if any(words):
@@ -177,14 +177,15 @@ def _mended(table: StateTable, rows: RowArray, rates: FloatArray) -> Iterator[_M
 
 
 def _frames(
-    table: StateTable, rows: RowArray, velocity: FloatArray
+    table: StateTable, rows: RowArray, velocity: FloatArray, rates: FloatArray
 ) -> Iterator[tuple[str, tuple[str, ...], FloatArray]]:
     """Yield the velocities of rows in ECEF from each usual frame: its words, "" for ECEF, and the
     quantities of its columns.
     """
     axes = axes_at(table.position_m[rows])
     rotation = earth_rotation_m_s(table.position_m[rows])
-    angle = EARTH_ROTATION_RAD_S * (table.time_s[rows] - table.time_s[rows[0]])
+    turn_rad = EARTH_ROTATION_RAD_S * (table.time_s[rows] - table.time_s[rows[0]])
+    angle = _angle_of_axes(velocity, rates + rotation, turn_rad)
     north_east_down = velocity[:, [1, 0, 2]] * (1.0, 1.0, -1.0)
     yield "", xyz("v{}_ecef"), velocity
     yield "inertial (with the Earth's rotation)", INERTIAL_VELOCITY, velocity - rotation
@@ -195,6 +196,19 @@ def _frames(
     yield "towards north, east and down", (), along_axes(north_east_down, axes)
     mended = along_axes(velocity, axes[:1])
     yield "towards east, north and up of the first place", (), mended
+
+
+def _angle_of_axes(velocity: FloatArray, rates: FloatArray, turn_rad: FloatArray) -> FloatArray:
+    """Return the angles (n,) of Earth-fixed axes from the inertial ones of velocities (n, 3).
+
+    They turn by `turn_rad` (n,) from the first row on, whose angle fits inertial rates (n, 3) in
+    Earth-fixed axes best.
+    """
+    east = velocity[:, 0] + 1j * velocity[:, 1]
+    fixed = rates[:, 0] + 1j * rates[:, 1]
+    first = np.angle(np.sum(east * np.conj(fixed) * np.exp(-1j * turn_rad)))
+    angle: FloatArray = first + turn_rad
+    return angle
 
 
 def _other_axes(velocity: FloatArray) -> Iterator[_Mended]:
@@ -226,7 +240,13 @@ def _lagged(velocity: FloatArray, rates: FloatArray, time_s: FloatArray) -> _Men
 
 def _renamed(table: StateTable, quantities: tuple[str, ...], unit: str) -> str:
     """Return the column map that reads the velocities rightly, "" where none does."""
-    pairs = zip(quantities, table.velocity_names, strict=False)
+    names = [
+        table.column_names[name]
+        for group in VELOCITIES
+        for name in group
+        if name in table.column_names
+    ]
+    pairs = zip(quantities, names, strict=False)
     mapped = ", ".join(f"{quantity}_{unit}: {name}" for quantity, name in pairs)
     return f"set columns: {{{mapped}}}" if mapped else ""
 

@@ -73,7 +73,9 @@ def test_sp3_without_positions_is_refused():
 
 
 def orbit_table(step_s, count, radius_m=7e6, with_velocities=True, rate_rad_s=None):
-    rate = np.sqrt(3.986004418e14 / radius_m**3) if rate_rad_s is None else rate_rad_s
+    rate = rate_rad_s
+    if rate is None:
+        rate = np.sqrt(3.986004418e14 / radius_m**3) - 7.292115e-5
     time_s = step_s * np.arange(count)
     angle = rate * time_s
     place = radius_m * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)

@@ -16,11 +16,13 @@ from satellite_elements import LINES, OMM, OTHER, TLE, omm_texts
 from opir_core import compile_plan, scene_from_mapping, simulate
 from opir_core.errors import PluginError, SceneError
 from opir_core.orbits import OmmFileConfig, OrbitConfig, orbit_of
+from opir_core.orbits.configs import OrbitFileConfig
 from opir_core.plugin import BadFileError, Host
 
 
 def orbit_of_file(path, satellite):
-    return READER["omm"].orbit(str(path), satellite, EPOCH_US, READERS)
+    block = OrbitFileConfig(path=str(path), satellite=satellite)
+    return READER["omm"].orbit(block, EPOCH_US, READERS)
 
 
 @pytest.mark.parametrize("form", ["json", "csv", "kvn", "xml"])

@@ -19,6 +19,9 @@ from opir_core.plugin import BadFileError, StateTable
 TURN = np.array([0.0, 0.0, 7.292115e-5])
 SCENE = SceneTimes(EPOCH_US, 600.0)
 
+#: How a table of text would name the velocities.
+NAMES = {"vx_ecef": "VX", "vy_ecef": "VY", "vz_ecef": "VZ"}
+
 
 def doubts_about(table, times, start_s):
     """Return the warnings about a table; raise what it is refused for."""
@@ -70,9 +73,7 @@ def boost(step_s, *, latitude=34.7, azimuth=250.0, stages=((60.0, 20.0), (70.0, 
     position, velocity = np.round(state(time_s).T, decimals).reshape(-1, 2, 3).transpose(1, 0, 2)
     run = np.zeros(len(time_s), np.intp)
     burn = np.array([[0.0, time_s[-1]]])
-    return StateTable(
-        time_s, position, velocity, run, burn, lambda row: row + 2, (), ("VX", "VY", "VZ")
-    )
+    return StateTable(time_s, position, velocity, run, burn, lambda row: row + 2, (), NAMES)
 
 
 def towards(table, *places, signs=(1.0, 1.0, 1.0)):

@@ -243,3 +243,54 @@ def test_a_number_beyond_the_largest_is_none(name):
     table = flight_of("\n".join(map(json.dumps, rows)))
     assert np.isfinite(table.position_m).all()
     assert table.burns_s[0, 1] <= table.time_s[-1]
+
+
+def with_speeds_in(ascent, metres_a_second):
+    """Return telemetry whose speeds, in another unit, are taken for m/s."""
+    rows = [json.loads(line) for line in telemetry(ascent).split("\n")]
+    for row in rows:
+        row["velocity"] = round(row["velocity"] / metres_a_second)
+    return "\n".join(map(json.dumps, rows))
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres_a_second"), [("km/h", 1 / 3.6), ("mph", 0.44704), ("ft/s", 0.3048)]
+)
+def test_speeds_in_other_units_are_refused_by_name(ascent, unit, metres_a_second):
+    words = refusal("webcast", with_speeds_in(ascent, metres_a_second), site=SITE)
+    assert "speeds" in words
+    assert unit in words
+
+
+def suborbital(metres_a_second):
+    """Return telemetry of 70 s of thrust and a coast, that of a vertical flight in closed form.
+
+    Thrust is 20 m/s² beyond gravity, which is that of a sphere in the coast.
+    """
+    start = [0.0, 0.0]
+    found = solve_ivp(
+        lambda t, s: [s[1], 20.0 if t < 70.0 else -MU / (RADIUS + s[0]) ** 2],
+        (0.0, 240.0),
+        start,
+        t_eval=np.arange(0.0, 240.5, 1.0),
+        max_step=0.5,
+        rtol=1e-9,
+    )
+    height, climb = found.y
+    rows = zip(found.t.tolist(), climb.tolist(), height.tolist(), strict=True)
+    return "\n".join(
+        json.dumps(
+            {
+                "time": time,
+                "velocity": round(abs(speed) / metres_a_second),
+                "altitude": round(up / 1e3, 1),
+            }
+        )
+        for time, speed, up in rows
+    )
+
+
+def test_a_coast_names_the_unit_of_speeds():
+    words = refusal("webcast", suborbital(1 / 3.6), site=SITE)
+    assert re.search(r"in km/h: so read, \d\d % .* multiply them by 0.277778", words)
+    assert len(flight_of(suborbital(1.0)).time_s) == 241

@@ -12,6 +12,8 @@ from opir_core.errors import number_of
 from opir_core.geometry import dot
 from opir_core.plugin import BadFileError
 from opir_readers.detections.columns_of_run import RunColumns
+from opir_readers.detections.line_doubts import odd_sigmas, rare_lines
+from opir_readers.detections.meeting import slips_of_lines
 from opir_readers.detections.numbers import Rows, place_of
 from opir_readers.detections.times import NS_PER_S
 from opir_readers.table_checks import SceneTimes, scale_text
@@ -61,6 +63,9 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
     half_angles = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])
     is_outside = nadir_rad > half_angles[detections.sensor] + 1e-3
     yield from _many(columns, plan, is_outside, "is outside of the sensor's field of regard")
+    yield from odd_sigmas(columns, plan)
+    yield from rare_lines(columns, plan)
+    yield from slips_of_lines(detections, plan)
     for number, sensor in enumerate(plan.sensors):
         rows = np.flatnonzero(detections.sensor == number)
         offset = origin_m[rows] - sensor.orbit.position_ecef_m(detections.time_s[rows])

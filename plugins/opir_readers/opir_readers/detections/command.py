@@ -19,6 +19,7 @@ from opir_core.simulation import ReportOrder
 from opir_readers.column_maps import columns_of_text
 from opir_readers.detections.checks import warnings_of, within_scene
 from opir_readers.detections.columns_of_run import RunColumns, columns_of, times_ns
+from opir_readers.detections.no_tracks import reason_of_no_track
 from opir_readers.detections.numbers import Rows
 from opir_readers.detections.sensors_scene import scene_of_sensors
 from opir_readers.detections.times import NS_PER_S
@@ -61,6 +62,7 @@ def track_file(arguments: argparse.Namespace) -> int:
         parts = [
             *read,
             "\n".join(answers(outcome.summary)),
+            "" if outcome.summary["tracks"] else reason_of_no_track(columns.detections, plan),
             *reported_tables(outcome.summary),
             "\n".join(written),
         ]

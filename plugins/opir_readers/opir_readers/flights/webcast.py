@@ -33,6 +33,7 @@ from opir_readers.flights.burns import (
     joined_spans,
     spans_text,
 )
+from opir_readers.flights.coasting import misread_speeds
 from opir_readers.flights.site import Site
 from opir_readers.flights.smoothing import (
     Smoothed,
@@ -122,6 +123,9 @@ def webcast_table(
     """
     telemetry = _in_order(_telemetry(text))
     time_s = telemetry.time_s
+    complaint = misread_speeds(time_s, telemetry.speed_m_s, telemetry.height_m)
+    if complaint:
+        raise BadFileError(complaint)
     speed, note = _fit("speed", "m/s", time_s, telemetry.speed_m_s, speed_noise_m_s, 0.05)
     notes = [note]
     height, note = _fit("altitude", "m", time_s, telemetry.height_m, height_noise_m, 1.0)

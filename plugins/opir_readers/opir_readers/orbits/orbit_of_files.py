@@ -1,6 +1,7 @@
 """The orbit of a sensor from a file: by SGP4 from mean elements, or along an ephemeris."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from attrs import fields_dict, frozen
@@ -29,17 +30,19 @@ _NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
 _BEYOND_S = 10.0
 
 
-def orbit_of_file(
-    path: str, satellite: str | None, epoch_us: int, readers: Sequence[FileReader]
-) -> MovingOrbit:
-    """Return the orbit of a satellite of a file for a scene epoch; raises `BadFileError`."""
-    text = file_text(path).text
+def orbit_of_file(file: Any, epoch_us: int, readers: Sequence[FileReader]) -> MovingOrbit:
+    """Return the orbit that a sensor's block `orbit.file` asks for, for a scene epoch.
+
+    Raises `BadFileError`.
+    """
+    text = file_text(file.path).text
     reader = reader_of(text, [reader for reader in readers if reader.yields != "detections"])
     if reader.yields == "orbits":
         rows = content_of(text, reader, {}, epoch_us)
-        return elements_orbit(elements_of(rows, satellite), epoch_us)
-    settings = {"object": satellite} if "object" in fields_dict(reader.config) else {}
-    return _of_table(content_of(text, reader, settings, epoch_us), epoch_us)
+        return elements_orbit(elements_of(rows, file.satellite), epoch_us)
+    settings = {"object": file.satellite} if "object" in fields_dict(reader.config) else {}
+    table = content_of(text, reader, settings, epoch_us)
+    return _of_table(table, epoch_us, as_given=file.as_given)
 
 
 def elements_of(rows: ElementSets, satellite: str | None) -> Elements:
@@ -127,8 +130,8 @@ class EphemerisMotion:
         return self.state_ecef(time_s)[0]
 
 
-def _of_table(table: StateTable, epoch_us: int) -> MovingOrbit:
-    findings = findings_of(table)
+def _of_table(table: StateTable, epoch_us: int, *, as_given: bool) -> MovingOrbit:
+    findings = findings_of(table, as_given=as_given)
     if findings.refused:
         raise BadFileError(findings.refused[0])
     if not table.has_dates:

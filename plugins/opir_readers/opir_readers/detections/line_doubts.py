@@ -1,0 +1,48 @@
+"""Standard deviations and rates of lines of sight that their sensors cannot have."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from opir_core import Plan
+from opir_readers.detections.columns_of_run import RunColumns
+from opir_readers.detections.numbers import place_of
+from opir_readers.detections.times import NS_PER_S
+
+#: Lines this many scan periods apart in the median, of at least so many gaps, were thinned out.
+_RARE = 4
+_FEWEST_GAPS = 8
+
+#: Standard deviations of lines of sight that a sensor may plausibly have, as the setting of that
+#: name, µrad.
+_LEAST_SIGMA_URAD = 0.1
+_MOST_SIGMA_URAD = 10_000.0
+
+
+def odd_sigmas(columns: RunColumns, plan: Plan) -> Iterator[str]:
+    """Yield, for each sensor, standard deviations that no sensor has."""
+    sigma_urad = columns.detections.line_of_sight_sigma_rad * 1e6
+    is_odd = (sigma_urad < _LEAST_SIGMA_URAD) | (sigma_urad > _MOST_SIGMA_URAD)
+    for number in np.unique(columns.detections.sensor[is_odd]).tolist():
+        row = int(np.flatnonzero(is_odd & (columns.detections.sensor == number))[0])
+        yield (
+            f"{place_of(columns.rows[row])}the standard deviation of {plan.sensors[number].id},"
+            f" {sigma_urad[row]:.3g} µrad, is outside of {_LEAST_SIGMA_URAD:g} to"
+            f" {_MOST_SIGMA_URAD:g} µrad; is it in another unit (line_of_sight_sigma_rad)?"
+        )
+
+
+def rare_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
+    """Yield, for each sensor, that its lines come more rarely than its scans in the scene."""
+    detections = columns.detections
+    for number in np.unique(detections.sensor).tolist():
+        gaps_ns = np.diff(np.unique(detections.time_ns[detections.sensor == number]))
+        sensor = plan.sensors[number]
+        if len(gaps_ns) < _FEWEST_GAPS or np.median(gaps_ns) < _RARE * sensor.scan.period_ns:
+            continue
+        period_ms = float(np.median(gaps_ns)) * 1e-6
+        yield (
+            f"lines of {sensor.id} are {period_ms * 1e-3:.3g} s apart in the median, and its scans"
+            f" in the scene {sensor.scan.period_ns / NS_PER_S:g} s: looks between count as"
+            f" darkness; if the file is thinned, set scan_period_ms: {period_ms:.0f}"
+        )

@@ -1,0 +1,245 @@
+"""Do the lines of sight of two sensors meet? As given, and under the usual slips.
+
+Two sensors that see one source at one time have lines of sight that pass each other within their errors. Where lines of
+a pair of sensors hardly ever do so as given, and mostly under one slip, that slip was made. Sensors that see different
+sources meet under no slip.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import combinations
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core import Plan
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.geometry import east_north_up_axes, ecef_to_geodetic
+from opir_core.plugin import Detections
+
+#: Lines within this time, s, are taken for simultaneous: so far a target of this speed, m/s, moves at most.
+TOGETHER_S = 0.5
+SPEED_M_S = 8000.0
+
+#: Lines meet within so many standard deviations and this angle, rad: biases of sensors are below it.
+SIGMAS = 5.0
+BIAS_RAD = 150e-6
+
+#: Sources are no deeper than this, m, and no farther from the Earth's centre.
+DEEPEST_M = 30_000.0
+FARTHEST_M = 8.5e6
+
+#: The fewest simultaneous lines that show something; the share of them that meets as given where a slip was made, and
+#: the share that meets without the slip.
+MIN_LINES = 8
+FEW = 0.1
+MOST = 0.5
+
+#: Slips fit alike whose lines pass each other this many times as far: two geostationary sensors see
+#: mirror images of a source under several.
+ALIKE = 2.0
+
+#: The most lines of a pair that are compared.
+MOST_LINES = 500
+
+#: Leap seconds between UTC, GPS and TAI, and whole hours of zones: clocks that differ, s.
+CLOCKS_S = (18.0, 19.0, 37.0, 3600.0)
+
+
+@frozen
+class Lines:
+    """Lines of sight (n,) of one sensor, by time, s.
+
+    They have origins and directions (n, 3) in ECEF, and standard deviations, rad.
+    """
+
+    time_s: FloatArray
+    origin_m: FloatArray
+    direction: FloatArray
+    sigma_rad: FloatArray
+
+    @classmethod
+    def of(cls, detections: Detections, sensor: int) -> "Lines":
+        """Return the lines of one sensor."""
+        rows = np.flatnonzero(detections.sensor == sensor)
+        rows = rows[np.argsort(detections.time_ns[rows], kind="stable")]
+        return cls(
+            detections.time_s[rows],
+            detections.sensor_ecef_m[rows],
+            detections.line_of_sight_ecef[rows],
+            detections.line_of_sight_sigma_rad[rows],
+        )
+
+    def take(self, rows: IntArray) -> "Lines":
+        """Return some lines."""
+        return Lines(
+            self.time_s[rows], self.origin_m[rows], self.direction[rows], self.sigma_rad[rows]
+        )
+
+
+@frozen
+class Meeting:
+    """How simultaneous lines (n,) pass: their least distance, m, and which meet."""
+
+    distance_m: FloatArray
+    meets: BoolArray
+
+    @property
+    def share(self) -> float:
+        """Return the share of lines that meet."""
+        return float(np.count_nonzero(self.meets)) / max(len(self.meets), 1)
+
+    @property
+    def typical_m(self) -> float:
+        """Return the median distance, m."""
+        return float(np.median(self.distance_m))
+
+
+Pair = tuple[Lines, Lines]
+
+
+def slips_of_lines(detections: Detections, plan: Plan) -> Iterator[str]:
+    """Yield the slips that explain why lines of two sensors do not meet, for each pair with one."""
+    for first, second in combinations(np.unique(detections.sensor).tolist(), 2):
+        pair = Lines.of(detections, first), Lines.of(detections, second)
+        given = meeting(pair)
+        if len(given.meets) < MIN_LINES or given.share > FEW:
+            continue
+        mended = {slip: meeting(mend(pair)) for slip, mend in MENDS.items()}
+        clear = {
+            slip: lines
+            for slip, lines in mended.items()
+            if len(lines.meets) >= MIN_LINES and lines.share >= MOST
+        }
+        if not clear:
+            continue
+        names = [plan.sensors[number].id for number in (first, second)]
+        nearest_m = min(lines.typical_m for lines in clear.values())
+        ways = [
+            f"{slip} ({REMEDIES[slip].format(*names)})"
+            for slip, lines in clear.items()
+            if lines.typical_m <= ALIKE * nearest_m
+        ]
+        yield (
+            f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s pass each other at"
+            f" {given.typical_m * 1e-3:.3g} km, and at {nearest_m * 1e-3:.2g} km"
+            f" {' or '.join(ways)}"
+        )
+
+
+def meeting(pair: Pair) -> Meeting:
+    """Return how each line of one sensor passes the nearest simultaneous line of the other."""
+    one, other = pair
+    one = one.take(np.arange(0, len(one.time_s), len(one.time_s) // MOST_LINES + 1))
+    first = np.searchsorted(other.time_s, one.time_s - TOGETHER_S)
+    count = np.searchsorted(other.time_s, one.time_s + TOGETHER_S) - first
+    rows = np.repeat(np.arange(len(count)), count)
+    if not len(rows):
+        return Meeting(np.empty(0), np.empty(0, dtype=np.bool_))
+    others = (
+        np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
+    )
+    distance, meets = _passes(one.take(rows), other.take(others))
+    starts = np.flatnonzero(np.diff(rows, prepend=-1))
+    return Meeting(np.minimum.reduceat(distance, starts), np.logical_or.reduceat(meets, starts))
+
+
+def _passes(one: Lines, other: Lines) -> tuple[FloatArray, BoolArray]:
+    """Return the distances (n,) at which pairs of lines pass each other, m, and which meet at a source."""
+    between = other.origin_m - one.origin_m
+    cosine = _dot(one.direction, other.direction)
+    along_one = _dot(between, one.direction)
+    along_other = _dot(between, other.direction)
+    sine_square = np.maximum(1.0 - cosine * cosine, 1e-12)
+    range_one = (along_one - cosine * along_other) / sine_square
+    range_other = (cosine * along_one - along_other) / sine_square
+    place_one = one.origin_m + range_one[:, None] * one.direction
+    place_other = other.origin_m + range_other[:, None] * other.direction
+    distance = _length(place_other - place_one)
+    radius = _length(0.5 * (place_one + place_other))
+    blur = (SIGMAS * one.sigma_rad + BIAS_RAD) * range_one + (
+        SIGMAS * other.sigma_rad + BIAS_RAD
+    ) * range_other
+    allowed = blur + SPEED_M_S * np.abs(one.time_s - other.time_s)
+    is_ahead = (range_one > 0.0) & (range_other > 0.0)
+    is_source = (radius > EARTH_EQUATORIAL_RADIUS_M - DEEPEST_M) & (radius < FARTHEST_M)
+    return distance, is_ahead & is_source & (distance < allowed)
+
+
+def _both(change: Callable[[FloatArray], FloatArray]) -> Callable[[Pair], Pair]:
+    """Return the mend that changes directions towards east, north and up (n, 3) of both sensors."""
+
+    def mended(pair: Pair) -> Pair:
+        one, other = (_turned(lines, change) for lines in pair)
+        return one, other
+
+    return mended
+
+
+def _turned(lines: Lines, change: Callable[[FloatArray], FloatArray]) -> Lines:
+    where = ecef_to_geodetic(lines.origin_m)
+    axes = east_north_up_axes(where.latitude_rad, where.longitude_rad)
+    local = (axes * lines.direction[:, None, :]).sum(axis=2)
+    return evolve(lines, direction=(axes * change(local)[:, :, None]).sum(axis=1))
+
+
+def _exchanged(pair: Pair) -> Pair:
+    """Return each sensor's angles at the other's place, that nearest in time."""
+    one, other = pair
+    return _seen_from(one, other), _seen_from(other, one)
+
+
+def _seen_from(lines: Lines, other: Lines) -> Lines:
+    rows = np.clip(np.searchsorted(other.time_s, lines.time_s), 0, len(other.time_s) - 1)
+    origin_m = other.origin_m[rows]
+    own = ecef_to_geodetic(lines.origin_m)
+    there = ecef_to_geodetic(origin_m)
+    local = (
+        east_north_up_axes(own.latitude_rad, own.longitude_rad) * lines.direction[:, None, :]
+    ).sum(axis=2)
+    axes = east_north_up_axes(there.latitude_rad, there.longitude_rad)
+    return Lines(lines.time_s, origin_m, (axes * local[:, :, None]).sum(axis=1), lines.sigma_rad)
+
+
+def _later(clock_s: float) -> Callable[[Pair], Pair]:
+    return lambda pair: (pair[0], evolve(pair[1], time_s=pair[1].time_s + clock_s))
+
+
+def _clock_text(clock_s: float) -> str:
+    return f"with the second's times {abs(clock_s):g} s {'later' if clock_s > 0.0 else 'earlier'}"
+
+
+#: What mends a pair, and what mends the file; {0} and {1} are the sensors' ids.
+MENDS: Mapping[str, Callable[[Pair], Pair]] = {
+    "with azimuths from south": _both(lambda enu: enu * np.array([-1.0, -1.0, 1.0])),
+    "with azimuths counted to the west": _both(lambda enu: enu * np.array([-1.0, 1.0, 1.0])),
+    "with azimuths from east, counted to the north": _both(lambda enu: enu[:, [1, 0, 2]]),
+    "with elevations counted downwards": _both(lambda enu: enu * np.array([1.0, 1.0, -1.0])),
+    "with the sensors' ids exchanged": _exchanged,
+    **{
+        _clock_text(sign * clock): _later(sign * clock)
+        for clock in CLOCKS_S
+        for sign in (1.0, -1.0)
+    },
+}
+REMEDIES: Mapping[str, str] = {
+    **{
+        _clock_text(sign * clock): "mend the clock of {1}"
+        for clock in CLOCKS_S
+        for sign in (1.0, -1.0)
+    },
+    "with azimuths from south": "--columns azimuth_from_south_deg=NAME",
+    "with azimuths counted to the west": "change the sign of azimuths",
+    "with azimuths from east, counted to the north": "give 90° less them",
+    "with elevations counted downwards": "change the sign of elevations",
+    "with the sensors' ids exchanged": "--rename {0}={1} --rename {1}={0}",
+}
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    product: FloatArray = (one * other).sum(axis=1)
+    return product
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.sqrt((vectors * vectors).sum(axis=1))

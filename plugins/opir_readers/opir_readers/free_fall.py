@@ -1,0 +1,265 @@
+"""The states of a table against gravity: which reading of them falls freely.
+
+After burnout and in orbit, the acceleration of a path along inertial axes is gravity's. It is computed from positions
+alone, of the table as given and under each usual slip of axes and units. Where a good share of the states falls freely
+as given, the table is right. Where that happens only under a slip, the slip is what was made. A boost, a glide or a
+flight in air falls freely under no reading: it shows nothing.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
+from opir_core.plugin import StateTable
+from opir_readers.interpolation import runs
+from opir_readers.states import LEAST_RADIUS_M, MOST_RADIUS_M
+
+#: The largest acceleration beyond central gravity of a free fall: this share of gravity, and this, m/s². The oblate
+#: Earth takes 0.3 % of gravity, air above `AIRLESS_M` less than 0.02 m/s² of a dense body. A slip of axes alone leaves
+#: 2 ω v: 0.3 m/s² at 2 km/s.
+EXCESS_SHARE = 0.01
+EXCESS_M_S2 = 0.02
+
+#: Air slows bodies below this height, m.
+AIRLESS_M = 90_000.0
+
+#: Accelerations are taken over steps of this, s, or a twelfth of the table: over 30 s, errors of 5 m leave 0.014 m/s².
+STEP_S = 30.0
+PARTS = 12
+
+#: The most states that are looked at: slips show in all.
+MOST_STATES = 5000
+
+#: A reading falls freely if these states and this share of them do; the table as given must then have less than
+#: `DOUBTFUL_SHARE` of that.
+MIN_STATES = 5
+MIN_SHARE = 0.2
+DOUBTFUL_SHARE = 0.25
+
+#: A flight that begins below this height, m, begins at rest on its pad: its velocity over the ground is within this,
+#: m/s, of 0 or, along other axes, of the ground's own.
+PAD_HEIGHT_M = 5000.0
+PAD_SPEED_M_S = 15.0
+
+
+@frozen
+class Reading:
+    """Times (n,), s, and positions (n, 3), m, as one slip would have them, along axes that turn `turns` times as fast
+    as the Earth.
+
+    `quantities` are the columns of the right reading by those of the wrong one; `way` mends other files.
+    """
+
+    slip: str
+    time_s: FloatArray
+    position_m: FloatArray
+    turns: float = 1.0
+    quantities: tuple[tuple[str, str], ...] = ()
+    way: str = ""
+
+
+@frozen
+class Fall:
+    """How many states of a reading fall freely, their share, and the median acceleration beyond gravity, m/s²."""
+
+    states: int
+    share: float
+    excess_m_s2: float
+
+    @property
+    def is_free(self) -> bool:
+        """Return whether enough states fall freely."""
+        return self.states >= MIN_STATES and self.share >= MIN_SHARE
+
+
+@frozen
+class Misreading:
+    """A slip that explains a table; `evidence` says by which figures."""
+
+    slip: str
+    evidence: str
+    remedy: str
+
+
+def misreading_of(table: StateTable) -> Misreading | None:
+    """Return the slip under which alone a table falls freely or begins at rest, None where there is none."""
+    rows = max(runs(table), key=len)
+    rows = rows[:: len(rows) // MOST_STATES + 1]
+    given, *slips = readings(table.time_s[rows], table.position_m[rows])
+    fall = fall_of(given)
+    if not fall.is_free:
+        falls = [
+            (other.share, -place, other)
+            for place, other in enumerate(map(fall_of, slips))
+            if other.is_free
+        ]
+        if falls:
+            share, place, mended = max(falls)
+            if fall.share < DOUBTFUL_SHARE * share:
+                return _misreading(table, slips[-place], _evidence_of_fall(fall, mended))
+    for slip in slips:
+        if slip.turns != 1.0 and _rests(slip) and not _rests(given):
+            return _misreading(table, slip, _evidence_on_pad(given))
+    return None
+
+
+def readings(time_s: FloatArray, position_m: FloatArray) -> Iterator[Reading]:
+    """Yield the states as given, then as each usual slip of axes, heights, lengths and times would have them."""
+    yield Reading("", time_s, position_m)
+    yield Reading(
+        "along inertial axes, not Earth-fixed ones",
+        time_s,
+        position_m,
+        0.0,
+        _renamed("ecef", "teme"),
+        "name their frame, TEME or EME2000",
+    )
+    yield Reading(
+        "along Earth-fixed axes, not inertial ones",
+        time_s,
+        position_m,
+        2.0,
+        (*_renamed("teme", "ecef"), *_renamed("eme2000", "ecef")),
+        "name their frame, ITRF",
+    )
+    where = ecef_to_geodetic(position_m)
+    for unit, factor in (("km", 1e3), ("ft", 0.3048)):
+        high_m = geodetic_to_ecef(where.latitude_rad, where.longitude_rad, factor * where.height_m)
+        quantities = (("height", f"height_{unit}"), ("altitude", f"altitude_{unit}"))
+        yield Reading(f"with heights in {unit}", time_s, high_m, 1.0, quantities)
+    ground_m = geodetic_to_ecef(where.latitude_rad, where.longitude_rad, 0.0 * where.height_m)
+    outward = ground_m / _length(ground_m)[:, None]
+    yield Reading(
+        "with distances from the Earth's centre as heights",
+        time_s,
+        outward * where.height_m[:, None],
+        way="subtract the Earth's radius from them",
+    )
+    feet = tuple(
+        (f"{axis}_{frame}", f"{axis}_{frame}_ft")
+        for frame in ("ecef", "teme", "eme2000")
+        for axis in "xyz"
+    )
+    yield Reading("with positions in ft", time_s, 0.3048 * position_m, 1.0, feet)
+    for unit, seconds in (("ms", 1e-3), ("min", 60.0), ("h", 3600.0)):
+        yield Reading(
+            f"with times in {unit}", seconds * time_s, position_m, 1.0, (("time", f"time_{unit}"),)
+        )
+
+
+def _renamed(frame: str, right: str) -> tuple[tuple[str, str], ...]:
+    """Return the columns along the axes of one frame, and those that name the right frame."""
+    places = [(f"{axis}_{frame}", f"{axis}_{right}_m") for axis in "xyz"]
+    rates = [(f"v{axis}_{frame}", f"v{axis}_{right}_m_s") for axis in "xyz"]
+    return (*places, *rates)
+
+
+def fall_of(reading: Reading) -> Fall:
+    """Return how a reading falls."""
+    rows = _spaced(reading.time_s)
+    time_s = reading.time_s[rows]
+    radius_m = _length(reading.position_m)
+    if len(time_s) < 3 or radius_m.min() < LEAST_RADIUS_M or radius_m.max() > MOST_RADIUS_M:
+        return Fall(0, 0.0, float("nan"))
+    inertial_m = _turned(
+        reading.position_m[rows], reading.turns * EARTH_ROTATION_RAD_S * (time_s - time_s[0])
+    )
+    excess, gravity = _accelerations(time_s, inertial_m)
+    is_airless = ecef_to_geodetic(inertial_m[1:-1]).height_m > AIRLESS_M
+    falls = is_airless & (excess < EXCESS_SHARE * gravity + EXCESS_M_S2)
+    count = int(np.count_nonzero(falls))
+    shown = falls if count else is_airless
+    median = float(np.median(excess[shown])) if np.count_nonzero(shown) else float("nan")
+    return Fall(count, count / len(falls), median)
+
+
+def _spaced(time_s: FloatArray) -> np.ndarray:
+    """Return rows that are at least `STEP_S` apart, or a twelfth of the table."""
+    step_s = min(STEP_S, float(time_s[-1] - time_s[0]) / PARTS)
+    steps = np.floor((time_s - time_s[0]) / max(step_s, 1e-9) + 1e-6)
+    return np.flatnonzero(np.diff(steps, prepend=-1.0) > 0.0)
+
+
+def _turned(position_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    """Return positions (n, 3) turned about the Earth's axis by angles (n,)."""
+    cosine = np.cos(angle_rad)
+    sine = np.sin(angle_rad)
+    x, y, z = position_m.T
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
+
+
+def _accelerations(time_s: FloatArray, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return accelerations beyond gravity, and gravity, at all states but the first and the last, m/s².
+
+    The second difference of a path is the mean of its acceleration with the weights of Numerov's rule, here for
+    uneven steps.
+    """
+    gravity = -EARTH_MU_M3_S2 * position_m / _length(position_m)[:, None] ** 3
+    before = np.diff(time_s)[:-1, None]
+    after = np.diff(time_s)[1:, None]
+    both = before + after
+    rates = np.diff(position_m, axis=0) / np.diff(time_s)[:, None]
+    acceleration = 2.0 * np.diff(rates, axis=0) / both
+    late = (after**2 + before * after - before**2) / (6.0 * after * both)
+    early = (before**2 + before * after - after**2) / (6.0 * before * both)
+    mean = early * gravity[:-2] + (1.0 - early - late) * gravity[1:-1] + late * gravity[2:]
+    return _length(acceleration - mean), _length(gravity[1:-1])
+
+
+def _rests(reading: Reading) -> bool:
+    """Return whether a flight begins at rest over the ground, on ground that moves with the Earth."""
+    velocity = _first_velocity(reading)
+    return velocity is not None and float(np.hypot(velocity[0], velocity[1])) < PAD_SPEED_M_S
+
+
+def _first_velocity(reading: Reading) -> FloatArray | None:
+    """Return the first velocity (3,) towards east, north and up, m/s, None where a flight does not begin on the ground.
+
+    Of axes that turn more or less than the Earth, the ground's own is subtracted.
+    """
+    place_m = reading.position_m[:1]
+    where = ecef_to_geodetic(place_m)
+    if float(where.height_m[0]) > PAD_HEIGHT_M:
+        return None
+    axes = east_north_up_axes(where.latitude_rad, where.longitude_rad)[0]
+    rate = (reading.position_m[1] - reading.position_m[0]) / (reading.time_s[1] - reading.time_s[0])
+    x, y = place_m[0, :2].tolist()
+    ground = (1.0 - reading.turns) * EARTH_ROTATION_RAD_S * np.array([-y, x, 0.0])
+    local: FloatArray = np.add.reduce(axes * (rate - ground), axis=1)
+    return local
+
+
+def _misreading(table: StateTable, reading: Reading, evidence: str) -> Misreading:
+    names = table.column_names
+    columns = [f"{right}: {names[wrong]}" for wrong, right in reading.quantities if wrong in names]
+    remedy = f"set columns: {{{', '.join(columns)}}}" if columns else reading.way or "mend the file"
+    return Misreading(reading.slip, evidence, remedy)
+
+
+def _evidence_of_fall(given: Fall, mended: Fall) -> str:
+    as_given = f"{100.0 * given.share:.0f} % as given"
+    if np.isfinite(given.excess_m_s2):
+        as_given = f"{as_given}, {given.excess_m_s2:.2g} m/s² off gravity"
+    return (
+        f"so read, {100.0 * mended.share:.0f} % of its states fall freely, to {mended.excess_m_s2:.1g} m/s²;"
+        f" {as_given}"
+    )
+
+
+def _evidence_on_pad(given: Reading) -> str:
+    velocity = _first_velocity(given)
+    assert velocity is not None
+    east = float(velocity[0])
+    toward = "east" if east > 0.0 else "west"
+    return (
+        f"so read, it begins at rest; as given, its first state moves {toward} with"
+        f" {abs(east):.0f} m/s, as the ground does"
+    )
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.sqrt((vectors * vectors).sum(axis=1))
