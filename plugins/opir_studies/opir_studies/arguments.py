@@ -36,7 +36,7 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _running_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add where and how often runs are made, and what is shown."""
+    """Add the output, the executor, the early stop and the figures shown."""
     parser.add_argument(
         "-o",
         "--out",
@@ -99,7 +99,7 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def optimise_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of a study, what is wanted, and how many designs are evaluated."""
+    """Add the arguments of a study, the objective and the number of evaluations."""
     _study_arguments(parser)
     parser.add_argument(
         "--objective",

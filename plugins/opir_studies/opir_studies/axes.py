@@ -23,7 +23,7 @@ _DIGITS = 6
 
 
 class AxisError(ValueError):
-    """An invalid axis; the message says what to write."""
+    """An invalid axis; the message names the valid forms."""
 
 
 @frozen
@@ -128,7 +128,7 @@ def _drawn(axis: Axis, uniform: float) -> Level:
 
 
 def axis_of(path: str, values: Any, *, is_sampled: bool = False) -> Axis:
-    """Return an axis from what a study says of a path; raises `AxisError`."""
+    """Return the axis of a path and its values in a study; raises `AxisError`."""
     if isinstance(values, Mapping):
         return _axis_of_block(path, values, is_sampled)
     if isinstance(values, str) or not isinstance(values, Sequence):
@@ -228,7 +228,7 @@ def vary_of_text(words: str) -> tuple[str, Any]:
     """Return path and values of `--vary PATH=VALUES`; values are separated by commas, or a block in
     {}.
 
-    Raises `AxisError` for what is neither.
+    Raises `AxisError` for any other text.
     """
     path, equals, text = words.partition("=")
     if not equals or not path.strip() or not text.strip():

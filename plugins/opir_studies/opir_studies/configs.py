@@ -69,7 +69,7 @@ def _moments_complaint(times: Any) -> str | None:
 
 
 def _containment_percent(of: str) -> Any:
-    """Return the field of the containment of what a tracker reports; `_require_containment` checks
+    """Return the field of the containment of a tracker's reports; `_require_containment` checks
     it.
     """
     words = f"containment of {of}: 50, 90 or 95"
@@ -111,7 +111,7 @@ class ImpactConfig:
 
 @frozen(kw_only=True)
 class WarningConfig:
-    """The settings of the metric `warning_time`: what a warning must state; null for not
+    """The settings of the metric `warning_time`: requirements on a warning; null for not
     required.
     """
 

@@ -99,7 +99,7 @@ class ProcessesExecutor:
     If a worker dies, the pool is rebuilt and unfinished tasks run again. A task that was running at
     several deaths runs alone; if its worker dies three times then, the task is lost
     (`LostTasksError`, after the others have ended). So is a task in which one call of a component
-    lasts `dead_after_s`: its worker says so and ends.
+    lasts `dead_after_s`: its worker reports it and ends.
     """
 
     def __init__(self, workers: int, dead_after_s: float = DEAD_AFTER_S) -> None:
@@ -248,7 +248,7 @@ def start_worker(stuck: Any, dead_after_s: float) -> None:
     """Prepare a worker: an interrupt from the keyboard is for its parent, and it ends when its
     parent does.
 
-    It also ends, and says why in the queue `stuck`, if one call of a component lasts
+    It also ends, with the reason in the queue `stuck`, if one call of a component lasts
     `dead_after_s`.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -30,7 +30,7 @@ class Knob:
     p_d: tuple[float, ...] = ()
 
     def allows(self, level: int, errors: Mapping[str, float]) -> bool:
-        """Return whether a level is no looser, by its own definition, than the errors: one scene
+        """Whether a level is within the errors by its own definition: one scene
         could flatter it.
         """
         return not self.p_d or self.p_d[level] <= errors.get("p_d", math.inf)

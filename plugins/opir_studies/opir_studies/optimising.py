@@ -37,8 +37,8 @@ class Objective:
 
     @classmethod
     def of(cls, text: str) -> "Objective":
-        """Return the objective of a text, `max warning_time_s`; raises `SceneError` for what is
-        none.
+        """Return the objective of a text, `max warning_time_s`; raises `SceneError` for any other
+        text.
         """
         direction, _, figure = text.strip().partition(" ")
         if direction not in _WANTED or not figure.strip():
@@ -138,7 +138,7 @@ def _is_ordered(axis: Axis) -> bool:
 
 
 class _Evaluation:
-    """Runs designs and says how good they are."""
+    """Runs designs and ranks them."""
 
     def __init__(
         self,
@@ -207,7 +207,7 @@ def outcome_of(
     requirements: Sequence[FigureRequirement],
     objective: Objective,
 ) -> Outcome:
-    """Return how good a design is, of the means of its figures and the shares of launches, or runs,
+    """Return the rank of a design, by the means of its figures and the shares of launches, or runs,
     that have them.
     """
     counted = dict.fromkeys(

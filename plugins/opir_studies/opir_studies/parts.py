@@ -39,7 +39,7 @@ class Parts:
         """Return the records of the wanted keys that are on the disk.
 
         Runs of other definitions of the study are left alone. Raises `SceneError` for a file that
-        is damaged, or is no part of a study.
+        is damaged, or is not part of a study.
         """
         records: dict[str, RunRecord] = {}
         for path in sorted(self.folder.glob(f"*{_SUFFIX}")):

@@ -1,4 +1,4 @@
-"""Errors of what a user wrote, and how a list of them is cut short."""
+"""Errors in the words of a user, and lists of them cut short."""
 
 from collections.abc import Sequence
 

@@ -28,8 +28,8 @@ class FigureRequirement:
     is_least: bool
 
     def violation(self, mean: float) -> float:
-        """Return by which share of the limit a mean misses it, 0 where it is met; a mean that is
-        nan misses it by 1.
+        """Return the share of the limit by which a mean misses it, 0 where it is met; a mean that
+        is nan misses it by 1.
         """
         if not math.isfinite(mean):
             return 1.0
@@ -37,7 +37,7 @@ class FigureRequirement:
         return max(missing, 0.0) / (abs(self.limit) or 1.0)
 
     def is_met(self, means: FloatArray, shares: FloatArray) -> BoolArray:
-        """Return whether means (n,) over shares (n,) of all launches or runs meet it.
+        """Whether means (n,) over shares (n,) of all launches or runs meet it.
 
         A mean that is nan, or of a share below 1, does not.
         """

@@ -105,7 +105,7 @@ class StudyResult:
 
 
 def load_study(folder: str | Path) -> StudyResult:
-    """Return the result of a study from its folder; raises `SceneError` if there is none."""
+    """Return the result of a study from its folder; raises `SceneError` without one."""
     place = Path(folder)
     finish_interrupted(place / DEFINITION)
     try:

@@ -1,4 +1,4 @@
-"""One run of a study: what workers are given, and what they return."""
+"""One run of a study: the tasks of workers, and their results."""
 
 import hashlib
 import json
@@ -31,8 +31,8 @@ class RunTask:
 
 @frozen
 class RunRecord:
-    """A finished run: the values of the figures in the order of the metrics, or the reason why
-    there are none.
+    """A finished run: the values of the figures in the order of the metrics, or the reason of its
+    failure.
     """
 
     replicate: int

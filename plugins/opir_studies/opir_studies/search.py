@@ -29,11 +29,11 @@ _VIOLATED = 1e30
 
 @frozen(order=True)
 class Outcome:
-    """How good a design is, less is better: by what counts first.
+    """The rank of a design, less is better; the first attribute counts most.
 
     `without` are the shares of launches, or else of runs, that lack a figure which is required or
-    the objective, added up: such a mean is no value of the design. `violation` is by how much the
-    requirements are missed.
+    the objective, added up: such a mean is not a value of the design. `violation` is the share by
+    which the requirements are missed.
     """
 
     without: float
@@ -102,7 +102,7 @@ class DesignSearch:
         """Return trials of Optuna with designs that were not evaluated.
 
         Optuna may suggest a design again: it is given the outcome of that design if there is one,
-        and asked anew.
+        and asked again.
         """
         suggestions: dict[Point, Any] = {}
         repeated = 0

@@ -145,9 +145,7 @@ def read_study(path: str | Path) -> Study:
 
 
 def is_study(path: str | Path) -> bool:
-    """Return whether a file is a study rather than a scene: it has the key `scene`, and no
-    `sensors`.
-    """
+    """Whether a file is a study rather than a scene: it has the key `scene`, and not `sensors`."""
     try:
         root = node_of_yaml(text_of(file_bytes(path)))
     except (InvalidNode, OSError, ValueError):

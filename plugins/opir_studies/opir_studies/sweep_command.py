@@ -52,8 +52,7 @@ def sweep(arguments: argparse.Namespace) -> int:
 
 
 def report_writer(arguments: argparse.Namespace) -> Callable[[Path], Sequence[str]]:
-    """Return what writes the report that the arguments ask for, and returns lines on what was
-    written.
+    """Return a function that writes the report of the arguments, and returns lines on the files.
 
     Raises `SceneError`, before a run is made, where the package that draws is missing.
     """
@@ -291,7 +290,7 @@ def _short(path: str) -> str:
     *_, parent, setting = ["", *path.split(".")]
     return (
         f"{parent}.{setting}" if setting.isupper() else setting
-    )  # a target class says little alone
+    )  # a target class needs its parent
 
 
 def _plain(result: StudyResult) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""Running a study: what is not on the disk yet is run, in rounds, and kept as it ends."""
+"""Running a study: missing runs are made in rounds, and each is kept as it ends."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -95,7 +95,7 @@ class SweepState:
         self.found = len(self.records)
 
     def run(self) -> Sequence[int]:
-        """Run what is missing, round by round; return the number of runs of each design."""
+        """Make the missing runs, round by round; return the number of runs of each design."""
         planned = self.planned
         counts = [0] * len(self.planned.designs)
         active = list(range(len(counts)))

@@ -1,4 +1,4 @@
-"""`opir tune`: choose accuracy settings for wanted errors, and print what they cost."""
+"""`opir tune`: choose accuracy settings for wanted errors, and print their cost."""
 
 import argparse
 import json

@@ -64,16 +64,16 @@ class Trial:
         return min(error, self.from_truth.get(name, error)) if math.isfinite(error) else error
 
     def worst(self, bounds: Mapping[str, float]) -> float:
-        """Return the largest error over what is wanted of it; 1 and less is within."""
+        """Return the largest ratio of an error to its bound; 1 and less is within."""
         return max(self.error(name) / bound for name, bound in bounds.items())
 
 
 @frozen
 class Tuned:
-    """A choice: its overrides, what it costs, and its errors on seeds that it was not chosen on.
+    """A choice: its overrides, its cost, and its errors on seeds that it was not chosen on.
 
-    `given` are the scene's own settings, at `own_levels` of the knobs, None where that is none of
-    the levels; `exact` is the reference. The choice, at `levels`, may be the scene's own settings:
+    `given` are the scene's own settings, at `own_levels` of the knobs, None for
+    other settings; `exact` is the reference. The choice, at `levels`, may be the scene's own settings:
     it then has no overrides.
     """
 
@@ -159,9 +159,7 @@ class Tuner:
         return knobs_of(self.scene())
 
     def own_levels(self) -> list[int | None]:
-        """Return the level of each knob that the scene itself has; None where it has none of
-        them.
-        """
+        """Return the level of each knob in the scene itself; None for another setting."""
         settings = scene_mapping(self.scene())
         levels = list[int | None]()
         for knob in self.knobs:

@@ -30,7 +30,7 @@ class Until:
     is_relative: bool
 
     def is_met(self, values: Any) -> bool:
-        """Return whether the interval of values (n,) is narrow enough; runs without a value do not
+        """Whether the interval of values (n,) is narrow enough; runs without a value do not
         count.
         """
         mean, low, high = interval(np.asarray(values, dtype=np.float64))
@@ -39,7 +39,7 @@ class Until:
 
 
 def until_of(study: Study, units: Mapping[str, str]) -> Until | None:
-    """Return when a study stops early; raises `SceneError` for what cannot be read, or an unknown
+    """Return the condition of an early stop; raises `SceneError` for an invalid text, or an unknown
     figure.
     """
     if not study.until:

@@ -137,7 +137,7 @@ def mean_of_known(values: FloatArray) -> float:
 
 
 def share_of_known(values: FloatArray, launches: int) -> float:
-    """Return how many of values (n,), one a launch, are finite, over the number of launches; nan
+    """Return the number of finite values (n,), one a launch, over the number of launches; nan
     without launches.
     """
     return np.count_nonzero(np.isfinite(values)) / launches if launches else np.nan

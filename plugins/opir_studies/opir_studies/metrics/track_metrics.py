@@ -166,9 +166,7 @@ class ImpactRegionMetric:
 
     @property
     def shares(self) -> Mapping[str, str]:
-        """Return of which launches areas and containments are: those for which a region is
-        predicted.
-        """
+        """Return the figures whose launches areas and containments are of: those with a region."""
         names = map(_names, self._instants)
         return {
             figure: predicted

@@ -1,6 +1,6 @@
 """Position, velocity and force along a single sensor's line of sight, given the law of boosts.
 
-A boost begins on the ground, so the first line of sight says where. Since then each ascent of the
+A boost begins on the ground, so the first line of sight leads there. Since then each ascent of the
 law (`ascents`), in the direction that fits best, leads to a place and a motion in the image plane;
 those near to the measured ones say how far away the target is (`kernel_regression`).
 """

@@ -139,8 +139,8 @@ def _drawn_states(estimates: ModeEstimates, burn_kind: IntArray) -> FloatArray:
 def _staging_logs(
     log: FloatArray, prior: FloatArray, burn_kind: IntArray, share: FloatArray
 ) -> FloatArray:
-    """Return changes (n, m) of log evidences (families, n, m) by which the filter says how probable
-    staging is.
+    """Return changes (n, m) of log evidences (families, n, m) that carry the filter's probability of
+    staging.
 
     Its looks are in the shares (n, 3) of its parts already. But it expects a new stage at any time.
     """

@@ -145,7 +145,7 @@ def _flying_factors(particles: Particles, flies: BoolArray) -> FloatArray:
     """Return factors (p,): 0 for burns into the ground, more for others, so that each family keeps
     its weight.
 
-    A program that ends in the ground is a bad draw, and says nothing against its family.
+    A program that ends in the ground is a bad draw, and no evidence against its family.
     """
     group = (particles.track * len(FAMILIES) + particles.family) * 3 + particles.lit
     drawn = np.bincount(group, particles.weight)

@@ -2,7 +2,7 @@
 they cause.
 
 Each sensor has three: the angles by which it is turned, so that a line of sight to nadir moves east
-and north, rad, and the offset of its clock, s: what it stamps less what is right. They are small:
+and north, rad, and the offset of its clock, s: stamped less true time. They are small:
 all is linear in them.
 """
 
