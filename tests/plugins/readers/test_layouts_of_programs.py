@@ -12,6 +12,8 @@ from astropy import units
 from astropy.time import Time
 from read_files import EPOCH_US, READER, READERS, read, recognised, refusal
 
+from opir_core.orbits.configs import OrbitFileConfig
+
 STK = """stk.v.8.0
 BEGIN Ephemeris
 ScenarioEpoch {epoch}
@@ -124,7 +126,9 @@ def test_epochs_of_omm_by_the_day_of_the_year(tmp_path):
     places = []
     for text in texts:
         (tmp_path / "one.json").write_text(text)
-        orbit = READER["omm"].orbit(str(tmp_path / "one.json"), None, EPOCH_US, READERS)
+        orbit = READER["omm"].orbit(
+            OrbitFileConfig(path=str(tmp_path / "one.json")), EPOCH_US, READERS
+        )
         places.append(orbit.position_ecef_m(np.array([0.0, 60.0])))
     np.testing.assert_array_equal(*places)
 
