@@ -63,3 +63,10 @@ def test_pages_use_the_fields_words(page):
         for result in [re.search(words, text)]
         if result
     }
+
+
+def test_places_of_changes_exist() -> None:
+    text = (ROOT / "docs" / "how-to" / "find-the-place.md").read_text(encoding="utf-8")
+    places = re.findall(r"`((?:opir_core|plugins|tests)/[\w/.]+)`", text)
+    assert len(places) > 20
+    assert not [place for place in places if not (ROOT / place).exists()]
