@@ -255,7 +255,7 @@ class BurnModes:
             mean[:, :2], root[:, :2] = each_part(
                 lambda state: carried(self.motion, state, steps.repeat(2)), both
             )
-        rows = burns.are_free.nonzero()[0]
+        rows = share[:, 2].nonzero()[0]
         if rows.size and self.free is not None:
             mean[rows, 2], root[rows, 2] = carried(
                 self.free.motion, rows_of(burns.part(2), rows), steps[rows]

@@ -277,11 +277,12 @@ class ImmFilter:
 
     def _groups(self, estimates: ModeEstimates, hits: IntArray) -> Iterator[_Group]:
         """Yield the groups of tracks with looks, by whether coasts and free burns are computed."""
-        are_open = estimates.weight[:, 1] >= self.least_open_weight
         if len(hits) == 1:
             if hits[0]:
-                yield _Group(np.zeros(1, dtype=np.int64), bool(are_open[0]))
+                is_open = bool(estimates.weight[0, 1] >= self.least_open_weight)
+                yield _Group(np.zeros(1, dtype=np.int64), is_open)
             return
+        are_open = estimates.weight[:, 1] >= self.least_open_weight
         kinds = 2 * are_open + estimates.burns.are_free
         seen = hits.nonzero()[0]
         kinds_seen = kinds[seen]

@@ -83,7 +83,10 @@ def _course(state: Vector, functions: Functions) -> _Course:
     speed = functions.sqrt(square + 1.0)
     unit = vx / speed, vy / speed, vz / speed
     soft = 1.0 / (square + SLOW_M_S * SLOW_M_S)
-    return unit, push, force, square, speed, soft, inner(force, unit), inner(push, unit)
+    ux, uy, uz = unit
+    force_along = force[0] * ux + force[1] * uy + force[2] * uz
+    push_along = push[0] * ux + push[1] * uy + push[2] * uz
+    return unit, push, force, square, speed, soft, force_along, push_along
 
 
 def across_share_at(late: float, square_speed: Any) -> Any:
@@ -159,8 +162,16 @@ class Thrust:
         unit, push, force, square, speed, soft, force_along, push_along = _course(state, functions)
         turn = force_along * speed * soft
         pull = square * soft / self.tilt_s
-        turned = plus(scaled(state[9] - pull, force), turn, push)
-        return plus(turned, pull * force_along - turn * push_along, unit)
+        grown = state[9] - pull
+        back = pull * force_along - turn * push_along
+        fx, fy, fz = force
+        ax, ay, az = push
+        ux, uy, uz = unit
+        return (
+            grown * fx + turn * ax + back * ux,
+            grown * fy + turn * ay + back * uy,
+            grown * fz + turn * az + back * uz,
+        )
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with a
