@@ -130,7 +130,8 @@ def suspect_tracks(assigned: GatedPairs, share: FloatArray) -> IntArray:
     suspicious = (assigned.distance > LAW.improbable) | (
         share.take(assigned.track) > LAW.least_share
     )
-    return np.unique(assigned.track[suspicious]) if suspicious.any() else assigned.track[:0]
+    tracks = assigned.track[suspicious]
+    return np.unique(tracks) if len(tracks) else tracks
 
 
 def clean_log_likelihood(
