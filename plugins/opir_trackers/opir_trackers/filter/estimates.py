@@ -134,8 +134,8 @@ class Burns(NamedTuple):
     @classmethod
     def of(cls, boost: Gaussian) -> "Burns":
         """Return burns all parts of which are the boost."""
-        parts = (in_parts(boost.mean), in_parts(boost.root))
-        return cls(*parts, BURN_SHARE.repeat(len(boost.mean), axis=0))
+        components = (in_parts(boost.mean), in_parts(boost.root))
+        return cls(*components, BURN_SHARE.repeat(len(boost.mean), axis=0))
 
     @property
     def are_free(self) -> BoolArray:
@@ -249,11 +249,11 @@ class ModeEstimates(Columns):
             self.weight[:, 1:] > self.weight[:, :1], self.coast_mean, self.boost_mean[:, :COAST]
         )
 
-    def put(self, rows: IntArray, part: "ModeEstimates") -> "ModeEstimates":
+    def put(self, rows: IntArray, values: "ModeEstimates") -> "ModeEstimates":
         """Return the estimates with rows (m,) replaced."""
         columns = []
         for name in names_of(ModeEstimates):
             column = getattr(self, name).copy()
-            column[rows] = getattr(part, name)
+            column[rows] = getattr(values, name)
             columns.append(column)
         return ModeEstimates(*columns)

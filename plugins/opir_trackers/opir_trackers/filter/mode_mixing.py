@@ -98,9 +98,9 @@ def mixed(
     begins = (lit_share > modes.least_lit) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)
     rows = (begins & ~_are_resting(estimates.detection_rate, weight)).nonzero()[0]
     if len(rows):
-        lit, parts = _into_boost(estimates.part(rows), lit_share[rows], modes)
+        lit, lit_burns = _into_boost(estimates.part(rows), lit_share[rows], modes)
         boost = with_rows(boost, rows, lit)
-        burns = with_rows(burns, rows, parts)
+        burns = with_rows(burns, rows, lit_burns)
     return ModeEstimates(weight, *boost, *coast, estimates.detection_rate, *burns)
 
 
@@ -195,7 +195,7 @@ def _burnout_shift(
     sigma = functions.least(functions.sqrt(scan_s * scan_s / 12.0 + pause * later), silent)
     half_square = 0.5 * since * since
     times = (half_square, since, since * sigma, sigma)
-    shifts = [part for time in times for part in scaled(time, force)]
+    shifts = [component for time in times for component in scaled(time, force)]
     return [*shifts, half_square, since]
 
 

@@ -67,9 +67,9 @@ _SPIN = EARTH_ROTATION_RAD_S
 _Course = tuple[Vector, Vector, Vector, Any, Any, Any, Any, Any]
 
 
-#: Of the slopes of the force's rate: a basis of three vectors, the velocity's direction, its rate and
-#: the force across it; the elements of matrices W in this basis that are not 0; and multiples of
-#: the unit matrix. Slopes by velocity, and by force, are Bᵀ W B + c I.
+#: Of the slopes of the force's rate: a basis of three vectors, the velocity's direction, its rate
+#: and the force across it; the elements of matrices W in this basis that are not 0; and multiples
+#: of the unit matrix. Slopes by velocity, and by force, are Bᵀ W B + c I.
 _SlopeTerms = tuple[Vector, Vector, Vector, tuple[Any, ...], Any, Any]
 
 
@@ -89,14 +89,14 @@ def _course(state: Vector, functions: Functions) -> _Course:
     return unit, push, force, square, speed, soft, force_along, push_along
 
 
-def across_share_at(late: float, square_speed: Any) -> Any:
+def across_share_at(steady: float, square_speed: Any) -> Any:
     """Return the process-noise density of the force across the velocity, as a share of the force,
     1/√s.
 
     It is `late` for a fast boost, and more for one that pitches over: `PITCH_OVER_SHARE`.
     `square_speed` is the squared speed, m²/s².
     """
-    return late + PITCH_OVER_SHARE / (1.0 + (square_speed / PITCH_OVER_M_S**2) ** 2)
+    return steady + PITCH_OVER_SHARE / (1.0 + (square_speed / PITCH_OVER_M_S**2) ** 2)
 
 
 @frozen(eq=False)
@@ -156,8 +156,8 @@ class Thrust:
         return self.fall.arithmetic.values(self._force_rate, state)
 
     def _force_rate(self, state: Vector, functions: Functions) -> Vector:
-        """Return ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the rate of the velocity's direction
-        and w the weight of a slow velocity.
+        """Return ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the rate of the velocity's
+        direction and w the weight of a slow velocity.
         """
         unit, push, force, square, speed, soft, force_along, push_along = _course(state, functions)
         turn = force_along * speed * soft

@@ -82,8 +82,8 @@ class SliceSpan(NamedTuple):
 def _prior_log() -> FloatArray:
     """Return the log prior (fractions,) of the outlier fraction: a beta distribution.
 
-    Its density per log odds is proportional to (1 - q)^`prior_lines` from the first fraction on; the
-    rest is at 0.
+    Its density per log odds is proportional to (1 - q)^`prior_lines` from the first fraction on;
+    the rest is at 0.
     """
     lines = LAW.prior_lines
     prior = LAW.prior_share * lines * 0.2 * (1.0 - FRACTIONS[1:]) ** lines
