@@ -89,6 +89,11 @@ def mixed(
     leave = _leaving(step_s, boost_s, coast_s)
     values = _ARITHMETIC.values(partial(_mixing, leave=leave), estimates.weight)
     weight = values[:, :2]
+    if len(values) > 1:
+        # Sums of products of all rows: to the last bit, not those of a lone track.
+        weight = estimates.weight @ np.array(
+            [[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]]
+        )
     lit_share = values[:, 2]
     ended_share = values[:, 3]
     rows = ((ended_share > LAW.least_share) & (weight[:, 1] >= least)).nonzero()[0]
