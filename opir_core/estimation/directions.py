@@ -25,9 +25,9 @@ def tangent_axes(direction: FloatArray) -> FloatArray:
     axes = np.empty((len(direction), 3, 3))
     # (0, 0, 1) is turned to the direction: all rows follow from the outer product of their sum.
     np.subtract(1.0, across_x * x, out=axes[:, 0, 0])
-    both = np.negative(across_x * y, out=axes[:, 0, 1])
+    cross = np.negative(across_x * y, out=axes[:, 0, 1])
     np.negative(sign * x, out=axes[:, 0, 2])
-    np.multiply(both, sign, out=axes[:, 1, 0])
+    np.multiply(cross, sign, out=axes[:, 1, 0])
     np.multiply(sign, 1.0 - across_y * y, out=axes[:, 1, 1])
     np.negative(y, out=axes[:, 1, 2])
     axes[:, 2] = direction
@@ -40,14 +40,14 @@ def matvec(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
         return (matrix @ vectors[..., None])[..., 0]
     if vectors.ndim == 2:
         return np.einsum("nrc,nc->nr", matrix, vectors)
-    return np.array([matvec(matrix, some) for some in vectors])
+    return np.array([matvec(matrix, columns) for columns in vectors])
 
 
-def dot(first: FloatArray, second: FloatArray) -> FloatArray:
+def dot(vectors: FloatArray, factors: FloatArray) -> FloatArray:
     """Return the dot products (n,) of vectors (n, 2) or (n, 3), summed in order."""
-    if len(first) < FEW_ROWS:
-        return np.add.reduce(first * second, axis=1)
-    total: FloatArray = first[:, 0] * second[:, 0]
-    for column in range(1, first.shape[1]):
-        total += first[:, column] * second[:, column]
+    if len(vectors) < FEW_ROWS:
+        return np.add.reduce(vectors * factors, axis=1)
+    total: FloatArray = vectors[:, 0] * factors[:, 0]
+    for column in range(1, vectors.shape[1]):
+        total += vectors[:, column] * factors[:, column]
     return total

@@ -72,8 +72,10 @@ def stepped_state(state: Vector, step: Any, functions: Functions) -> list[Any]:
         end = plus(end, step * step, plus(half_force, step / 6.0, jerk))
         speed = plus(speed, step, plus(force, half, jerk))
         derivatives = [*plus(force, step, jerk), *jerk]
-    ax, ay, az = start_fall = functions.gravity(x, y, z)[:3]
-    bx, by, bz = middle_fall = functions.gravity(*plus(middle, 0.5 * half * half, start_fall))[:3]
+    start_fall = functions.gravity(x, y, z)
+    middle_fall = functions.gravity(*plus(middle, 0.5 * half * half, start_fall))
+    ax, ay, az = start_fall[:3]
+    bx, by, bz = middle_fall[:3]
     cx, cy, cz = functions.gravity(*plus(end, half * step, middle_fall))[:3]
     mean_fall = (ax + 4.0 * bx + cx, ay + 4.0 * by + cy, az + 4.0 * bz + cz)
     early_fall = (ax + 2.0 * bx, ay + 2.0 * by, az + 2.0 * bz)

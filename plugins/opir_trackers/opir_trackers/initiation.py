@@ -155,7 +155,8 @@ def _assigned(
 #: Height that shifts where a line meets the ground, m: more where it grazes it.
 HIGHER_M = 5e3
 
-#: Mean upward acceleration, m/s², by which the speed of a burning target gives its height. Notional.
+#: Mean upward acceleration, m/s², by which the speed of a burning target gives its height.
+#: Notional.
 STEADY_M_S2 = 20.0
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.launch_points import _add_noise, _covariances, _on_ground, _to_ecef, _whitened
+from position_roots import position_roots
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation.motion import BOOST, taylor_weights
@@ -54,10 +55,10 @@ def test_covariances_at_all_times_are_those_at_each(count: int) -> None:
     covariance = _covariances(outlook, weight)
     track = np.repeat(np.arange(count), len(TIMES_S))
     when = np.tile(TIMES_S, count)
-    place = outlook.position_roots(track, when)
+    place = position_roots(outlook, track, when)
     # A velocity is the rate of the position.
     later = 0.5 * (
-        outlook.position_roots(track, when + 1.0) - outlook.position_roots(track, when - 1.0)
+        position_roots(outlook, track, when + 1.0) - position_roots(outlook, track, when - 1.0)
     )
     later -= outlook.root.reshape(count, 4, 3, BOOST)[track, 3] / 6.0
     side = np.concatenate([place, later], axis=1)

@@ -335,7 +335,8 @@ def _values_at(trials: FloatArray, since_s: FloatArray) -> FloatArray:
     return flown.transpose(0, 2, 1, 3).reshape(len(trials), _KNOTS, -1)
 
 
-#: Angles of the Chebyshev nodes in [-1, 1], and the matrix from values at them to series coefficients.
+#: Angles of the Chebyshev nodes in [-1, 1], and the matrix from values at them to series
+#: coefficients.
 _ANGLES = (np.arange(_KNOTS) + 0.5) * np.pi / _KNOTS
 _TO_SERIES = 2.0 / _KNOTS * np.cos(np.arange(_KNOTS)[:, None] * _ANGLES)
 _TO_SERIES[0] *= 0.5

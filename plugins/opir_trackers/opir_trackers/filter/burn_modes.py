@@ -36,8 +36,8 @@ class BurnLaw:
     #: Time, s, for which a force may have had another direction before looks show it.
     unnoticed_s: float = 4.0
 
-    #: Squared distance, in standard deviations of the prior, by which looks move an estimate that is
-    #: tested for surprise: one slice in ten of ordinary boosts.
+    #: Squared distance, in standard deviations of the prior, by which looks move an estimate that
+    #: is tested for surprise: one slice in ten of ordinary boosts.
     tested_distance: float = 1.5
 
     #: Probability that a burn whose looks surprise is free.
@@ -248,14 +248,14 @@ class BurnModes:
         mean, root, share = burns
         if len(share) == 1:
             # Single states have faster kernels.
-            for part in (0, 1):
-                mean[:, part], root[:, part] = carried(self.motion, burns.part(part), steps)
+            for number in (0, 1):
+                mean[:, number], root[:, number] = carried(self.motion, burns.part(number), steps)
         else:
-            both = Burns(mean[:, :2], root[:, :2], share)
+            moving = Burns(mean[:, :2], root[:, :2], share)
             mean[:, :2], root[:, :2] = each_part(
-                lambda state: carried(self.motion, state, steps.repeat(2)), both
+                lambda state: carried(self.motion, state, steps.repeat(2)), moving
             )
-        rows = burns.are_free.nonzero()[0]
+        rows = share[:, 2].nonzero()[0]
         if rows.size and self.free is not None:
             mean[rows, 2], root[rows, 2] = carried(
                 self.free.motion, rows_of(burns.part(2), rows), steps[rows]
@@ -268,7 +268,7 @@ class BurnModes:
         """
         if self.stage is None:
             return [Mode(self.motion, *boost)]
-        modes = [Mode(self.motion, *burns.part(part)) for part in (0, 1)]
+        modes = [Mode(self.motion, *burns.part(number)) for number in (0, 1)]
         if self.free is not None and burns.share[0, 2] > 0.0:
             modes.append(Mode(self.free.motion, *burns.part(2)))
         return modes
@@ -281,17 +281,17 @@ class BurnModes:
         """
         if self.stage is None:
             return Gaussian(*updates[0][:2]), burns, log[0]
-        parts = 3 if self.free is not None and burns.share[0, 2] > 0.0 else 2
+        components = 3 if self.free is not None and burns.share[0, 2] > 0.0 else 2
         updated = burns.copied()
-        logs = np.array(log[:parts])
+        logs = np.array(log[:components])
         greatest = np.maximum.reduce(logs)
-        updated.share[:, :parts] *= np.exp(logs - greatest).T
+        updated.share[:, :components] *= np.exp(logs - greatest).T
         total = np.add.reduce(updated.share, axis=1)
         updated.share[:] /= total[:, None]
-        for part in range(parts):
-            updated.mean[:, part], updated.root[:, part] = updates[part][:2]
+        for number in range(components):
+            updated.mean[:, number], updated.root[:, number] = updates[number][:2]
         boost = moments(updated)
-        if self.free is not None and parts == 2:
+        if self.free is not None and components == 2:
             boost, updated = self._with_surprised(self.free, burns, boost, updated)
         return boost, updated, greatest + np.log(total)
 
@@ -304,9 +304,9 @@ class BurnModes:
         assert self.stage is not None
         step = matvec(prior.root[:, 0], burns.mean[:, 0] - prior.mean[:, 0])
         rows = (dot(step, step) > LAW.tested_distance).nonzero()[0]
-        for part in (0, 1):
+        for number in (0, 1):
             if rows.size:
-                states = [rows_of(parts.part(part), rows) for parts in (prior, burns)]
+                states = [rows_of(components.part(number), rows) for components in (prior, burns)]
                 rows = rows[free.surprises(*states)]
         if not rows.size:
             return boost, burns
@@ -329,9 +329,9 @@ class BurnModes:
         if self.free is not None:
             free = self.free.lit(coast, self.stage.growth)
             free_share = self.free.relit
-        parts = (resumed(coast, dark.part(0)), begun, free)
+        components = (resumed(coast, dark.part(0)), begun, free)
         share = np.array([[LAW.unseen, 1.0 - LAW.unseen - free_share, free_share]])
-        burns = stacked(parts, share.repeat(len(coast.mean), axis=0))
+        burns = stacked(components, share.repeat(len(coast.mean), axis=0))
         return moments(burns), burns
 
     def burning_for(
@@ -340,8 +340,10 @@ class BurnModes:
         """Return burns that began where targets coast, after times (n,), s, of burning known to
         `sigma_s` (n,).
         """
-        parts = [_pushed(burns.part(part), since_s[:, None], sigma_s[:, None]) for part in range(3)]
-        pushed = stacked(parts, burns.share)
+        components = [
+            _pushed(burns.part(number), since_s[:, None], sigma_s[:, None]) for number in range(3)
+        ]
+        pushed = stacked(components, burns.share)
         return moments(pushed), pushed
 
     def _mix(self, burns: Burns, stage: NewStage, step_s: float) -> None:
@@ -427,9 +429,9 @@ def moments(burns: Burns) -> Gaussian:
     return matched
 
 
-def stacked(parts: Sequence[Gaussian], share: FloatArray) -> Burns:
+def stacked(components: Sequence[Gaussian], share: FloatArray) -> Burns:
     """Return burns of three parts."""
-    mean, root = (np.stack(columns, axis=1) for columns in zip(*parts, strict=True))
+    mean, root = (np.stack(columns, axis=1) for columns in zip(*components, strict=True))
     return Burns(mean, root, share)
 
 

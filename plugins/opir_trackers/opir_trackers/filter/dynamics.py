@@ -92,7 +92,7 @@ class _Air(NamedTuple):
 
     rate: FloatArray
     slope: FloatArray
-    left: FloatArray
+    residual: FloatArray
 
 
 @frozen(eq=False)
@@ -127,8 +127,8 @@ class AtmosphericDescent:
         k.
         """
         wind = self._wind(state)
-        kept = _remaining_speed(self._air(state).rate * np.sqrt(dot(wind, wind)) * step_s)
-        return (kept - 1.0)[:, None] * wind
+        remaining = _remaining_speed(self._air(state).rate * np.sqrt(dot(wind, wind)) * step_s)
+        return (remaining - 1.0)[:, None] * wind
 
     def slowed(self, state: FloatArray) -> FloatArray:
         """Return the drag acceleration (n, 3), m/s²."""
@@ -150,10 +150,10 @@ class AtmosphericDescent:
         density = density_kg_m3(nodes, self.drag.atmosphere) / (
             2.0 * self.drag.ballistic_coefficient_kg_m2
         )
-        there, above, below = density
-        rate = (4.0 * there + above + below) / 6.0
+        density_at, above, below = density
+        rate = (4.0 * density_at + above + below) / 6.0
         slope = (above - below) / (2.0 * _NODE * sigma)
-        square = (4.0 * there**2 + above**2 + below**2) / 6.0
+        square = (4.0 * density_at**2 + above**2 + below**2) / 6.0
         return _Air(rate, slope, np.sqrt(np.maximum(square - rate**2 - (slope * sigma) ** 2, 0.0)))
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
@@ -167,16 +167,16 @@ class AtmosphericDescent:
         speed = np.sqrt(dot(wind, wind) + 1e-12)
         air = self._air(state)
         half_s = 0.5 * step_s
-        kept = _remaining_speed(air.rate * speed * half_s)
+        remaining = _remaining_speed(air.rate * speed * half_s)
         half = np.broadcast_to(np.eye(COAST), (len(state), COAST, COAST)).copy()
         half[:, 3:, :3] = (
-            -(kept**2 * half_s * air.slope * speed)[:, None, None]
+            -(remaining**2 * half_s * air.slope * speed)[:, None, None]
             * wind[:, :, None]
             * up[:, None, :]
         )
-        half[:, 3:, 3:] = kept[:, None, None] * np.eye(3)
+        half[:, 3:, 3:] = remaining[:, None, None] * np.eye(3)
         half[:, 3:, 3:] -= (
-            (kept**2 * half_s * air.rate / speed)[:, None, None]
+            (remaining**2 * half_s * air.rate / speed)[:, None, None]
             * wind[:, :, None]
             * wind[:, None, :]
         )
@@ -190,7 +190,7 @@ class AtmosphericDescent:
         square = dot(wind, wind)
         wander = np.sqrt(
             self.fall.noise**2
-            + ((_DRAG_UNCERTAINTY * air.rate) ** 2 + _RESIDUAL_TIME_S * air.left**2) * square**2
+            + ((_DRAG_UNCERTAINTY * air.rate) ** 2 + _RESIDUAL_TIME_S * air.residual**2) * square**2
         )
         root: FloatArray = wander[:, None, None] * noise_roots(np.abs(step_s), COAST // 3)
         return root

@@ -42,15 +42,6 @@ class PredictedMeasurements(NamedTuple):
             return positions
         return taylor_positions(self.derivative.take(track, axis=0), weight)
 
-    def position_roots(self, track: IntArray, time_s: FloatArray) -> FloatArray:
-        """Return A (m, 3, 12) with A Aᵀ the position covariance of tracks (m,) at times (m,)."""
-        weight = taylor_weights(time_s - self.time_s)[:, :, None, None]
-        blocks = self.root.reshape(len(self.root), 4, 3, BOOST)
-        total: FloatArray = blocks[track, 0]
-        for order in range(1, 4):
-            total += blocks[track, order] * weight[:, order]
-        return total
-
     def projected_covariances(
         self, track: IntArray, time_s: FloatArray, weight: FloatArray, rows: FloatArray
     ) -> FloatArray:
@@ -73,7 +64,7 @@ class PredictedMeasurements(NamedTuple):
         """Return the position covariances (m, 3, 3) of tracks (m,) at times (m,), as polynomials of
         degree 6.
 
-        With many looks per track this is cheaper than `position_roots`; the rounding error is of
+        The rounding error is of
         the size of the largest term.
         """
         since = (time_s - self.time_s)[:, None]
@@ -143,8 +134,8 @@ class Burns(NamedTuple):
     @classmethod
     def of(cls, boost: Gaussian) -> "Burns":
         """Return burns all parts of which are the boost."""
-        parts = (in_parts(boost.mean), in_parts(boost.root))
-        return cls(*parts, BURN_SHARE.repeat(len(boost.mean), axis=0))
+        components = (in_parts(boost.mean), in_parts(boost.root))
+        return cls(*components, BURN_SHARE.repeat(len(boost.mean), axis=0))
 
     @property
     def are_free(self) -> BoolArray:
@@ -241,7 +232,9 @@ class ModeEstimates(Columns):
     @property
     def are_used(self) -> tuple[bool, bool]:
         """Whether any track may be in boost, and in coast."""
-        boost, coast = np.maximum.reduce(self.weight, axis=0).tolist()
+        weight = self.weight
+        greatest = weight[0] if len(weight) == 1 else np.maximum.reduce(weight, axis=0)
+        boost, coast = greatest.tolist()
         return boost > 0.0, coast > 0.0
 
     @property
@@ -256,11 +249,11 @@ class ModeEstimates(Columns):
             self.weight[:, 1:] > self.weight[:, :1], self.coast_mean, self.boost_mean[:, :COAST]
         )
 
-    def put(self, rows: IntArray, part: "ModeEstimates") -> "ModeEstimates":
+    def put(self, rows: IntArray, values: "ModeEstimates") -> "ModeEstimates":
         """Return the estimates with rows (m,) replaced."""
         columns = []
         for name in names_of(ModeEstimates):
             column = getattr(self, name).copy()
-            column[rows] = getattr(part, name)
+            column[rows] = getattr(values, name)
             columns.append(column)
         return ModeEstimates(*columns)

@@ -41,9 +41,9 @@ class FreeThrust:
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 10) after steps (n,), s."""
-        after = state.copy()
-        after[:, :_PUSHED] = self.pushed.propagated(_path(state), step_s)[:, :_PUSHED]
-        return after
+        moved = state.copy()
+        moved[:, :_PUSHED] = self.pushed.propagated(_path(state), step_s)[:, :_PUSHED]
+        return moved
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return the transition matrices (n, 10, 10) of steps (n,)."""

@@ -28,11 +28,11 @@ def glided(
     velocity = state[:, 3:]
     radius = np.sqrt(dot(place, place))
     speed = np.sqrt(dot(velocity, velocity))
-    ahead = velocity / np.maximum(speed, 1.0)[:, None]
+    forward = velocity / np.maximum(speed, 1.0)[:, None]
     up = place / radius[:, None]
-    up = up - ahead * dot(up, ahead)[:, None]
+    up = up - forward * dot(up, forward)[:, None]
     up /= np.maximum(np.sqrt(dot(up, up)), 1e-9)[:, None]
-    axes = np.stack([up, np.cross(ahead, up), ahead], axis=2)
+    axes = np.stack([up, np.cross(forward, up), forward], axis=2)
     inertial = velocity + EARTH_ROTATION_RAD_S * np.stack(
         [-place[:, 1], place[:, 0], np.zeros(len(place))], axis=1
     )

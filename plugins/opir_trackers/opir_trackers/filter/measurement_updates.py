@@ -81,13 +81,13 @@ def moment_matched(weight: FloatArray, mean: Any, root: Any) -> Gaussian:
     information roots.
     """
     means = np.array(mean)
-    parts, count, size = means.shape
+    components, count, size = means.shape
     scale = np.sqrt(weight).T[:, :, None]
     center = np.add.reduce(weight.T[:, :, None] * means)
     shifts = (means - center) * scale
-    wide = np.empty((count, size, parts * (size + 1)))
-    wide[:, :, parts * size :] = shifts.transpose(1, 2, 0)
-    for number in range(parts):
+    wide = np.empty((count, size, components * (size + 1)))
+    wide[:, :, components * size :] = shifts.transpose(1, 2, 0)
+    for number in range(components):
         side = wide[:, :, number * size : (number + 1) * size]
         np.multiply(inverse_root(root[number]), scale[number, :, :, None], out=side)
     return Gaussian(center, information_root(wide))

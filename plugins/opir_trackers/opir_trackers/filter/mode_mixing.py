@@ -89,6 +89,11 @@ def mixed(
     leave = _leaving(step_s, boost_s, coast_s)
     values = _ARITHMETIC.values(partial(_mixing, leave=leave), estimates.weight)
     weight = values[:, :2]
+    if len(values) > 1:
+        # Sums of products of all rows: to the last bit, not those of a lone track.
+        weight = estimates.weight @ np.array(
+            [[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]]
+        )
     lit_share = values[:, 2]
     ended_share = values[:, 3]
     rows = ((ended_share > LAW.least_share) & (weight[:, 1] >= least)).nonzero()[0]
@@ -98,9 +103,9 @@ def mixed(
     begins = (lit_share > modes.least_lit) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)
     rows = (begins & ~_are_resting(estimates.detection_rate, weight)).nonzero()[0]
     if len(rows):
-        lit, parts = _into_boost(estimates.part(rows), lit_share[rows], modes)
+        lit, lit_burns = _into_boost(estimates.part(rows), lit_share[rows], modes)
         boost = with_rows(boost, rows, lit)
-        burns = with_rows(burns, rows, parts)
+        burns = with_rows(burns, rows, lit_burns)
     return ModeEstimates(weight, *boost, *coast, estimates.detection_rate, *burns)
 
 
@@ -195,7 +200,7 @@ def _burnout_shift(
     sigma = functions.least(functions.sqrt(scan_s * scan_s / 12.0 + pause * later), silent)
     half_square = 0.5 * since * since
     times = (half_square, since, since * sigma, sigma)
-    shifts = [part for time in times for part in scaled(time, force)]
+    shifts = [component for time in times for component in scaled(time, force)]
     return [*shifts, half_square, since]
 
 

@@ -124,7 +124,7 @@ class ImmFilter:
         self,
         estimates: ModeEstimates,
         predicted_open: ModeEstimates,
-        before: ModeEstimates,
+        earlier: ModeEstimates,
         step_s: float,
     ) -> ModeEstimates:
         """Return the estimates after a slice with all open coasts, given the `predicted_open` ones
@@ -134,7 +134,7 @@ class ImmFilter:
         rows = (is_open & (predicted_open.weight[:, 1] < self.least_open_weight)).nonzero()[0]
         if not len(rows):
             return estimates
-        burnt = mode_mixing.coast_from_boost(before.part(rows), self.scan_s)
+        burnt = mode_mixing.coast_from_boost(earlier.part(rows), self.scan_s)
         coast = with_rows(estimates.coast, rows, self._coasted(burnt, step_s))
         return evolve(estimates, coast_mean=coast.mean, coast_root=coast.root)
 
@@ -160,11 +160,11 @@ class ImmFilter:
             moved = self._coasted(rows_of(coast, rows), step_s)
             coast = self._with_residual(with_rows(coast, rows, moved), estimates, rows, step_s)
         if resting.size:
-            lit, parts = mode_mixing.relit(
+            lit, components = mode_mixing.relit(
                 estimates.part(resting), rows_of(coast, resting), self.burns
             )
             boost = with_rows(boost, resting, lit)
-            burns = with_rows(burns, resting, parts)
+            burns = with_rows(burns, resting, components)
         return ModeEstimates(mixed.weight, *boost, *coast, mixed.detection_rate, *burns)
 
     def _with_residual(
@@ -277,16 +277,17 @@ class ImmFilter:
 
     def _groups(self, estimates: ModeEstimates, hits: IntArray) -> Iterator[_Group]:
         """Yield the groups of tracks with looks, by whether coasts and free burns are computed."""
-        are_open = estimates.weight[:, 1] >= self.least_open_weight
         if len(hits) == 1:
             if hits[0]:
-                yield _Group(np.zeros(1, dtype=np.int64), bool(are_open[0]))
+                is_open = bool(estimates.weight[0, 1] >= self.least_open_weight)
+                yield _Group(np.zeros(1, dtype=np.int64), is_open)
             return
+        are_open = estimates.weight[:, 1] >= self.least_open_weight
         kinds = 2 * are_open + estimates.burns.are_free
-        seen = hits.nonzero()[0]
-        kinds_seen = kinds[seen]
+        rows_seen = hits.nonzero()[0]
+        kinds_seen = kinds[rows_seen]
         for kind in sorted(set(kinds_seen.tolist())):
-            yield _Group(seen[kinds_seen == kind], kind >= 2)
+            yield _Group(rows_seen[kinds_seen == kind], kind >= 2)
 
     def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the velocity covariance of the tracks `rows` bounded by the
@@ -316,8 +317,8 @@ class ImmFilter:
         """
         boost = replaced(rows_of(estimates.boost, rows), axis, along, covariance)
         burns = rows_of(estimates.burns, rows)
-        parts = [replaced(burns.part(part), axis, along, covariance) for part in range(3)]
-        return _with_burns(estimates, rows, boost, stacked(parts, burns.share))
+        components = [replaced(burns.part(number), axis, along, covariance) for number in range(3)]
+        return _with_burns(estimates, rows, boost, stacked(components, burns.share))
 
     def predicted_measurements(
         self, estimates: ModeEstimates, time_s: float
@@ -356,8 +357,8 @@ class ImmFilter:
         np.multiply(boost_side, share[:, 0], out=side[:, :, :width])
         coast_side = square_root.inverse_root(estimates.coast_root)
         np.multiply(coast_side, share[:, 1], out=side[:, :, width:-1])
-        apart = boost_mean - estimates.coast_mean
-        np.multiply(apart, np.sqrt(boost * coast), out=side[:, :, -1])
+        difference = boost_mean - estimates.coast_mean
+        np.multiply(difference, np.sqrt(boost * coast), out=side[:, :, -1])
         mean: FloatArray = boost * boost_mean + coast * estimates.coast_mean
         return mean, square_root.gram(side)
 
@@ -368,8 +369,8 @@ def _with_bounded_burns(
     """Return the estimates with a function applied to the burns of tracks `rows`."""
     boost = bounded(rows_of(estimates.boost, rows))
     burns = rows_of(estimates.burns, rows)
-    parts = each_part(bounded, burns)
-    return _with_burns(estimates, rows, boost, Burns(*parts, burns.share))
+    components = each_part(bounded, burns)
+    return _with_burns(estimates, rows, boost, Burns(*components, burns.share))
 
 
 def _with_burns(

@@ -67,9 +67,9 @@ _SPIN = EARTH_ROTATION_RAD_S
 _Course = tuple[Vector, Vector, Vector, Any, Any, Any, Any, Any]
 
 
-#: Of the slopes of the force's rate: a basis of three vectors, the velocity's direction, its rate and
-#: the force across it; the elements of matrices W in this basis that are not 0; and multiples of
-#: the unit matrix. Slopes by velocity, and by force, are Bᵀ W B + c I.
+#: Of the slopes of the force's rate: a basis of three vectors, the velocity's direction, its rate
+#: and the force across it; the elements of matrices W in this basis that are not 0; and multiples
+#: of the unit matrix. Slopes by velocity, and by force, are Bᵀ W B + c I.
 _SlopeTerms = tuple[Vector, Vector, Vector, tuple[Any, ...], Any, Any]
 
 
@@ -83,17 +83,20 @@ def _course(state: Vector, functions: Functions) -> _Course:
     speed = functions.sqrt(square + 1.0)
     unit = vx / speed, vy / speed, vz / speed
     soft = 1.0 / (square + SLOW_M_S * SLOW_M_S)
-    return unit, push, force, square, speed, soft, inner(force, unit), inner(push, unit)
+    ux, uy, uz = unit
+    force_along = force[0] * ux + force[1] * uy + force[2] * uz
+    push_along = push[0] * ux + push[1] * uy + push[2] * uz
+    return unit, push, force, square, speed, soft, force_along, push_along
 
 
-def across_share_at(late: float, square_speed: Any) -> Any:
+def across_share_at(steady: float, square_speed: Any) -> Any:
     """Return the process-noise density of the force across the velocity, as a share of the force,
     1/√s.
 
     It is `late` for a fast boost, and more for one that pitches over: `PITCH_OVER_SHARE`.
     `square_speed` is the squared speed, m²/s².
     """
-    return late + PITCH_OVER_SHARE / (1.0 + (square_speed / PITCH_OVER_M_S**2) ** 2)
+    return steady + PITCH_OVER_SHARE / (1.0 + (square_speed / PITCH_OVER_M_S**2) ** 2)
 
 
 @frozen(eq=False)
@@ -153,14 +156,22 @@ class Thrust:
         return self.fall.arithmetic.values(self._force_rate, state)
 
     def _force_rate(self, state: Vector, functions: Functions) -> Vector:
-        """Return ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the rate of the velocity's direction
-        and w the weight of a slow velocity.
+        """Return ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the rate of the velocity's
+        direction and w the weight of a slow velocity.
         """
         unit, push, force, square, speed, soft, force_along, push_along = _course(state, functions)
         turn = force_along * speed * soft
         pull = square * soft / self.tilt_s
-        turned = plus(scaled(state[9] - pull, force), turn, push)
-        return plus(turned, pull * force_along - turn * push_along, unit)
+        grown = state[9] - pull
+        back = pull * force_along - turn * push_along
+        fx, fy, fz = force
+        ax, ay, az = push
+        ux, uy, uz = unit
+        return (
+            grown * fx + turn * ax + back * ux,
+            grown * fy + turn * ay + back * uy,
+            grown * fz + turn * az + back * uz,
+        )
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with a

@@ -45,9 +45,9 @@ def _with_explained(
     """Return the state, and the owners (m,) of lines with 0 for those that a track explains as
     outliers.
     """
-    unowned = np.flatnonzero(owner < 0)
-    if not len(state.table) or not len(unowned):
+    if not len(state.table) or not np.count_nonzero(owner < 0):
         return state, owner
+    unowned = np.flatnonzero(owner < 0)
     path = models.path(state.estimates, state.time_s)
     lines = prediction.lines.take(unowned)
     gate = (OUTLIER_SIGMAS, models.light_time)

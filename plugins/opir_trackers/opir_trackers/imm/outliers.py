@@ -82,8 +82,8 @@ class SliceSpan(NamedTuple):
 def _prior_log() -> FloatArray:
     """Return the log prior (fractions,) of the outlier fraction: a beta distribution.
 
-    Its density per log odds is proportional to (1 - q)^`prior_lines` from the first fraction on; the
-    rest is at 0.
+    Its density per log odds is proportional to (1 - q)^`prior_lines` from the first fraction on;
+    the rest is at 0.
     """
     lines = LAW.prior_lines
     prior = LAW.prior_share * lines * 0.2 * (1.0 - FRACTIONS[1:]) ** lines
@@ -130,7 +130,8 @@ def suspect_tracks(assigned: GatedPairs, share: FloatArray) -> IntArray:
     suspicious = (assigned.distance > LAW.improbable) | (
         share.take(assigned.track) > LAW.least_share
     )
-    return np.unique(assigned.track[suspicious]) if suspicious.any() else assigned.track[:0]
+    tracks = assigned.track[suspicious]
+    return np.unique(tracks) if len(tracks) else tracks
 
 
 def clean_log_likelihood(

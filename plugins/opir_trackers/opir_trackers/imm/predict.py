@@ -24,8 +24,8 @@ class Prediction(NamedTuple):
     those in the slice.
 
     Without tracks or lines no measurements are predicted. `pairs` are the gated pairs of tracks
-    outside crowds, and of crowds' tracks in sensors that do not follow them; `crowd_pairs` are those
-    of the crowds' focal-plane tracks, None without crowds.
+    outside crowds, and of crowds' tracks in sensors that do not follow them; `crowd_pairs` are
+    those of the crowds' focal-plane tracks, None without crowds.
     """
 
     estimates: ModeEstimates

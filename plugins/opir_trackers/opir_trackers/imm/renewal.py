@@ -101,7 +101,9 @@ def _paired(
     view: SensorView,
     models: FilterModels,
 ) -> tuple[TrackerState, Mixtures]:
-    """Return the state with the focal-plane tracks `ready` paired anew, and what stays undecided."""
+    """Return the state with the focal-plane tracks `ready` paired anew, and what stays
+    undecided.
+    """
     tracks = state.crowds.tracks
     table = stretch.table[ready]
     ready_tracks = tracks.take(ready)

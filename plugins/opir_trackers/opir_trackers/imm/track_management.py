@@ -140,7 +140,8 @@ class TrackTable(Columns):
         if np.count_nonzero(reports[owner, sensor] != reported):
             reports = reports.copy()
             reports[owner, sensor] = reported
-        return evolve(self, first_s=first_s, seen_s=seen_s, hits=hits, reports=reports)
+        columns = (self.number, self.begun_s, first_s, seen_s, hits, self.outliers, reports)
+        return TrackTable(*columns, self.launch, self.launch_covariance)
 
 
 def mean_detection_probability(sensors: Sequence[Sensor]) -> FloatArray:

@@ -34,8 +34,8 @@ _POWERS = 2 * ORDERS - 1
 _SUM_OF_ORDERS = np.add.outer(np.arange(ORDERS), np.arange(ORDERS))
 _FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
-#: A cubic leaves out a snap of 0.03 m/s⁴: 30 m/s² that grow by 3 % a second; notional. A term s τ⁴ /
-#: 24 differs from its best cubic over [0, T] by at most s T⁴ / 24 / 128 (Chebyshev).
+#: A cubic leaves out a snap of 0.03 m/s⁴: 30 m/s² that grow by 3 % a second; notional. A term s τ⁴
+#: / 24 differs from its best cubic over [0, T] by at most s T⁴ / 24 / 128 (Chebyshev).
 _LEFT_OUT = 0.03 / (24.0 * 128.0)
 
 #: Information of a prior of any motion: 1000 km, 100 km/s, 10 km/s², 10 km/s³.
@@ -263,7 +263,9 @@ class MotionStatistics(Columns):
 def _mixture(
     weight: FloatArray, place: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the moments (n, 3) and (n, 3, 3) of mixtures of k components with weights (n, k, 1)."""
+    """Return the moments (n, 3) and (n, 3, 3) of mixtures of k components with weights (n, k,
+    1).
+    """
     mean = np.sum(weight * place, axis=1)
     offset = place - mean[:, None]
     spread = covariance + offset[..., :, None] * offset[..., None, :]

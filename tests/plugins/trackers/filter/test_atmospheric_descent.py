@@ -154,7 +154,7 @@ def test_air_is_that_of_all_heights_a_state_may_have():
     found = reported._air(state)
     assert found.rate[0] == pytest.approx(rate.mean(), rel=0.01)
     assert found.slope[0] == pytest.approx(slope, rel=0.1)
-    assert found.left[0] == pytest.approx(left, rel=0.2)
+    assert found.residual[0] == pytest.approx(left, rel=0.2)
 
 
 @pytest.mark.parametrize("coefficient_kg_m2", [10.0, 500.0])

@@ -11,6 +11,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.imm.models import needed_scans
 from opir_trackers.imm.tracker import ImmTracker, imm_tracker
+from position_roots import position_roots
 
 from opir_core.estimation import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
@@ -335,7 +336,7 @@ def test_covariances_of_positions_are_those_of_their_sides() -> None:
     outlook = PredictedMeasurements(30.0, np.zeros((5, 5, 3)), side)
     track = np.arange(40) % 5
     time_s = 30.0 + rng.uniform(-2.0, 1.0, 40)
-    reported = outlook.position_roots(track, time_s)
+    reported = position_roots(outlook, track, time_s)
     expected = reported @ reported.transpose(0, 2, 1)
     scale = np.sqrt(np.einsum("nii,njj->nij", expected, expected))
     assert np.all(np.abs(outlook.position_covariances(track, time_s) - expected) < 1e-12 * scale)
