@@ -85,7 +85,7 @@ def test_a_plain_scene_needs_no_special_functions():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS, ids=[part.name for part in PARTS])
-def test_what_a_scene_names_is_called_and_leaves_the_other_events_alone(part):
+def test_what_a_scene_names_is_called_and_changes_no_other_events(part):
     run, events = run_of((*part.beside, *part.words))
     assert Use.of(part.modules, run).calls > 0
     before = run_of(part.beside)[1]

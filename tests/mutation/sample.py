@@ -120,7 +120,7 @@ class Stage:
         left_out = (f"--deselect={test}" for test in self.left_out)
         return [
             "-m",
-            self.chosen,
+            self.selected,
             *left_out,
             *["--collect-only"] * self.collected_only,
             *self.files,
@@ -319,7 +319,7 @@ def _confirmed(copy, stage, outcome, limits):
     if outcome.kind == "survived":
         return outcome
     files = [outcome.test] if outcome.test else stage.files
-    again = evolve(stage, files=files, chosen="", collected_only=not outcome.test)
+    again = evolve(stage, files=files, selected="", collected_only=not outcome.test)
     longest = _longest(stage, limits)
     unmutated = _outcome(copy, again, evolve(longest, all_s=max(longest.test_s, longest.all_s)))
     if unmutated.kind == "killed":
@@ -345,7 +345,7 @@ def _write(path, source):
 
 
 def _longest(stage, limits):
-    return evolve(limits, test_s=limits.test_s * (SLOWER if stage.chosen == "slow" else 1.0))
+    return evolve(limits, test_s=limits.test_s * (SLOWER if stage.selected == "slow" else 1.0))
 
 
 def _outcome(copy, stage, limits):
@@ -369,7 +369,7 @@ def _said(code, output, stage):
     """Return what tests that have ended say, and the line of the first that failed."""
     lines = output.read_text(encoding="utf-8", errors="replace").split("\n")
     if code in PASSED:
-        return "survived", f"all {stage.chosen} passed"
+        return "survived", f"all {stage.selected} passed"
     failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
     return "killed", (failed or [line for line in lines if line] or ["no output"])[0]
 
