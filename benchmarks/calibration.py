@@ -208,10 +208,10 @@ def class_run(count, sources, omitted):
     duration_s = 512.0
     rng = np.random.default_rng([2, 31])
     targets = launches(rng, CLASSES, count)
-    known = [name for name in CLASSES if name != omitted]
+    classes = [name for name in CLASSES if name != omitted]
     kinds = {} if omitted == GROUND else PRIOR_SOURCES
     unknown = {NOTHING: 1e-3, GROUND: 2.0 * sources}.get(omitted, float(count))
-    classifier = prior(known, count, kinds, sources, duration_s)
+    classifier = prior(classes, count, kinds, sources, duration_s)
     classifier |= {"bolides_per_day": 0.0, "unknown_per_day": 86_400.0 / duration_s * unknown}
     mapping = slot_scene(
         {name: {**sensor, "scan_period_ms": 4000.0} for name, sensor in SENSORS.items()},
@@ -430,8 +430,8 @@ TABLES = [name for part in PARTS.values() for name in part.tables]
 def bins_text(table, stated):
     """Return how many bins of enough events are near the diagonal."""
     large = [row for row in table if row["events"] >= ENOUGH]
-    near = [row for row in large if abs(row[stated] - row["right"]) <= WITHIN]
-    return f"{len(near)} of {len(large)}"
+    close_bins = [row for row in large if abs(row[stated] - row["right"]) <= WITHIN]
+    return f"{len(close_bins)} of {len(large)}"
 
 
 def separated(rows):
