@@ -198,10 +198,10 @@ def _arguments():
 def _work(draws, seed, left_out):
     files = source_files(ROOT)
     tests = [path for folder in RUNNING for path in (ROOT / "tests" / folder).rglob("*.py")]
-    others = [
+    processes = [
         str(path.relative_to(ROOT)) for path in [*tests, *(ROOT / "tests" / "support").glob("*.py")]
     ]
-    imports = imports_of(ROOT, [*files, *others])
+    imports = imports_of(ROOT, [*files, *processes])
     drawn = draw({file: (ROOT / file).read_text(encoding="utf-8") for file in files}, draws, seed)
     return [
         Work(mutant, source, stages_of(mutant.file, imports, left_out)) for mutant, source in drawn
@@ -319,9 +319,11 @@ def _confirmed(copy, stage, outcome, limits):
     if outcome.kind == "survived":
         return outcome
     files = [outcome.test] if outcome.test else stage.files
-    again = evolve(stage, files=files, selected="", collected_only=not outcome.test)
+    second_stage = evolve(stage, files=files, selected="", collected_only=not outcome.test)
     longest = _longest(stage, limits)
-    unmutated = _outcome(copy, again, evolve(longest, all_s=max(longest.test_s, longest.all_s)))
+    unmutated = _outcome(
+        copy, second_stage, evolve(longest, all_s=max(longest.test_s, longest.all_s))
+    )
     if unmutated.kind == "killed":
         raise UnfitEnvironment(
             f"this fails without a mutant too (or else leave it out, --deselect): {unmutated.by}"

@@ -47,7 +47,7 @@ def assert_alike(tracks, other, rtol=1e-9, apart=()):
     for regions, reference_regions in zip(
         tracks.impact_regions, other.impact_regions[rows], strict=True
     ):
-        if "impact_regions" not in separation:
+        if "impact_regions" not in apart:
             assert_same_regions(regions, reference_regions, rtol)
 
 

@@ -312,13 +312,6 @@ def rays(rng, n):
     )
 
 
-def mistaken(decided, limit):
-    """Return a reference of a decision: 1 where it must be true, 0 where not, None of a margin too
-    small to tell.
-    """
-    return lambda *row: mp.mpf(1 if decided(*row) > limit else 0)
-
-
 def _state(rng, n):
     return (
         draws.positions(rng, n),

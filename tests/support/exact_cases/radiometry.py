@@ -160,10 +160,6 @@ def phases(rng, n):
     )
 
 
-def erf_share(outer, inner, scale):
-    return mp.erf(outer / scale), mp.erf(inner / scale)
-
-
 def ensquared(kind):
     """Return the reference of a kind of ensquared energy: integrals of the spot over the square."""
 
