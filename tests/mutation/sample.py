@@ -220,18 +220,18 @@ def draw(sources, draws, seed):
 
 def _mutant(file, source, site, choice):
     changed = mutated(source, site, choice)
-    before, after = (text.split("\n")[site.line - 1].strip() for text in (source, changed))
-    return Mutant(file, site.line, source[site.start : site.end], choice, before, after), changed
+    lines = (text.split("\n")[site.line - 1].strip() for text in (source, changed))
+    return Mutant(file, site.line, source[site.start : site.end], choice, *lines), changed
 
 
 def stages_of(file, imports, left_out=()):
     """Return the stages of a module's mutants that have files."""
-    own, others = tests_of(file, imports)
+    folder_tests, other_tests = tests_of(file, imports)
     stages = [
-        (own, "not slow"),
-        (own, "slow"),
-        ([*others, *DOCUMENTED], "not slow"),
-        (others, "slow"),
+        (folder_tests, "not slow"),
+        (folder_tests, "slow"),
+        ([*other_tests, *DOCUMENTED], "not slow"),
+        (other_tests, "slow"),
     ]
     return [Stage(files, selected, tuple(left_out)) for files, selected in stages if files]
 

@@ -14,13 +14,15 @@ MODELS = {
 }
 
 
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
 def flights(count, seed=0):
     """Return states shortly after burnout, all over the Earth, that fly for 20 to 45 minutes."""
     random = np.random.default_rng(seed)
-    up = random.normal(size=(count, 3))
-    up /= np.linalg.norm(up, axis=1, keepdims=True)
-    along = np.cross(up, random.normal(size=(count, 3)))
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    up = unit(random.normal(size=(count, 3)))
+    along = unit(np.cross(up, random.normal(size=(count, 3))))
     angle = np.radians(random.uniform(20.0, 45.0, (count, 1)))
     speed = random.uniform(6300.0, 7200.0, (count, 1))
     height = random.uniform(150e3, 300e3, (count, 1))

@@ -125,11 +125,10 @@ def two_colour(first, second):
     miss_before = mp.log(ratio(1 / previous)) - expected
     for _ in range(3):
         miss = mp.log(ratio(1 / current)) - expected
-        previous, current, miss_before = (
-            current,
-            current - miss * (current - previous) / (miss - miss_before),
-            miss,
-        )
+        step = miss * (current - previous) / (miss - miss_before)
+        previous = current
+        miss_before = miss
+        current -= step
     return 1 / current
 
 
