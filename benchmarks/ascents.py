@@ -180,9 +180,9 @@ def with_edges(rows, edges):
     """Return rows (n, 8) with two rows at each edge, for the force jumps there."""
     for edge in edges.tolist():
         row = int(np.argmin(np.abs(rows[:, 0] - edge)))
-        before = rows[row].copy()
-        before[7] = rows[row - 1, 7]
-        rows = np.insert(rows, row, before, axis=0)
+        edge_row = rows[row].copy()
+        edge_row[7] = rows[row - 1, 7]
+        rows = np.insert(rows, row, edge_row, axis=0)
     return rows
 
 

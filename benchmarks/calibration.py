@@ -153,36 +153,40 @@ def report_row(confidence, right, emitter):
     }
 
 
+def report_run(count, sources, seed):
+    """Return confidence, whether the type is right, the type and the emitter of each report (n,),
+    by sensor.
+    """
+    sensors = {**SENSORS, **UNCONFIRMED}
+    rng = np.random.default_rng([seed, 29])
+    targets = launches(rng, TARGET_TYPES, count)
+    classifier = prior(TARGET_TYPES, count, PRIOR_SOURCES, sources, 256.0)
+    mapping = slot_scene(
+        {name: {**sensor, "scan_period_ms": 2000.0} for name, sensor in sensors.items()},
+        256.0,
+        seed,
+        targets=targets,
+        sources=source_blocks(rng, PRIOR_SOURCES, sources),
+        classification=classifier,
+        confidence="posterior",
+    )
+    run = opir.simulate(opir.scene_from_mapping(mapping))
+    kinds = [TARGET_TYPES.index(target["type"]) for target in targets]
+    truth = np.append(kinds, np.full(2 * sources + 1, UNKNOWN_TYPE))[run.truth.target]
+    # Each false alarm is an emitter by itself.
+    alarms = -1.0 - np.arange(len(truth))
+    emitter = np.where(run.truth.target < 0, alarms, run.truth.target) + 1j * seed
+    reported = run.detections.reported_type
+    events = np.array([run.detections.confidence, reported == truth, reported, emitter])
+    return {name: events[:, run.detections.sensor == number] for number, name in enumerate(sensors)}
+
+
 def report_rows(count, sources, seeds=(2, 4)):
     """Yield the bins of reports of each sensor."""
-    sensors = {**SENSORS, **UNCONFIRMED}
-    columns = {name: [] for name in sensors}
-    for seed in seeds:
-        rng = np.random.default_rng([seed, 29])
-        targets = launches(rng, TARGET_TYPES, count)
-        classifier = prior(TARGET_TYPES, count, PRIOR_SOURCES, sources, 256.0)
-        mapping = slot_scene(
-            {name: {**sensor, "scan_period_ms": 2000.0} for name, sensor in sensors.items()},
-            256.0,
-            seed,
-            targets=targets,
-            sources=source_blocks(rng, PRIOR_SOURCES, sources),
-            classification=classifier,
-            confidence="posterior",
-        )
-        run = opir.simulate(opir.scene_from_mapping(mapping))
-        kinds = [TARGET_TYPES.index(target["type"]) for target in targets]
-        truth = np.append(kinds, np.full(2 * sources + 1, UNKNOWN_TYPE))[run.truth.target]
-        # Each false alarm is an emitter by itself.
-        alarms = -1.0 - np.arange(len(truth))
-        emitter = np.where(run.truth.target < 0, alarms, run.truth.target) + 1j * seed
-        reported = run.detections.reported_type
-        events = (run.detections.confidence, reported == truth, reported, emitter)
-        for number, name in enumerate(sensors):
-            rows = run.detections.sensor == number
-            columns[name].append(np.array([column[rows] for column in events]))
-    for name, events_by_seed in columns.items():
-        confidence, right, reported, emitter = np.concatenate(events_by_seed, axis=1)
+    runs = [report_run(count, sources, seed) for seed in seeds]
+    for name in runs[0]:
+        events = np.concatenate([run[name] for run in runs], axis=1)
+        confidence, right, reported, emitter = events
         number = bin_numbers(confidence.real, TENTHS)
         for kind in ("missile", "UNKNOWN"):
             for place, lower in enumerate(TENTHS[:-1].tolist()):
@@ -204,10 +208,10 @@ def class_run(count, sources, omitted):
     duration_s = 512.0
     rng = np.random.default_rng([2, 31])
     targets = launches(rng, CLASSES, count)
-    known = [name for name in CLASSES if name != omitted]
+    classes = [name for name in CLASSES if name != omitted]
     kinds = {} if omitted == GROUND else PRIOR_SOURCES
     unknown = {NOTHING: 1e-3, GROUND: 2.0 * sources}.get(omitted, float(count))
-    classifier = prior(known, count, kinds, sources, duration_s)
+    classifier = prior(classes, count, kinds, sources, duration_s)
     classifier |= {"bolides_per_day": 0.0, "unknown_per_day": 86_400.0 / duration_s * unknown}
     mapping = slot_scene(
         {name: {**sensor, "scan_period_ms": 4000.0} for name, sensor in SENSORS.items()},
@@ -426,8 +430,8 @@ TABLES = [name for part in PARTS.values() for name in part.tables]
 def bins_text(table, stated):
     """Return how many bins of enough events are near the diagonal."""
     large = [row for row in table if row["events"] >= ENOUGH]
-    near = [row for row in large if abs(row[stated] - row["right"]) <= WITHIN]
-    return f"{len(near)} of {len(large)}"
+    close_bins = [row for row in large if abs(row[stated] - row["right"]) <= WITHIN]
+    return f"{len(close_bins)} of {len(large)}"
 
 
 def separated(rows):
@@ -497,36 +501,53 @@ def right_types(tables):
 def draw(path, tables):
     """Draw all parts."""
     with svg_plot(path, 2, 3, figsize=(13.0, 7.5)) as (_, axes):
-        draw_reliability(axes[0, 0], tables["calibration"], "confidence")
-        axes[0, 0].set_title("reports, by sensor")
         bins = tables["left_out_bins"]
+        draw_reliability(axes[0, 0], tables["calibration"], "confidence")
         draw_reliability(axes[0, 1], bins.where(left_out=NOTHING), "probability")
-        axes[0, 1].set_title("hypotheses, every class known")
         draw_reliability(axes[0, 2], bins.where(left_out="SLBM"), "probability")
-        axes[0, 2].set_title("hypotheses, SLBM left out")
-        classification = tables["classification"]
-        for sensor in classification.names("sensor"):
-            rows = classification.where(sensor=sensor)
-            right = [row for row in rows if row["true_type"] == row["reported"]]
-            names = [row["true_type"] for row in right]
-            axes[1, 0].plot(names, [row["share"] for row in right], "o", label=sensor)
-        axes[1, 0].set(ylabel="share reported with its type", ylim=(0.0, 1.0))
-        rises = tables["left_out_classes"]
-        burnout = tables["left_out_hypotheses"].where(mark="burnout")
-        series = {sensor: rises.where(sensor=sensor) for sensor in rises.names("sensor")}
-        series["imm, after burnout"] = Table(row for row in burnout if row["auroc"] != "")
-        for name, rows in series.items():
-            axes[1, 1].plot(rows.column("left_out"), rows.column("auroc"), "o", label=name)
-        axes[1, 1].axhline(0.5, color=GREY, linewidth=0.8)
-        axes[1, 1].set(ylabel='AUROC of "none of these"')
-        axes[1, 1].tick_params(axis="x", rotation=40)
-        ranks = Table(row for row in tables["simulation_calibration"] if row["p"] != "")
-        for since_s in sorted(set(ranks.column("since_first_detection_s"))):
-            rows = ranks.where(since_first_detection_s=since_s)
-            axes[1, 2].plot(rows.column("quantity"), rows.column("p"), "o", label=f"{since_s:g} s")
-        axes[1, 2].axhline(LEAST_P, color=GREY, linewidth=0.8)
-        axes[1, 2].set(yscale="log", ylabel="p of the ranks of imm")
-        axes[1, 2].tick_params(axis="x", rotation=40)
+        titles = (
+            "reports, by sensor",
+            "hypotheses, every class known",
+            "hypotheses, SLBM left out",
+        )
+        for panel, title in zip(axes[0], titles, strict=True):
+            panel.set_title(title)
+        draw_types(axes[1, 0], tables["classification"])
+        draw_rises(axes[1, 1], tables)
+        draw_ranks(axes[1, 2], tables["simulation_calibration"])
+
+
+def draw_types(axes, table):
+    """Draw the shares reported with their type, by sensor."""
+    for sensor in table.names("sensor"):
+        rows = table.where(sensor=sensor)
+        right = Table(row for row in rows if row["true_type"] == row["reported"])
+        axes.plot(right.column("true_type"), right.column("share"), "o", label=sensor)
+    axes.set(ylabel="share reported with its type", ylim=(0.0, 1.0))
+
+
+def draw_rises(axes, tables):
+    """Draw how well "none of these" tells what is left out."""
+    rises = tables["left_out_classes"]
+    burnout = tables["left_out_hypotheses"].where(mark="burnout")
+    series = {sensor: rises.where(sensor=sensor) for sensor in rises.names("sensor")}
+    series["imm, after burnout"] = Table(row for row in burnout if row["auroc"] != "")
+    for name, rows in series.items():
+        axes.plot(rows.column("left_out"), rows.column("auroc"), "o", label=name)
+    axes.axhline(0.5, color=GREY, linewidth=0.8)
+    axes.set(ylabel='AUROC of "none of these"')
+    axes.tick_params(axis="x", rotation=40)
+
+
+def draw_ranks(axes, table):
+    """Draw the p of the tests of ranks, by time."""
+    ranks = Table(row for row in table if row["p"] != "")
+    for since_s in sorted(set(ranks.column("since_first_detection_s"))):
+        rows = ranks.where(since_first_detection_s=since_s)
+        axes.plot(rows.column("quantity"), rows.column("p"), "o", label=f"{since_s:g} s")
+    axes.axhline(LEAST_P, color=GREY, linewidth=0.8)
+    axes.set(yscale="log", ylabel="p of the ranks of imm")
+    axes.tick_params(axis="x", rotation=40)
 
 
 def draw_reliability(axes, table, stated):

@@ -178,11 +178,11 @@ def spool_failing_disk(rng, folder, _stand):
                 sink = spool_sink(folder / "spool", carrier, rng)
             except opir.SinkError:
                 continue
-            before = len(written)
-            written += spooled(rng, sink, before)
+            count = len(written)
+            written += spooled(rng, sink, count)
             counts = sink.close()
             total = counts.delivered + counts.spooled + counts.dropped + counts.withheld
-            assert total == len(written) - before + counts.recovered, counts
+            assert total == len(written) - count + counts.recovered, counts
             reported += counts.dropped
             arrived |= dict.fromkeys(carrier.ids)
     return compared(written, arrived, reported)
@@ -376,13 +376,13 @@ def table(rows):
 
 def write(path, rows, minutes, seed):
     """Put the figures into a page, between its marks."""
-    before, remainder = path.read_text(encoding="utf-8").split(BEGIN)
+    head, remainder = path.read_text(encoding="utf-8").split(BEGIN)
     day = datetime.now(UTC).date().isoformat()
     words = (
         f"{minutes:g} minutes, seed {seed}, {day}: `python benchmarks/campaign.py --minutes"
         f" {minutes:g} --seed {seed}`."
     )
-    text = f"{before}{BEGIN}\n{words}\n\n{table(rows)}\n{END}{remainder.split(END)[1]}"
+    text = f"{head}{BEGIN}\n{words}\n\n{table(rows)}\n{END}{remainder.split(END)[1]}"
     path.write_text(text, encoding="utf-8")
 
 

@@ -102,11 +102,11 @@ def process_of(*words):
     """Run this script's child; return its output, processor time, s, and peak memory, MiB."""
     process = subprocess.Popen([sys.executable, sys.argv[0], *words], stdout=subprocess.PIPE)
     text = process.stdout.read() if process.stdout else b""
-    _, status, used = os.wait4(process.pid, 0)
+    _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise SystemExit(f"{words} ended with exit code {process.returncode}")
-    return text.decode(), used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+    return text.decode(), usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
 
 
 def rows_of(decades, points=2):

@@ -133,33 +133,33 @@ def glide_rows(boost_end, glide):
     return np.array([*rows, *fall])
 
 
-def flight_of(
-    boost,
-    glide,
-    edges,
-    place,
-    azimuth,
-):
+def course_axes(up, along, turn, bend):
+    """Return the directions up and along (n + 1, 3) of a course from the first ones, after turns
+    (n,) over the Earth and bends (n,) to the left, rad.
+    """
+    rows = [(up, along)]
+    for arc, aside in zip(turn.tolist(), bend.tolist(), strict=True):
+        onward = np.cos(arc) * along - np.sin(arc) * up
+        up = np.cos(arc) * up + np.sin(arc) * along
+        along = np.cos(aside) * onward + np.sin(aside) * np.cross(up, onward)
+        rows.append((up, along))
+    return np.array(rows).transpose(1, 0, 2)
+
+
+def flight_of(boost, glide, edges, place, azimuth):
     """Return the flight of rows along a course from a place, curved after the boost."""
-    up0, along0 = directions(place, azimuth)
+    first_up, first_along = directions(place, azimuth)
     radius = float(np.linalg.norm(ecef(*place)))
     rows = np.concatenate([boost, glide_rows(boost[-1], glide)])
     time_s, height, speed, angle = rows.T
     turn = np.diff(turned(time_s, speed * np.cos(angle) / (radius + height)))
     is_glide = np.arange(len(turn)) >= len(boost) - 1
     bend = np.where(is_glide, glide.curve * RADIUS_M * turn, 0.0)
-    up = np.empty((len(rows), 3))
-    along = np.empty((len(rows), 3))
-    up[0] = up0
-    along[0] = along0
-    for row, (arc, aside) in enumerate(zip(turn.tolist(), bend.tolist(), strict=True)):
-        up[row + 1] = np.cos(arc) * up[row] + np.sin(arc) * along[row]
-        onward = np.cos(arc) * along[row] - np.sin(arc) * up[row]
-        along[row + 1] = np.cos(aside) * onward + np.sin(aside) * np.cross(up[row + 1], onward)
+    up, along = course_axes(first_up, first_along, turn, bend)
     climb = (speed * np.sin(angle))[:, None]
     velocity = climb * up + (speed * np.cos(angle))[:, None] * along
     table = np.column_stack([time_s, (radius + height)[:, None] * up, velocity, np.zeros(len(up))])
-    table[0, 4:7] = 1e-3 * up0
+    table[0, 4:7] = 1e-3 * first_up
     burns = tuple(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
     for begin_s, end_s in burns:
         table[(time_s >= begin_s - 1e-9) & (time_s < end_s - 1e-9), 7] = 1.0

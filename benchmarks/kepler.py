@@ -91,8 +91,8 @@ def nanoseconds(libraries, states, repeat):
 
 def spread(times):
     """Return the range of times over the classes that a library can propagate."""
-    known = [value for value in times if not np.isnan(value)]
-    return f"{min(known):.0f} to {max(known):.0f}" if known else "–"
+    finite = [value for value in times if not np.isnan(value)]
+    return f"{min(finite):.0f} to {max(finite):.0f}" if finite else "–"
 
 
 def page(states, checked, repeat, names):

@@ -154,8 +154,8 @@ def flown(ascent, path, seed, sensors):
 
 def count_text(values):
     """Return a count of the known values, `10 of 12`."""
-    known = [value for value in values if np.isfinite(value)]
-    return f"{int(sum(known))} of {len(known)}" if known else "-"
+    finite = [value for value in values if np.isfinite(value)]
+    return f"{int(sum(finite))} of {len(finite)}" if finite else "-"
 
 
 def row_of(title, mark, flights):
@@ -166,8 +166,8 @@ def row_of(title, mark, flights):
     keep(f"{title}: {mark}: state held", held / max(len(reported), 1))
 
     def median(name):
-        known = [row[name] for row in reported if np.isfinite(row[name])]
-        return float(np.median(known)) if known else np.nan
+        finite = [row[name] for row in reported if np.isfinite(row[name])]
+        return float(np.median(finite)) if finite else np.nan
 
     return {
         "kind": title,

@@ -90,13 +90,13 @@ class PriorFlight(NamedTuple):
     @property
     def seen_s(self):
         """The time since ignition from which the flight is seen, s; inf if it never is."""
-        seen = (self.table[:, 0] >= self.hidden_s) & (self.table[:, 7] > 0.0)
-        return float(np.min(self.table[seen, 0], initial=np.inf))
+        lit = (self.table[:, 0] >= self.hidden_s) & (self.table[:, 7] > 0.0)
+        return float(np.min(self.table[lit, 0], initial=np.inf))
 
     def state(self, time_s):
         """Return the ECEF state (6,) at a time since ignition, nan outside the table."""
-        times, first = np.unique(self.table[:, 0], return_index=True)
-        rows = self.table[first]
+        times, index = np.unique(self.table[:, 0], return_index=True)
+        rows = self.table[index]
         if not times[0] <= time_s <= times[-1]:
             return np.full(6, np.nan)
         place = CubicHermiteSpline(times, rows[:, 1:4], rows[:, 4:7])

@@ -213,10 +213,10 @@ def headline(table):
 
 def findings(table):
     """Return the main results as a list."""
-    own = [row for row in table if row["tool"].startswith("opir")]
-    tolerances = [(row, float(row["asked"].split()[0])) for row in own]
+    opir_rows = [row for row in table if row["tool"].startswith("opir")]
+    tolerances = [(row, float(row["asked"].split()[0])) for row in opir_rows]
     share = max(row["error_m"] / asked_m for row, asked_m in tolerances if asked_m > 2e-7)
-    batch = [row for row in own if "batch" in row["tool"] and row["asked"] == "0.0001 m"]
+    batch = [row for row in opir_rows if "batch" in row["tool"] and row["asked"] == "0.0001 m"]
     times = [f"{micro(row['us_an_arc'])} µs per arc with {row['problem']}" for row in batch]
     winners = []
     for name in table.names("problem"):

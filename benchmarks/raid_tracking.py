@@ -101,10 +101,10 @@ def outcome(seed, duration_s, mean):
     tracks = opir.Tracks.empty()
     for tick in range(1, duration_s + 1):
         end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
-        part = detections.take(slice(begin, end))
+        window = detections.take(slice(begin, end))
         start_s = time.process_time()
-        label[begin:end] = tracker.associate(part)
-        tracks = tracker.step(float(tick), part)
+        label[begin:end] = tracker.associate(window)
+        tracks = tracker.step(float(tick), window)
         taken_s += time.process_time() - start_s
         begin = end
     owner = {

@@ -158,9 +158,9 @@ def tracked(plan, detections):
     begin = 0
     for tick in range(1, int(DURATION_S) + 1):
         end = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))
-        part = detections.take(slice(begin, end))
-        label[begin:end] = tracker.associate(part)
-        estimates.append(tracker.step(float(tick), evolve(part, track=label[begin:end])))
+        window = detections.take(slice(begin, end))
+        label[begin:end] = tracker.associate(window)
+        estimates.append(tracker.step(float(tick), evolve(window, track=label[begin:end])))
         begin = end
     return label, opir.Tracks.concatenate(estimates), tracker.sensor_health()
 

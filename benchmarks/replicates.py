@@ -132,14 +132,14 @@ def mean_s(shares):
 
 def block_errors(latency_s):
     """Return numbers of runs, root-mean-square errors of their means, ms, and σ/√n, ms."""
-    known = latency_s[np.isfinite(latency_s)]
+    finite = latency_s[np.isfinite(latency_s)]
     rows = []
     for number in (10, 100, 1000):
-        blocks = len(known) // number
+        blocks = len(finite) // number
         if blocks >= 2:
-            means = known[: blocks * number].reshape(blocks, number).mean(axis=1)
-            error_s = np.sqrt(np.mean((means - known.mean()) ** 2))
-            rows.append((number, f"{1e3 * error_s:.2f}", f"{1e3 * known.std() / number**0.5:.2f}"))
+            means = finite[: blocks * number].reshape(blocks, number).mean(axis=1)
+            error_s = np.sqrt(np.mean((means - finite.mean()) ** 2))
+            rows.append((number, f"{1e3 * error_s:.2f}", f"{1e3 * finite.std() / number**0.5:.2f}"))
     return rows
 
 

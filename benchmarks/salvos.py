@@ -175,9 +175,9 @@ def oracle(evidence, detections):
     wrong = 0
     total = 0
     for sensor in np.unique(detections.sensor):
-        seen = np.flatnonzero((detections.sensor == sensor) & (evidence.target >= 0))
-        for scan in np.unique(detections.scan[seen])[::7]:
-            rows = seen[detections.scan[seen] == scan]
+        rows_seen = np.flatnonzero((detections.sensor == sensor) & (evidence.target >= 0))
+        for scan in np.unique(detections.scan[rows_seen])[::7]:
+            rows = rows_seen[detections.scan[rows_seen] == scan]
             # Light takes about 0.125 s from a launch to a sensor.
             time_s = float(detections.time_s[rows[0]]) - 0.125
             lit = np.flatnonzero(targets.ignition_s < time_s).astype(np.int32)

@@ -41,7 +41,7 @@ def attempt(benchmark, *, quick, docs=None):
         start = time.perf_counter()
         with log.open("wb") as output:
             process = subprocess.Popen(command, env=settings, stdout=output, stderr=output)
-            _, status, used = os.wait4(process.pid, 0)
+            _, status, usage = os.wait4(process.pid, 0)
         process.returncode = code = os.waitstatus_to_exitcode(status)
         text = log.read_text(encoding="utf-8", errors="replace")
         figures = figures_in(folder) | kept_figures(figure_file)
@@ -52,8 +52,8 @@ def attempt(benchmark, *, quick, docs=None):
         last_line = (text.strip().splitlines() or ["no output"])[-1]
         return Attempt(
             wall_s=time.perf_counter() - start,
-            processor_s=used.ru_utime + used.ru_stime,
-            peak_mib=used.ru_maxrss / 1024,
+            processor_s=usage.ru_utime + usage.ru_stime,
+            peak_mib=usage.ru_maxrss / 1024,
             figures=figures,
             problem=f"exit code {code}: {last_line}" if code else "",
             output=text,

@@ -16,7 +16,6 @@ from set_flights import drawn_vehicle, is_fit
 #: Published seeds; odd ones are free to tune on.
 SEEDS = (2, 4)
 IGNITION_S = 10.0
-TAIL_S = 25.0
 GEO_ALTITUDE_M = (MU / SPIN**2) ** (1.0 / 3.0) - RADIUS_M
 LEO_ALTITUDE_M = 1200e3
 

@@ -175,8 +175,21 @@ class LmbTracker(Tracker):
         )
 
 
-def updated(labels, look):
-    """Return labels (n,) after a look, and the probability (m,) that each detection is a label's."""
+class Residuals(NamedTuple):
+    """Detections (m,) across the predictions of labels (n,): residuals (n, m, 2), their spread and
+    its inverse (n, 2, 2), covariance with the state (n, 9, 2), likelihoods (n, m), 0 outside of the
+    gate.
+    """
+
+    residual: FloatArray
+    spread: FloatArray
+    inverse: FloatArray
+    across: FloatArray
+    density: FloatArray
+
+
+def residuals(labels, look):
+    """Return the residuals of a look."""
     line = labels.mean[:, :3] - look.origin
     range_m = np.sqrt(np.sum(line * line, axis=1))
     axis = line / range_m[:, None]
@@ -190,12 +203,17 @@ def updated(labels, look):
     distance = np.einsum("nmk,nkl,nml->nm", residual, inverse, residual)
     density = np.exp(-0.5 * distance) / (2.0 * np.pi * np.sqrt(np.linalg.det(spread)))[:, None]
     is_gated = (distance < GATE) & (axis @ look.direction.T > 0.0)
+    return Residuals(residual, spread, inverse, across, density * is_gated)
+
+
+def updated(labels, look):
+    """Return labels (n,) after a look, and the probability (m,) that each detection is a label's."""
+    seen = residuals(labels, look)
     detected = look.chance * labels.burning * labels.existence
-    weight = detected[:, None] * density * is_gated
+    weight = detected[:, None] * seen.density
     missed = 1.0 - detected
-    marginal = association(
-        weight / look.clutter if look.clutter else np.full_like(weight, 1e12), missed
-    )
+    ratio = weight / look.clutter if look.clutter else np.full_like(weight, 1e12)
+    marginal = association(ratio, missed)
     hits = marginal.sum(axis=1)
     dark = 1.0 - look.chance * labels.burning
     silent = (1.0 - hits) * labels.existence * dark / np.maximum(missed, 1e-12)
@@ -203,19 +221,25 @@ def updated(labels, look):
     share = marginal / np.maximum(existence, 1e-300)[:, None]
     hit = share.sum(axis=1)
     burning = labels.burning * (1.0 - look.chance) / np.maximum(dark, 1e-12)
-    gain = across @ inverse
-    mean_residual = np.einsum("nm,nmk->nk", share, residual)
-    scatter = np.einsum("nm,nmk,nml->nkl", share, residual, residual)
-    scatter -= mean_residual[:, :, None] * mean_residual[:, None, :]
-    shrunk = gain @ (hit[:, None, None] * spread - scatter) @ gain.transpose(0, 2, 1)
-    covariance = labels.covariance - shrunk
-    after = labels._replace(
-        existence=np.minimum(existence, 1.0 - 1e-12),
-        burning=hit + (1.0 - hit) * burning,
-        mean=labels.mean + np.einsum("nck,nk->nc", gain, mean_residual),
-        covariance=0.5 * (covariance + covariance.transpose(0, 2, 1)),
+    after = merged(labels, seen, share)._replace(
+        existence=np.minimum(existence, 1.0 - 1e-12), burning=hit + (1.0 - hit) * burning
     )
     return after, np.minimum(marginal.sum(axis=0), 1.0)
+
+
+def merged(labels, seen, share):
+    """Return labels with states matched to the mixture over detections with shares (n, m)."""
+    gain = seen.across @ seen.inverse
+    mean = np.einsum("nm,nmk->nk", share, seen.residual)
+    scatter = np.einsum("nm,nmk,nml->nkl", share, seen.residual, seen.residual)
+    scatter -= mean[:, :, None] * mean[:, None, :]
+    hit = share.sum(axis=1)
+    shrunk = gain @ (hit[:, None, None] * seen.spread - scatter) @ gain.transpose(0, 2, 1)
+    covariance = labels.covariance - shrunk
+    return labels._replace(
+        mean=labels.mean + np.einsum("nck,nk->nc", gain, mean),
+        covariance=0.5 * (covariance + covariance.transpose(0, 2, 1)),
+    )
 
 
 def association(weight, missed):

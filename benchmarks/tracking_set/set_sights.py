@@ -79,47 +79,39 @@ def _scored(seen_s, burns_s, tick_s):
     return (tick_s >= seen_s[NEEDED - 1]) & (tick_s <= burns_s[-1, 1] + SCORED_S)
 
 
-def _sights_of(
-    scene,
-    number,
-    sensor,
-    time_s,
-    paths,
-    burning,
-):
+def _looks_at(path, burns_s, time_s, place, sensor, rng):
+    """Return which looks of a sensor detect a launch, and where it is then."""
+    position = path.states(time_s)[0, :, :3]
+    is_hot = np.any((time_s[:, None] >= burns_s[:, 0]) & (time_s[:, None] < burns_s[:, 1]), axis=1)
+    is_above = np.sum(position * (place - position), axis=1) > 0.0
+    is_seen = rng.uniform(size=len(time_s)) < sensor.detection_probability
+    rows = np.flatnonzero(is_hot & is_above & is_seen)
+    return rows, position[rows]
+
+
+def _sights_of(scene, number, sensor, time_s, paths, burning):
     """Return the detections of one sensor, launch by launch and then the clutter."""
     rng = scene.rng
     place = sensor.position_m(time_s)
     bias = rng.normal(0.0, 1.0, 2) * sensor.true_bias_sigma_rad
-    look = []
-    launch = []
-    target = []
-    for row, (path, burns_s) in enumerate(zip(paths, burning, strict=True)):
-        position = path.states(time_s)[0, :, :3]
-        is_hot = np.any(
-            (time_s[:, None] >= burns_s[:, 0]) & (time_s[:, None] < burns_s[:, 1]), axis=1
-        )
-        is_above = np.sum(position * (place - position), axis=1) > 0.0
-        is_seen = rng.uniform(size=len(time_s)) < sensor.detection_probability
-        rows = np.flatnonzero(is_hot & is_above & is_seen)
-        look.append(rows)
-        launch.append(np.full(len(rows), row))
-        target.append(position[rows])
-    at = np.concatenate(look)
-    owner = np.concatenate(launch)
-    position = np.concatenate(target)
-    line = position - place[at]
+    looks = [
+        _looks_at(path, burns_s, time_s, place, sensor, rng)
+        for path, burns_s in zip(paths, burning, strict=True)
+    ]
+    look, position = (np.concatenate(column) for column in zip(*looks, strict=True))
+    launch = np.repeat(np.arange(len(looks)), [len(rows) for rows, _ in looks])
+    line = position - place[look]
     axis = line / np.sqrt(np.sum(line * line, axis=1, keepdims=True))
-    sigma = np.full(len(at), sensor.sigma_rad)
-    sigma[rng.uniform(size=len(at)) < scene.case.wide_share] *= WIDE
-    seen = turned(_noisy(axis, sigma, rng), place[at], bias)
+    sigma = np.full(len(look), sensor.sigma_rad)
+    sigma[rng.uniform(size=len(look)) < scene.case.wide_share] *= WIDE
+    seen = turned(_noisy(axis, sigma, rng), place[look], bias)
     when, stray = _clutter(scene, sensor, place, rng)
     return Sights(
-        np.concatenate([time_s[at], time_s[when]]),
-        np.full(len(at) + len(when), number),
-        np.concatenate([place[at], place[when]]),
+        np.concatenate([time_s[look], time_s[when]]),
+        np.full(len(look) + len(when), number),
+        np.concatenate([place[look], place[when]]),
         np.round(np.concatenate([seen, stray]), 10),
-        np.concatenate([owner, np.full(len(when), -1)]),
+        np.concatenate([launch, np.full(len(when), -1)]),
         np.concatenate([position, np.full((len(when), 3), np.nan)]),
     )
 

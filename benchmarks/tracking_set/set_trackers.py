@@ -93,19 +93,21 @@ def opir_scene(description, epoch, tracker):
     )
 
 
+def vectors(rows, name, axes):
+    """Return the vectors (n, 3) of columns."""
+    columns = [rows.column(f"{name}_{axis}") for axis in axes]
+    return np.array(columns, dtype=np.float64).T
+
+
 def detections_of(rows, description):
     """Return the set's detections of a scene as opir's."""
     count = len(rows)
     time_s = np.array(rows.column("time_s"))
-    numbers = {each["sensor"]: number for number, each in enumerate(description["sensors"])}
+    sensors = description["sensors"]
+    numbers = {each["sensor"]: number for number, each in enumerate(sensors)}
     sensor = np.array([numbers[name] for name in rows.column("sensor")], dtype=np.int32)
-    phase, period = (
-        np.array([each[key] for each in description["sensors"]]) for key in ("phase_s", "period_s")
-    )
-    place, direction = (
-        np.array([rows.column(f"{name}_{axis}") for axis in axes], dtype=np.float64).T
-        for name, axes in (("sensor", ("x_m", "y_m", "z_m")), ("direction", ("x", "y", "z")))
-    )
+    phase, period = (np.array([each[key] for each in sensors]) for key in ("phase_s", "period_s"))
+    direction = vectors(rows, "direction", "xyz")
     unknown = np.full(count, -1, dtype=np.int64)
     return Detections(
         time_ns=np.round(time_s * _NS).astype(np.int64),
@@ -118,7 +120,7 @@ def detections_of(rows, description):
         detection_count=np.zeros(count, dtype=np.int32),
         confidence=np.full(count, np.nan),
         line_of_sight_ecef=direction / np.sqrt(np.sum(direction**2, axis=1, keepdims=True)),
-        sensor_ecef_m=place,
+        sensor_ecef_m=vectors(rows, "sensor", ("x_m", "y_m", "z_m")),
         snr=np.full(count, np.nan),
         track=unknown,
         estimate=unknown,

@@ -42,7 +42,7 @@ def test_a_stage_that_flies_back_is_followed():
         assert np.mean(result[mark]) >= 0.85, mark
 
 
-def test_a_second_stage_after_a_long_gap_is_a_new_one():
+def test_a_second_stage_after_a_long_gap_is_new():
     result = held("long gap", 16, 8, marks := [(0, 1, 20.0), (1, 0, 3.0), (1, 0, 10.0)])
     assert len(result[marks[0]]) >= 14
     for mark in marks:

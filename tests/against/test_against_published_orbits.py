@@ -103,7 +103,7 @@ def test_the_libration_of_an_eccentric_slot(eccentricity):
 @pytest.mark.parametrize(
     "config", [SlotConfig(lon_deg=-75.0, inclination_deg=1e-9), SlotConfig(lon_deg=285.0)]
 )
-def test_a_slot_of_hardly_any_inclination_is_the_ideal_one(config):
+def test_a_slot_of_hardly_any_inclination_is_ideal(config):
     ideal = orbit_of(OrbitConfig(slot=SlotConfig(lon_deg=-75.0)), 0)
     time_s = np.linspace(-1e5, 1e5, 101)
     near = orbit_of(OrbitConfig(slot=config), 0)

@@ -140,9 +140,9 @@ def test_results_are_medians_of_rounds_and_are_compared(tmp_path, monkeypatch, c
         command, "BENCHMARKS", (Benchmark("counting", "?", str(counting), (), writes=False),)
     )
     assert command.main(["--rounds", "3", "--json", str(tmp_path / "one.json")]) == 0
-    one = json.loads((tmp_path / "one.json").read_text("utf-8"))
-    assert one["benchmarks"]["counting"]["figures"] == {"n": 2.0}
-    assert one["machine"]["versions"]["numpy"]
+    results = json.loads((tmp_path / "one.json").read_text("utf-8"))
+    assert results["benchmarks"]["counting"]["figures"] == {"n": 2.0}
+    assert results["machine"]["versions"]["numpy"]
     capsys.readouterr()
     assert command.main(["--rounds", "1", "--against", str(tmp_path / "one.json")]) == 0
     assert "2.000  n: 4" in capsys.readouterr().out

@@ -60,7 +60,7 @@ def each_field(config):
 @pytest.mark.parametrize("name", SENSORS)
 def test_a_sensor_is_described_by_its_defaults(name):
     sensor = SENSORS[name]
-    own, _, stated = sensor.summary.rpartition(": ")
+    model, _, stated = sensor.summary.rpartition(": ")
     for band, (low_um, high_um) in default(sensor, "bands").items():
         assert f"{band} {low_um:g}-{high_um:g}" in stated
     assert [scan_pattern for scan_pattern in SCAN_PATTERNS if scan_pattern in stated] == [
@@ -71,11 +71,11 @@ def test_a_sensor_is_described_by_its_defaults(name):
     assert rules == (
         [default(sensor, "spectral_discrimination")] if len(default(sensor, "bands")) > 1 else []
     )
-    assert own
-    assert not [word for word in SETTING_WORDS if word in own.lower()], (
+    assert model
+    assert not [word for word in SETTING_WORDS if word in model.lower()], (
         "a setting's words come from its value"
     )
-    assert not re.search(r"\d (?:u?m|ms|s)\b", own)
+    assert not re.search(r"\d (?:u?m|ms|s)\b", model)
 
 
 def test_a_fleet_is_described_by_its_satellites():

@@ -67,10 +67,12 @@ def is_of(node, *names):
 
 
 def test_no_private_name_of_another_library_is_used():
-    own = {name for tree in TREES.values() for name in own_names(tree)} - {"_tracks"}
+    opir_names = {name for tree in TREES.values() for name in own_names(tree)} - {"_tracks"}
     uses = {}
     for path, tree in TREES.items():
-        private = {name for name in foreign_names(tree) if is_private(name)} - own - DOCUMENTED
+        private = (
+            {name for name in foreign_names(tree) if is_private(name)} - opir_names - DOCUMENTED
+        )
         if private:
             uses["/".join(path.parts[-2:])] = private
     assert uses == WITHOUT_PUBLIC_WAY

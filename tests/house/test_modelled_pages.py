@@ -118,15 +118,9 @@ def test_no_configuration_class_is_left_out():
     reached = set()
     for config in settable().values():
         reach(config, reached)
-    result = {
-        one
-        for package in (
-            "opir_core",
-            "opir_photons",
-            *(f"opir_{name}" for name in (*PLUGINS, "http")),
-        )
-        for one in configs(package)
-    }
+    plugins = (f"opir_{name}" for name in (*PLUGINS, "http"))
+    packages = ("opir_core", "opir_photons", *plugins)
+    result = {config for package in packages for config in configs(package)}
     assert result - reached == BASES
     assert len(reached) > 30
 

@@ -86,24 +86,21 @@ def test_a_plain_scene_needs_no_special_functions():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS, ids=[part.name for part in PARTS])
-def test_what_a_scene_names_is_called_and_leaves_the_other_events_alone(part):
+def test_what_a_scene_names_is_called_and_changes_no_other_events(part):
     run, events = run_of((*part.beside, *part.words))
     assert Use.of(part.modules, run).calls > 0
-    before = run_of(part.beside)[1]
+    bare_events = run_of(part.beside)[1]
     if part.events == SAME:
-        assert events == before
+        assert events == bare_events
     elif part.events == FILLED:
-        assert [measured(event) for event in events] == [measured(event) for event in before]
+        assert [measured(event) for event in events] == [measured(event) for event in bare_events]
         assert any(event["track_id"] is not None for event in events)
     elif part.events == ADDED:
-        assert [
-            event
-            for event in events
-            if event["detection_id"] in {each["detection_id"] for each in before}
-        ] == before
-        assert len(events) > len(before)
+        ids = {event["detection_id"] for event in bare_events}
+        assert [event for event in events if event["detection_id"] in ids] == bare_events
+        assert len(events) > len(bare_events)
     else:
-        assert events != before
+        assert events != bare_events
 
 
 def test_the_work_of_a_plan_is_counted_with_what_it_skips_and_why():

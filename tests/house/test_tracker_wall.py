@@ -133,9 +133,11 @@ def reached(modules):
 def faults(source):
     """Return what a source of the trackers' side knows of target models."""
     tree = ast.parse(source)
-    own = sorted(set(imported(tree)))
-    result = [f"imports {module}" for module in own if is_among(module, (*TARGET_MODELS, *RECORDS))]
-    ways = {module: way for module, way in reached(own).items() if module not in own}
+    modules = sorted(set(imported(tree)))
+    result = [
+        f"imports {module}" for module in modules if is_among(module, (*TARGET_MODELS, *RECORDS))
+    ]
+    ways = {module: way for module, way in reached(modules).items() if module not in modules}
     result += [f"reaches {way}" for module, way in ways.items() if is_among(module, TARGET_MODELS)]
     for text in texts(tree):
         named = [table for table in (*TARGET_MODELS, *RECORDS) if table in text]

@@ -291,7 +291,7 @@ LATE = (
 )
 
 
-def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir):
+def test_a_run_tells_the_latency_of_its_reports_if_any(opir):
     prompt = opir("run", FIRST_LIGHT)
     delayed = opir("run", FIRST_LIGHT, *LATE)
     assert "end to end" not in prompt.stdout

@@ -51,7 +51,7 @@ def test_json_of_every_component_of_the_core_has_every_field():
             assert all(row["help"] for row in reported["fields"])
 
 
-def test_one_name_of_several_kinds_is_reported_of_each_or_of_one():
+def test_a_name_of_several_kinds_is_reported_of_each():
     everyone = json.loads(opir("describe", "always", "--json").stdout)
     assert [reported["kind"] for reported in everyone] == [
         "detection model",

@@ -32,7 +32,7 @@ def events(scene, window_s=None):
 
 
 @pytest.fixture(scope="module")
-def whole():
+def total():
     return events(SCENE, 300.0)
 
 
@@ -50,7 +50,7 @@ def test_a_run_repeats_itself(total):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 3])
-def test_one_more_sensor_leaves_the_other_sensors_events_alone(total, place):
+def test_one_more_sensor_changes_no_other_sensors_events(total, place):
     newcomer = {"model": "DSP", "id": "NEW", "orbital_slot_deg": -120.0, "scan_phase": "random"}
     sensors = [*SCENE["sensors"][:place], newcomer, *SCENE["sensors"][place:]]
     lines = events({**SCENE, "sensors": sensors}).splitlines(keepends=True)
@@ -61,7 +61,7 @@ def test_one_more_sensor_leaves_the_other_sensors_events_alone(total, place):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 1, 3])
-def test_one_more_target_leaves_the_other_targets_events_alone(total, place):
+def test_one_more_target_changes_no_other_targets_events(total, place):
     newcomer = {**SCENE["targets"][0], "id": "NEW", "aim": {"lat_deg": 4.0, "lon_deg": 160.0}}
     targets = [*SCENE["targets"][:place], newcomer, *SCENE["targets"][place:]]
     scene = {**SCENE, "targets": targets}

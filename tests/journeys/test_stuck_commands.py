@@ -84,7 +84,7 @@ def test_the_start_of_a_service(tmp_path):
     ("method", "words", "limit_s"),
     [("write", ("--dead-after", "3"), 3), ("close", ("--dead-after", "36"), 36), ("close", (), 30)],
 )
-def test_a_sink_of_a_run_fails_alone(tmp_path, method, words, limit_s):
+def test_a_sink_that_fails_ends_no_other(tmp_path, method, words, limit_s):
     outputs = [{"jsonl": {"path": "other.jsonl"}}, "rogue"]
     done = ended(
         tmp_path, ("opir_sinks", "null", method), "run", "scene.yaml", "-q", *words, outputs=outputs

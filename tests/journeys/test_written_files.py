@@ -79,7 +79,7 @@ WRITERS: dict[str, Callable[[Any, Path], object]] = {
 
 
 @pytest.mark.parametrize("name", ONE_FILE)
-def test_an_export_is_written_through_a_pipe_which_stays_one(run, tmp_path, name):
+def test_an_export_through_a_pipe_keeps_the_pipe(run, tmp_path, name):
     pipe = tmp_path / "pipe"
     read = list[bytes]()
     os.mkfifo(pipe)
@@ -164,7 +164,7 @@ def test_a_run_writes_through_no_link_under_a_name_that_it_makes_up(
     assert [path.name for path in folder.iterdir()] == [name]
 
 
-def test_a_path_that_the_user_gives_may_be_a_link_which_stays_one(tmp_path):
+def test_a_path_that_is_a_link_stays_a_link(tmp_path):
     (tmp_path / "far").mkdir()
     for name in ("e.jsonl", "t.jsonl"):
         (tmp_path / name).symlink_to(tmp_path / "far" / name)

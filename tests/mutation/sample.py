@@ -120,7 +120,7 @@ class Stage:
         left_out = (f"--deselect={test}" for test in self.left_out)
         return [
             "-m",
-            self.chosen,
+            self.selected,
             *left_out,
             *["--collect-only"] * self.collected_only,
             *self.files,
@@ -198,10 +198,10 @@ def _arguments():
 def _work(draws, seed, left_out):
     files = source_files(ROOT)
     tests = [path for folder in RUNNING for path in (ROOT / "tests" / folder).rglob("*.py")]
-    others = [
+    processes = [
         str(path.relative_to(ROOT)) for path in [*tests, *(ROOT / "tests" / "support").glob("*.py")]
     ]
-    imports = imports_of(ROOT, [*files, *others])
+    imports = imports_of(ROOT, [*files, *processes])
     drawn = draw({file: (ROOT / file).read_text(encoding="utf-8") for file in files}, draws, seed)
     return [
         Work(mutant, source, stages_of(mutant.file, imports, left_out)) for mutant, source in drawn
@@ -220,18 +220,18 @@ def draw(sources, draws, seed):
 
 def _mutant(file, source, site, choice):
     changed = mutated(source, site, choice)
-    before, after = (text.split("\n")[site.line - 1].strip() for text in (source, changed))
-    return Mutant(file, site.line, source[site.start : site.end], choice, before, after), changed
+    lines = (text.split("\n")[site.line - 1].strip() for text in (source, changed))
+    return Mutant(file, site.line, source[site.start : site.end], choice, *lines), changed
 
 
 def stages_of(file, imports, left_out=()):
     """Return the stages of a module's mutants that have files."""
-    own, others = tests_of(file, imports)
+    folder_tests, other_tests = tests_of(file, imports)
     stages = [
-        (own, "not slow"),
-        (own, "slow"),
-        ([*others, *DOCUMENTED], "not slow"),
-        (others, "slow"),
+        (folder_tests, "not slow"),
+        (folder_tests, "slow"),
+        ([*other_tests, *DOCUMENTED], "not slow"),
+        (other_tests, "slow"),
     ]
     return [Stage(files, selected, tuple(left_out)) for files, selected in stages if files]
 
@@ -319,9 +319,11 @@ def _confirmed(copy, stage, outcome, limits):
     if outcome.kind == "survived":
         return outcome
     files = [outcome.test] if outcome.test else stage.files
-    again = evolve(stage, files=files, chosen="", collected_only=not outcome.test)
+    second_stage = evolve(stage, files=files, selected="", collected_only=not outcome.test)
     longest = _longest(stage, limits)
-    unmutated = _outcome(copy, again, evolve(longest, all_s=max(longest.test_s, longest.all_s)))
+    unmutated = _outcome(
+        copy, second_stage, evolve(longest, all_s=max(longest.test_s, longest.all_s))
+    )
     if unmutated.kind == "killed":
         raise UnfitEnvironment(
             f"this fails without a mutant too (or else leave it out, --deselect): {unmutated.by}"
@@ -345,7 +347,7 @@ def _write(path, source):
 
 
 def _longest(stage, limits):
-    return evolve(limits, test_s=limits.test_s * (SLOWER if stage.chosen == "slow" else 1.0))
+    return evolve(limits, test_s=limits.test_s * (SLOWER if stage.selected == "slow" else 1.0))
 
 
 def _outcome(copy, stage, limits):
@@ -369,7 +371,7 @@ def _said(code, output, stage):
     """Return what tests that have ended say, and the line of the first that failed."""
     lines = output.read_text(encoding="utf-8", errors="replace").split("\n")
     if code in PASSED:
-        return "survived", f"all {stage.chosen} passed"
+        return "survived", f"all {stage.selected} passed"
     failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
     return "killed", (failed or [line for line in lines if line] or ["no output"])[0]
 

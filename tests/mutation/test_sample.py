@@ -85,14 +85,14 @@ def test_tests_of_the_folder_come_first_and_the_nearest_first(monkeypatch, tmp_p
     stages = sample.stages_of(
         "opir_core/flight/arc.py", imports_of(tmp_path, files), ["test_x.py::test_y"]
     )
-    own = ["tests/core/flight/test_arc.py", "tests/core/flight/test_aiming.py"]
-    others = ["tests/core/scene/test_near.py", "tests/core/scene/test_a_far.py"]
+    folder_tests = ["tests/core/flight/test_arc.py", "tests/core/flight/test_aiming.py"]
+    other_tests = ["tests/core/scene/test_near.py", "tests/core/scene/test_a_far.py"]
     left_out = "--deselect=test_x.py::test_y"
     assert [stage.words() for stage in stages] == [
-        ["-m", "not slow", left_out, *own],
-        ["-m", "slow", left_out, *own],
-        ["-m", "not slow", left_out, *others, *sample.DOCUMENTED],
-        ["-m", "slow", left_out, *others],
+        ["-m", "not slow", left_out, *folder_tests],
+        ["-m", "slow", left_out, *folder_tests],
+        ["-m", "not slow", left_out, *other_tests, *sample.DOCUMENTED],
+        ["-m", "slow", left_out, *other_tests],
     ]
 
 
@@ -136,13 +136,13 @@ def write(folder, files):
     ],
 )
 def test_what_tests_say_of_a_mutant(tmp_path, source, limits_s, outcome, reported):
-    said = sample._outcome(
+    verdict = sample._outcome(
         checkout(tmp_path, source),
         sample.Stage(["test_a.py"], "not slow"),
         sample.Limits(*limits_s),
     )
-    assert said.kind == outcome
-    assert said.by.startswith(reported)
+    assert verdict.kind == outcome
+    assert verdict.by.startswith(reported)
 
 
 def checkout(folder, source):
@@ -185,8 +185,8 @@ def test_a_kill_counts_if_its_test_ends_well_without_the_mutant(
     """
     stage = sample.Stage(["test_a.py"], "not slow")
     copy = checkout(tmp_path, unmutated)
-    said = sample._confirmed(copy, stage, sample.Outcome(*outcome), sample.Limits(20.0, 60.0))
-    assert said.kind == confirmed
+    verdict = sample._confirmed(copy, stage, sample.Outcome(*outcome), sample.Limits(20.0, 60.0))
+    assert verdict.kind == confirmed
 
 
 @pytest.mark.slow

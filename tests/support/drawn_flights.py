@@ -370,12 +370,3 @@ def seen(truth, seeing, seed, sensors=2):
     owner = np.concatenate(owners)
     order = np.lexsort((owner, every.sensor, every.time_s))
     return owner[order], every.take(order)
-
-
-def away_from(reported, truth):
-    """Return by how much places on the ground (n, 3) differ from true ones (n, 2), m east and
-    north.
-    """
-    place = geodetic_to_ecef(truth[:, 0], truth[:, 1], 0.0)
-    gap = geodetic_to_ecef(reported[:, 0], reported[:, 1], 0.0) - place
-    return np.einsum("nij,nj->ni", local_axes(place)[:, :2], gap)

@@ -172,14 +172,13 @@ def _opening(disk):
         def write(self, content):
             error = disk.answer(WRITE, self.name)
             if error == SHORT:
-                return super().write(bytes(content)[: max(1, len(content) // 2)])
-            if error:
+                content = bytes(content)[: max(1, len(content) // 2)]
+            elif error:
                 _raise(error, self.name)
             return super().write(content)
 
     def call(path, mode="r", *remainder, **named):
-        is_ours = mode == "wb" and isinstance(path, str | os.PathLike)
-        if not is_ours:
+        if mode != "wb" or not isinstance(path, str | os.PathLike):
             return real(path, mode, *remainder, **named)
         error = disk.answer(OPEN, path)
         return _raise(error, path) if error else io.BufferedWriter(File(path, "wb"))

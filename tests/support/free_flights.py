@@ -14,6 +14,10 @@ MODELS = {
 }
 
 
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
 def flights(
     count, seed=0, *, angle_deg=(20.0, 45.0), speed_m_s=(6300.0, 7200.0), height_m=(150e3, 300e3)
 ):
@@ -21,10 +25,8 @@ def flights(
     minutes.
     """
     random = np.random.default_rng(seed)
-    up = random.normal(size=(count, 3))
-    up /= np.linalg.norm(up, axis=1, keepdims=True)
-    along = np.cross(up, random.normal(size=(count, 3)))
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    up = unit(random.normal(size=(count, 3)))
+    along = unit(np.cross(up, random.normal(size=(count, 3))))
     angle = np.radians(random.uniform(*angle_deg, (count, 1)))
     speed = random.uniform(*speed_m_s, (count, 1))
     height = random.uniform(*height_m, (count, 1))

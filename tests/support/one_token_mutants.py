@@ -177,9 +177,8 @@ def _own_sites(node, text):
             start = text.start(node)
             yield text.site(start, start + len("return"), ["return None;"])
         case ast.Slice():
-            yield from (
-                _bound(bound, text) for bound in (node.lower, node.upper) if bound is not None
-            )
+            for bound in filter(None, (node.lower, node.upper)):
+                yield _bound(bound, text)
         case ast.Constant() | ast.Name() | ast.Attribute():
             yield _word(node, text)
 

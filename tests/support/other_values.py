@@ -23,22 +23,19 @@ def nested(key, value):
 
 
 def _other(row):
-    if isinstance(row.default, bool):
-        return not row.default
+    default = row.default
+    if isinstance(default, bool):
+        return not default
     if row.choices:
-        return next((choice for choice in reversed(row.choices) if choice != row.default), None)
-    if isinstance(row.default, int | float):
-        return _number(row, row.default)
-    if row.default is None and row.kind.startswith(("number", "whole number")):
+        return next((choice for choice in reversed(row.choices) if choice != default), None)
+    if isinstance(default, int | float):
+        return _number(row, default)
+    if default is None and row.kind.startswith(("number", "whole number")):
         return _number(row, _plausible_middle(row))
-    if isinstance(row.default, Mapping) and row.default and "block" not in row.kind:
-        numbers = {key: value for key, value in row.default.items() if isinstance(value, float)}
-        return (
-            {key: 0.9 * value for key, value in numbers.items()}
-            if len(numbers) == len(row.default)
-            else None
-        )
-    return None
+    if not isinstance(default, Mapping) or not default or "block" in row.kind:
+        return None
+    is_numbers = all(isinstance(value, float) for value in default.values())
+    return {key: 0.9 * value for key, value in default.items()} if is_numbers else None
 
 
 def _number(row, default):

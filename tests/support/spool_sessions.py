@@ -103,7 +103,7 @@ class Left:
     @property
     def lost(self):
         """The events that nobody has any more."""
-        return set(self.taken) - self.delivered - self.kept
+        return set(self.taken) - self.delivered - self.stored
 
     @property
     def lost_s(self):

@@ -33,7 +33,7 @@ DRAWN_SHARE = 0.15
 FEW_ROWS = 10
 
 
-def assert_alike(tracks, other, rtol=1e-9, separation=()):
+def assert_alike(tracks, other, rtol=1e-9, apart=()):
     """Fail unless both have the same rows, whatever the numbers of their tracks.
 
     A number may differ by a share of the largest one of its column; the columns `apart` are not
@@ -42,12 +42,12 @@ def assert_alike(tracks, other, rtol=1e-9, separation=()):
     assert len(tracks) == len(other) > 0
     rows = renumbered_rows(tracks, other)
     for item in fields(Tracks):
-        if item.name not in ("track", "impact_regions", *separation):
+        if item.name not in ("track", "impact_regions", *apart):
             close(getattr(other, item.name)[rows], getattr(tracks, item.name), rtol, item.name)
     for regions, reference_regions in zip(
         tracks.impact_regions, other.impact_regions[rows], strict=True
     ):
-        if "impact_regions" not in separation:
+        if "impact_regions" not in apart:
             assert_same_regions(regions, reference_regions, rtol)
 
 

@@ -24,12 +24,9 @@ class TwoSides(Tracker):
         return np.where(detections.line_of_sight_ecef[:, 2] > 0.0, 0, 1).astype(np.int64)
 
     def step(self, tick_s, detections):
-        names = [hypothese.name for hypothese in self._hypotheses]
-        chances = np.zeros((2, len(names)))
-        chances[0, names.index("ICBM")] = 0.9
-        chances[0, names.index("none of these")] = 0.1
-        chances[1, names.index("ground source")] = 0.998
-        chances[1, names.index("SRBM")] = 0.002
+        names = [hypothesis.name for hypothesis in self._hypotheses]
+        sides = {"ICBM": 0.9, "none of these": 0.1}, {"ground source": 0.998, "SRBM": 0.002}
+        chances = np.array([[side.get(name, 0.0) for name in names] for side in sides])
         place = np.radians([[34.7, -120.6, 0.0], [-20.0, -80.0, 0.0]])
         weighed = {
             "hypothesis_probability": chances,

@@ -53,7 +53,7 @@ def snr_for_granted(confidence, sightings):
 
 
 @confidence_mutant("one-by-one", "test_detections_are_computed_as_arrays")
-def one_by_one(confidence, _sightings):
+def row_by_row(confidence, _sightings):
     return np.array([min(value, 1.0) for value in confidence.tolist()])
 
 

@@ -18,6 +18,10 @@ from opir_core.geometry import Geodetic, geodesic_direct, geodetic_to_ecef
 MU = mp.mpf(EARTH_MU_M3_S2)
 
 
+def unit(vectors):
+    return vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True))
+
+
 def arcs(rng, n):
     """Return states and durations of arcs: ellipses, hyperbolas, straight lines; seconds to ten
     years.
@@ -26,7 +30,7 @@ def arcs(rng, n):
     circular = np.sqrt(EARTH_MU_M3_S2 / np.sqrt((position**2).sum(axis=1)))
     direction = draws.directions(rng, n)
     along = rng.random(n) < 0.1
-    direction[along] = position[along] / np.sqrt((position[along] ** 2).sum(axis=1, keepdims=True))
+    direction[along] = unit(position[along])
     speed = circular * draws.log_uniform(rng, n, 1e-3, 5.0, (np.sqrt(2.0), 1.0))
     duration = draws.log_uniform(rng, n, 1e-3, 3e8, (0.0, 1e-300)) * rng.choice([-1.0, 1.0], n)
     return position, direction * speed[:, None], duration
@@ -39,7 +43,7 @@ def two_body(position, velocity, duration):
 def falls(rng, n):
     """Return states of flights that come down: burnouts of all speeds and angles, and a height."""
     position = draws.positions(rng, n, 6.45e6, 7.0e6)
-    up = position / np.sqrt((position**2).sum(axis=1, keepdims=True))
+    up = unit(position)
     level = np.cross(up, draws.directions(rng, n))
     size = np.sqrt((level**2).sum(axis=1, keepdims=True))
     level = np.where(size > 0.1, level / np.maximum(size, 1e-300), np.cross(up, [0.6, 0.48, 0.64]))

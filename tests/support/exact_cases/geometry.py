@@ -232,7 +232,7 @@ def sunlit_fraction(position, sun):
 
 
 def intersection(origin, ray, height):
-    sides = [A + height, A + height, B + height]
+    sides = [A + height] * 2 + [B + height]
     o = [p / s for p, s in zip(origin, sides, strict=True)]
     d = [p / s for p, s in zip(ray, sides, strict=True)]
     dd = dot(d, d)
@@ -241,8 +241,8 @@ def intersection(origin, ray, height):
     if dd == 0 or od * od < dd * oo:
         return None
     root = mp.sqrt(od * od - dd * oo)
-    forward = [step for step in ((-od - root) / dd, (-od + root) / dd) if step >= 0]
-    return plus(origin, ray, forward[0]) if forward else None
+    steps = (-od - root) / dd, (-od + root) / dd
+    return next((plus(origin, ray, step) for step in steps if step >= 0), None)
 
 
 def lowest(observer, target):
@@ -310,13 +310,6 @@ def rays(rng, n):
         (aim - origin) * draws.log_uniform(rng, n, 1e-9, 1e9)[:, None],
         rng.choice([0.0, 1e5, -1e3], n),
     )
-
-
-def mistaken(decided, limit):
-    """Return a reference of a decision: 1 where it must be true, 0 where not, None of a margin too
-    small to tell.
-    """
-    return lambda *row: mp.mpf(1 if decided(*row) > limit else 0)
 
 
 def _state(rng, n):

@@ -112,8 +112,8 @@ def bound_of(
         inputs = [np.asarray(column) for column in draw(rng, draws)]
         output = _outputs(call(*inputs))[0]
         error = np.zeros(draws)
-        for row in range(draws):
-            group = _groups(exact(*(exactly(column[row]) for column in inputs)))[0]
+        for row, point in enumerate(zip(*inputs, strict=True)):
+            group = _groups(exact(*map(exactly, point)))[0]
             values = [float(value) for value in np.ravel(output[row])]
             error[row] = _error(case, 0, group, values, _length(case, 0, group))
         return inputs, error, bound(*inputs)
@@ -297,14 +297,11 @@ def _sampled_conditions(case, row, exact, lengths):
             else value * (1 + _STEP * int(signs.choice([-1, 1])))
             for number, value in enumerate(row)
         ]
-        for output, (group, reference) in enumerate(
-            zip(_groups(case.exact(*moved)), exact, strict=True)
-        ):
+        groups = zip(_groups(case.exact(*moved)), exact, strict=True)
+        for output, (group, reference) in enumerate(groups):
             if group is not None and reference is not None:
-                worst[output] = max(
-                    worst[output],
-                    float(_distance(case, output, group, reference) / lengths[output] / _STEP),
-                )
+                change = _distance(case, output, group, reference) / lengths[output]
+                worst[output] = max(worst[output], float(change / _STEP))
     return worst
 
 

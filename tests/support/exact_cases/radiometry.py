@@ -125,11 +125,10 @@ def two_colour(first, second):
     miss_before = mp.log(ratio(1 / previous)) - expected
     for _ in range(3):
         miss = mp.log(ratio(1 / current)) - expected
-        previous, current, miss_before = (
-            current,
-            current - miss * (current - previous) / (miss - miss_before),
-            miss,
-        )
+        step = miss * (current - previous) / (miss - miss_before)
+        previous = current
+        miss_before = miss
+        current -= step
     return 1 / current
 
 
@@ -158,10 +157,6 @@ def phases(rng, n):
     return np.where(
         rng.random(n) < 0.3, beside, draws.uniform(rng, n, 0.0, np.pi, (0.0, np.pi, 1e-300))
     )
-
-
-def erf_share(outer, inner, scale):
-    return mp.erf(outer / scale), mp.erf(inner / scale)
 
 
 def ensquared(kind):
