@@ -10,9 +10,7 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
-
-from attrs import frozen
+from typing import Any, NamedTuple
 
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError
@@ -80,8 +78,7 @@ _DIRECTIONS = (
 _SEXAGESIMAL = re.compile(r"([+-]?)(\d+)[: ](\d\d?)[: ](\d\d?(?:\.\d*)?)")
 
 
-@frozen
-class _Line:
+class _Line(NamedTuple):
     """The numbers of a line by quantity, None for an empty cell, and the line's number."""
 
     columns: Mapping[str, Column]
