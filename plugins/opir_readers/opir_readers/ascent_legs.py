@@ -84,11 +84,11 @@ def powered(
     along /= np.linalg.norm(along)
 
     def rate(time_s: float, state: FloatArray) -> FloatArray:
-        speed, radius, _ = state
+        speed, radius, _ = state.tolist()
         thrust, angle = program(time_s)
-        gravity = EARTH_MU_M3_S2 / radius**2
-        climb = speed * np.sin(angle)
-        return np.array([thrust - gravity * np.sin(angle), climb, speed * np.cos(angle) / radius])
+        rise = np.sin(angle)
+        gain = thrust - EARTH_MU_M3_S2 / radius**2 * rise
+        return np.array([gain, speed * rise, speed * np.cos(angle) / radius])
 
     time_s = _times_s(burn_s)
     speed, radii, turn = integrated(rate, time_s, np.array([speed_m_s, radius, 0.0])).T[..., None]

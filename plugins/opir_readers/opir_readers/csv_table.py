@@ -279,15 +279,14 @@ def _plain_numbers(table: _Table) -> FloatArray | None:
 
 
 def _row(table: _Table, cells: list[str], line: int) -> list[float]:
-    count = len(table.layout.names)
+    layout = table.layout
+    count = len(layout.names)
     if len(cells) < count or any(cell.strip() for cell in cells[count:]):
         raise BadFileError(
             f"line {line}: has {len(cells)} values; the first line names {count} columns"
         )
-    return [
-        _number(column, cells[column.place], table.layout, line)
-        for column in table.columns.values()
-    ]
+    columns = table.columns.values()
+    return [_number(column, cells[column.place], layout, line) for column in columns]
 
 
 def _clock_s(sign: str, hours: str, minutes: str, seconds: str) -> float:
@@ -296,21 +295,22 @@ def _clock_s(sign: str, hours: str, minutes: str, seconds: str) -> float:
 
 
 def _number(column: Column, cell: str, layout: Layout, line: int) -> float:
-    bare = cell.strip()
     if column.quantity == DATE:
-        moment = f"{bare} 00:00" if _DAY.fullmatch(bare) else cell
+        moment = f"{cell.strip()} 00:00" if _DAY.fullmatch(cell.strip()) else cell
         return unix_ns(moment, f"line {line}: {column.name}") * 1e-9
-    clock = _CLOCK.fullmatch(bare) if column.quantity == TIME else None
+    clock = _CLOCK.fullmatch(cell.strip()) if column.quantity == TIME else None
     if clock:
         return _clock_s(*clock.groups())
     why = ""
     try:
-        value = layout.number(bare)
+        value = layout.number(cell)
     except ValueError as error:
         value = math.nan
         why = f": it {error}" if "separators" in str(error) else ""
     if not math.isfinite(value):
-        raise BadFileError(f"line {line}: {column.name} is {bare!r}, not a finite number{why}")
+        raise BadFileError(
+            f"line {line}: {column.name} is {cell.strip()!r}, not a finite number{why}"
+        )
     if column.quantity == BURNING and value not in (0.0, 1.0):
-        raise BadFileError(f"line {line}: {column.name} is {bare!r}; 0 or 1 is needed")
+        raise BadFileError(f"line {line}: {column.name} is {cell.strip()!r}; 0 or 1 is needed")
     return value

@@ -223,7 +223,7 @@ def test_mean_elements_go_through_a_whole_scene():
     assert len(run.detections) > 100
 
 
-def test_warm_bodies_are_seen_in_long_waves_alone():
+def test_warm_bodies_are_seen_in_long_waves_only():
     sensors = [
         {"constellation": "LEO-MEDIUM"},
         {"constellation": "LEO-WIDE", "follows_bodies": True},

@@ -46,7 +46,7 @@ def full(*_: object) -> None:
 
 
 @pytest.mark.parametrize("method", ["write", "close"])
-def test_a_sink_that_fails_fails_alone(
+def test_a_failing_sink_stops_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
     monkeypatch.setattr(ParquetSink, method, full)

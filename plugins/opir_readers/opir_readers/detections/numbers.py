@@ -26,6 +26,8 @@ def finite(value: Any, subject: str) -> float:
     """Return a value as a finite number; raises `BadFileError`, whose message begins with the
     subject.
     """
+    if type(value) is float and math.isfinite(value):
+        return value
     number = math.nan if isinstance(value, bool) else number_or_nan(value)
     if math.isnan(number):
         raise BadFileError(f"{subject} is {shown(value)}, not a finite number")

@@ -10,9 +10,7 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
-
-from attrs import frozen
+from typing import Any, NamedTuple
 
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import BadFileError
@@ -76,12 +74,18 @@ _DIRECTIONS = (
     _INERTIAL,
 )
 
+#: Figures of a row by name: the quantity of their column.
+_FIGURES = {
+    "line_of_sight_sigma_urad": "line_of_sight_sigma",
+    "snr": "snr",
+    "confidence": "confidence",
+}
+
 #: Angles in hours or degrees, minutes and seconds.
 _SEXAGESIMAL = re.compile(r"([+-]?)(\d+)[: ](\d\d?)[: ](\d\d?(?:\.\d*)?)")
 
 
-@frozen
-class _Line:
+class _Line(NamedTuple):
     """The numbers of a line by quantity, None for an empty cell, and the line's number."""
 
     columns: Mapping[str, Column]
@@ -192,8 +196,10 @@ def _row(
         raise BadFileError(
             f"line {number}: has {len(cells)} values; line {layout.line} names {count} columns"
         )
-    texts = {name: cells[columns[name].place].strip() for name in TEXTS if name in columns}
-    row: dict[str, Any] = {"line": number, **{name: text for name, text in texts.items() if text}}
+    row: dict[str, Any] = {"line": number}
+    for name in TEXTS:
+        if name in columns and (text := cells[columns[name].place].strip()):
+            row[name] = text
     values = {
         name: _value(column, cells[column.place], layout, number)
         for name, column in columns.items()
@@ -207,12 +213,10 @@ def _row(
         row["sensor_position_ecef_m"] = line.needed(*_PLACE)
     elif _GEODETIC[0] in columns:
         row["sensor_position_ecef_m"] = geodetic_to_ecef(*line.needed(*_GEODETIC)).tolist()
-    figures = {
-        "line_of_sight_sigma_urad": values.get("line_of_sight_sigma"),
-        "snr": values.get("snr"),
-        "confidence": values.get("confidence"),
-    }
-    return row | {name: value for name, value in figures.items() if value is not None}
+    for figure, name in _FIGURES.items():
+        if (value := values.get(name)) is not None:
+            row[figure] = value
+    return row
 
 
 def _time(line: _Line, start_s: float) -> Row:

@@ -40,7 +40,7 @@ def unix_ns(value: object, subject: str) -> int:
     The day may be that of the year, `2026-091`. A date without zone is in UTC. `subject` begins
     the message of the `BadFileError` about another value.
     """
-    match = _DATE.fullmatch(_in_digits(value.strip())) if isinstance(value, str) else None
+    match = _match(value.strip()) if isinstance(value, str) else None
     if match is None:
         is_ambiguous = isinstance(value, str) and _AMBIGUOUS.fullmatch(value.strip())
         why = ": it may be day/month or month/day" if is_ambiguous else ""
@@ -68,9 +68,11 @@ def looks_like_date(text: str) -> bool:
     (True, True, False)
     """
     bare = text.strip()
-    return _DATE.fullmatch(_in_digits(bare)) is not None or any(
-        kind.fullmatch(bare) for kind in (_AMBIGUOUS, _LIKE)
-    )
+    return _match(bare) is not None or any(kind.fullmatch(bare) for kind in (_AMBIGUOUS, _LIKE))
+
+
+def _match(text: str) -> re.Match[str] | None:
+    return _DATE.fullmatch(text) or _DATE.fullmatch(_in_digits(text))
 
 
 def _in_digits(text: str) -> str:
