@@ -152,19 +152,23 @@ def _write_coordinate(file: Any, name: str, values: Any, attributes: Mapping[str
     column = np.asarray(values)
     file.createDimension(name, len(column))
     if column.dtype.kind == "U":
-        # NetCDF 3 has no text along a dimension but characters: the names are an attribute too.
-        width = max(len(text.encode()) for text in column.tolist())
-        file.createDimension(f"{name}_letters", width)
-        variable = file.createVariable(name, "c", (name, f"{name}_letters"))
-        variable[:] = np.array(
-            [list(text.encode().ljust(width)) for text in column.tolist()], dtype=np.uint8
-        ).view("S1")
+        variable = _text_variable(file, name, [text.encode() for text in column.tolist()])
         variable.long_name = attributes["long_name"].encode()
         return
     variable = file.createVariable(name, "f8", (name,))
     variable[:] = column
     for key, words in attributes.items():
         setattr(variable, key, words.encode())
+
+
+def _text_variable(file: Any, name: str, texts: Sequence[bytes]) -> Any:
+    """Return a new variable of texts: NetCDF 3 has characters along a dimension of their own."""
+    width = max(map(len, texts))
+    file.createDimension(f"{name}_letters", width)
+    variable = file.createVariable(name, "c", (name, f"{name}_letters"))
+    letters = [list(text.ljust(width)) for text in texts]
+    variable[:] = np.array(letters, dtype=np.uint8).view("S1")
+    return variable
 
 
 def _write_layer(file: Any, layer: Layer) -> None:

@@ -69,8 +69,13 @@ def _data(coverage: CoverageMap) -> dict[str, Any]:
         "colours": [_palette("PuOr_r" if is_difference else "viridis")],
         "difference": is_difference,
         "epoch": coverage.attributes["epoch"],
-        "land": [np.round(np.degrees(ring), 1)[:, ::-1].ravel().tolist() for ring in coast_rings()],
+        "land": _land(),
     }
+
+
+def _land() -> list[list[float]]:
+    """Return longitudes and latitudes, degrees, of coasts in turn."""
+    return [np.round(np.degrees(ring), 1)[:, ::-1].ravel().tolist() for ring in coast_rings()]
 
 
 _FOOTER = (

@@ -149,17 +149,21 @@ def scene_scores(truth: SetTruth, tracks: SetTracks) -> SetScores:
     scored = rows.take(np.flatnonzero(is_scored))
     in_force = _in_force(rows, owner, is_scored)
     launch = owner[in_force.track]
-    has_scored_ticks = truth.is_scored.any(axis=1)
     return SetScores(
         case=truth.case,
         launches=len(truth.state),
         scored=int(truth.is_scored.sum()),
         false_tracks=len(np.setdiff1d(scored.track, in_force.track)),
-        missed_launches=len(np.setdiff1d(np.flatnonzero(has_scored_ticks), launch)),
+        missed_launches=_missed(truth, launch),
         cutoff_m=truth.cutoff_m,
         gospa_m=_gospa(truth, tracks.state[scored.row], scored.tick),
         states=_states(truth, tracks, in_force, launch),
     )
+
+
+def _missed(truth: SetTruth, launch: IntArray) -> int:
+    """Return the number of scored launches that are not among those of the states in force."""
+    return len(np.setdiff1d(np.flatnonzero(truth.is_scored.any(axis=1)), launch))
 
 
 def _assigned(truth: SetTruth, state: FloatArray, tick: IntArray) -> IntArray:
@@ -186,8 +190,10 @@ def _owners(truth: SetTruth, rows: _Rows) -> tuple[IntArray, BoolArray]:
     launch = owner[rows.track]
     is_scored_tick = truth.is_scored.any(axis=0)[rows.tick]
     is_scored = np.where(launch >= 0, truth.is_scored[launch, rows.tick], is_scored_tick)
-    scored = np.bincount(rows.track[is_scored], minlength=tracks)
-    assigned = np.bincount(rows.track[is_scored & is_assigned], minlength=tracks)
+    scored, assigned = (
+        np.bincount(rows.track[marked], minlength=tracks)
+        for marked in (is_scored, is_scored & is_assigned)
+    )
     return np.where(2 * assigned < scored, -1, owner), is_scored
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from attrs import frozen
 from scipy.stats import chi2, kstest, t as student
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, SPEED_OF_LIGHT_M_S
 from opir_core.estimation import matvec, tangent_axes
 from opir_core.interfaces import TRACK_CONTAINMENTS, Columns
@@ -112,17 +112,21 @@ def on_normal_scale(
     usual = np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom))
     is_reported = np.asarray(np.isfinite(reported_sigmas).all(axis=1))
     radii = np.where(is_reported[:, None], reported_sigmas, usual)
+    scaled = np.square(_rescaled(np.sqrt(values), radii, usual))
+    return np.where(is_reported, scaled, values)
+
+
+def _rescaled(distance: FloatArray, radii: FloatArray, usual: FloatArray) -> FloatArray:
+    """Return distances (n,) mapped piecewise linearly from radii (n, k) to usual ones (k,)."""
     knots = np.column_stack([np.zeros(len(radii)), radii])
     levels = np.append(0.0, usual)
-    distance = np.sqrt(values)
     step = np.minimum(np.sum(distance[:, None] > radii, axis=1), len(usual) - 1)
     row = np.arange(len(radii))
     start = knots[row, step]
     slope = (levels[step + 1] - levels[step]) / (knots[row, step + 1] - start)
     within = levels[step] + (distance - start) * slope
     beyond = distance * (levels[-1] / radii[:, -1])
-    scaled = np.square(np.where(distance > radii[:, -1], beyond, within))
-    return np.where(is_reported, scaled, values)
+    return np.where(distance > radii[:, -1], beyond, within)
 
 
 def proportion(successes: float, trials: int) -> tuple[float, float, float]:
@@ -215,14 +219,8 @@ def innovations(evidence: RunEvidence, owners: Ownership) -> Innovations:
 
 def _of_track(evidence: RunEvidence, tracks: Tracks, owners: Ownership) -> Innovations:
     row = int(np.searchsorted(owners.track, tracks.track[0]))
-    rows = np.flatnonzero(evidence.track == owners.track[row])
-    tick = np.searchsorted(tracks.tick_s, evidence.time_s[rows], side="right") - 1
-    rows = rows[tick >= 0]
-    tick, earliest = np.unique(tick[tick >= 0], return_index=True)
-    rows = rows[earliest]
-    is_near = evidence.time_s[rows] - tracks.tick_s[tick] <= REACH_S
-    rows = rows[is_near]
-    tracks = tracks.take(tick[is_near])
+    rows, tick = _first_rows(evidence, owners.track[row], tracks.tick_s)
+    tracks = tracks.take(tick)
     target = int(owners.target[row])
     return Innovations(
         target=np.full(len(rows), target, dtype=np.int64),
@@ -231,6 +229,17 @@ def _of_track(evidence: RunEvidence, tracks: Tracks, owners: Ownership) -> Innov
         is_biased=np.full(len(rows), owners.is_biased[row]),
         nis=_normalised(evidence, rows, tracks),
     )
+
+
+def _first_rows(evidence: RunEvidence, track: int, tick_s: FloatArray) -> tuple[RowArray, RowArray]:
+    """Return the rows (n,) of a track's first detections soon after its ticks, and the ticks."""
+    rows = np.flatnonzero(evidence.track == track)
+    tick = np.searchsorted(tick_s, evidence.time_s[rows], side="right") - 1
+    rows = rows[tick >= 0]
+    tick, earliest = np.unique(tick[tick >= 0], return_index=True)
+    rows = rows[earliest]
+    is_near = evidence.time_s[rows] - tick_s[tick] <= REACH_S
+    return rows[is_near], tick[is_near]
 
 
 def _normalised(evidence: RunEvidence, rows: IntArray, tracks: Tracks) -> FloatArray:

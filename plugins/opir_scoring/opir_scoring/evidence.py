@@ -6,7 +6,7 @@ same time or, where one was lost, one after another. At every tick one of them i
 tracks after a loss are scored too, and simultaneous tracks count once.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -84,8 +84,9 @@ def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> Floa
     free flight or the plan has `opir_core.planning.whole_flights` as its `targets`. `run.plan` is
     the plan of a run.
     """
-    start = plan.targets.ignition_s[target]
-    end = plan.targets.end_s[target]
+    targets = plan.targets
+    start = targets.ignition_s[target]
+    end = targets.end_s[target]
     inside = (time_s >= start) & (time_s <= end)
     clipped = np.clip(time_s, start, end)
     # Positions are interpolated to a centimetre and the jerk is below 2 m/s³, so with this step the
@@ -93,16 +94,21 @@ def true_states_ecef(plan: Plan, target: IndexArray, time_s: FloatArray) -> Floa
     step = np.minimum(0.25, 0.5 * (end - start))
     # A parabola through three places: where the truth ends, as at burnout, they lie to one side.
     middle = np.clip(clipped, start + step, end - step)
-    before_m, middle_m, after_m = (
-        plan.targets.position_ecef_m(target, middle + side * step) for side in (-1.0, 0.0, 1.0)
-    )
-    per_step = (1.0 / step)[:, None]
-    bend = after_m - 2.0 * middle_m + before_m
-    curvature = bend * per_step * ((clipped - middle) / step)[:, None]
-    velocity_m_s = 0.5 * (after_m - before_m) * per_step + curvature
-    position_m = plan.targets.position_ecef_m(target, clipped)
-    states = np.concatenate([position_m, velocity_m_s], axis=1)
+    places_m = [targets.position_ecef_m(target, middle + side * step) for side in (-1, 0, 1)]
+    slopes_m_s = _slopes(places_m, step, (clipped - middle) / step)
+    states = np.hstack([targets.position_ecef_m(target, clipped), slopes_m_s])
     return np.where(inside[:, None], states, np.nan)
+
+
+def _slopes(places: Sequence[FloatArray], step: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return the slopes (n, 3) of parabolas through three places a step apart, at offsets (n,) from
+    the middle in steps.
+    """
+    before, middle, after = places
+    per_step = (1.0 / step)[:, None]
+    bend = after - 2.0 * middle + before
+    curvature = bend * per_step * offset[:, None]
+    return 0.5 * (after - before) * per_step + curvature
 
 
 @frozen(eq=False)

@@ -120,10 +120,17 @@ def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, In
     tracks = evidence.tracks
     order = np.lexsort((tracks.tick_s, tracks.track))
     order = order[np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
-    track = tracks.track[order]
-    tick_s = tracks.tick_s[order]
     if not len(order):
         return order, order
+    rows = _newest_rows(tracks.track[order], tracks.tick_s[order])
+    ages = np.repeat(np.arange(len(rows)), [len(of_age) for of_age in rows])
+    return order[np.concatenate(rows)], ages
+
+
+def _newest_rows(track: IntArray, tick_s: FloatArray) -> list[IntArray]:
+    """Return the last rows of tracks at each age that they reach, and of all, of rows (n,) by track
+    and time.
+    """
     _, start, count = np.unique(track, return_index=True, return_counts=True)
     end = start + count - 1
     since_s = tick_s - np.repeat(tick_s[start], count)
@@ -131,10 +138,8 @@ def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, In
     for age_s in AGES_S:
         young = np.add.reduceat(since_s <= age_s, start)
         is_reached = since_s[end] >= age_s
-        rows.append(order[(start + young - 1)[is_reached]])
-    rows.append(order[end])
-    ages = np.repeat(np.arange(len(rows)), [len(of_age) for of_age in rows])
-    return np.concatenate(rows), ages
+        rows.append((start + young - 1)[is_reached])
+    return [*rows, end]
 
 
 def hypothesis_figures(scores: HypothesisScores, names: Sequence[str]) -> Mapping[str, Any]:

@@ -50,8 +50,8 @@ def verdict(paired: Mapping[str, Any], figures: Mapping[str, Mapping[str, Any]])
     if certain and uncertain:
         lines.append(f"It is not certain to be better than {' or '.join(uncertain)}.")
     coverage = {name: figures[name]["completeness"]["value"] for name in paired["compared"]}
-    lines = [_best(paired, [best, *rivals]), *lines, *_exceptions(paired)]
-    return "\n".join([*lines, *_coverage(best, coverage)])
+    lines += [*_exceptions(paired), *_coverage(best, coverage)]
+    return "\n".join([_best(paired, [best, *rivals]), *lines])
 
 
 def _best(paired: Mapping[str, Any], names: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.stats import chi2
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray, RowArray
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_scoring.containments import nees, share
 
@@ -44,17 +44,29 @@ def energy_scores(
     """
     score = np.sqrt(np.sum(np.square(error[:, components]), axis=1))
     is_known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
-    variance, axes = np.linalg.eigh(covariance[is_known][:, components, components])
-    variance = np.maximum(variance, 0.0)
-    across = np.sum(axes * error[is_known][:, components][:, :, None], axis=1)
-    spread = _mean_length(np.zeros_like(across), 2.0 * variance)
-    score[is_known] = _mean_length(across, variance) - 0.5 * spread
+    score[is_known] = _normal_energies(
+        error[is_known][:, components], covariance[is_known][:, components, components]
+    )
     if sigmas is not None:
-        radial = np.flatnonzero(is_known & np.isfinite(sigmas).all(axis=1))
-        # 256 rows at once are 20 MB.
-        for rows in np.array_split(radial, max(1, -(-len(radial) // 256))):
+        has_radii = np.asarray(np.isfinite(sigmas).all(axis=1))
+        for rows in _blocks(is_known & has_radii):
             score[rows] += _gain_of_radii(error[rows], covariance[rows], sigmas[rows], components)
     return score
+
+
+def _blocks(is_marked: BoolArray) -> list[RowArray]:
+    """Return the marked rows in blocks of at most 256, whose samples are 20 MB."""
+    rows = np.flatnonzero(is_marked)
+    return np.array_split(rows, max(1, -(-len(rows) // 256)))
+
+
+def _normal_energies(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the energy scores (n,) of normal distributions."""
+    variance, axes = np.linalg.eigh(covariance)
+    variance = np.maximum(variance, 0.0)
+    across = np.sum(axes * error[:, :, None], axis=1)
+    spread = _mean_length(np.zeros_like(across), 2.0 * variance)
+    return _mean_length(across, variance) - 0.5 * spread
 
 
 def _mean_length(mean: FloatArray, variance: FloatArray) -> FloatArray:

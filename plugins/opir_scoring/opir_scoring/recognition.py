@@ -78,11 +78,15 @@ def recognition_figures(runs: Sequence[Recognition], seeds: Sequence[int]) -> di
         "false_launches_an_hour": _rate(false_launches, hours),
         "launches_recognised": share(np.isfinite(recognised_s[is_weighed])),
         "launches_sure": share(np.isfinite(sure_s[is_weighed])),
-        "median_sure_after_s": float(np.median(sure_s[is_weighed])) if is_weighed.any() else np.nan,
+        "median_sure_after_s": _median(sure_s[is_weighed]),
         "launches": [
             launch for run, seed in zip(runs, seeds, strict=True) for launch in _launches(run, seed)
         ],
     }
+
+
+def _median(values: FloatArray) -> float:
+    return float(np.median(values)) if len(values) else np.nan
 
 
 def _launches(run: Recognition, seed: int) -> Iterator[dict[str, Any]]:

@@ -124,6 +124,8 @@ _CONDITIONS = figure_rows(
     ("thin", "thin", 2),
 )
 
+_CONSISTENCY = ("NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
+
 #: A tracker's name and its figures.
 _Named = tuple[str, Mapping[str, Any]]
 
@@ -141,49 +143,45 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
     by_time = _by_time(figures)
     if not by_time:
         return _phases(title, figures)
-    counts = ("targets", "launches_reported", "impacts_reported")
-    points = [
-        (name, *(str(own[count]) for count in counts), *cells(own, _POINTS))
-        for name, own in figures
-    ]
     nominal = [f"{100.0 * level['nominal']:g} %" for level in figures[0][1]["launch_containment"]]
     return [
         f"{title}, by time since ignition",
         *by_time,
         f"{title}, launch and impact points",
-        table(("tracker", "targets", "launch points", "impact points", *_labels(_POINTS)), points),
+        _point_table(figures),
         table(("containment, %", "tracker", *nominal), _curves(figures)),
         *_phases(title, figures),
     ]
 
 
+def _point_table(figures: Sequence[_Named]) -> str:
+    counts = ("targets", "launches_reported", "impacts_reported")
+    rows = [
+        (name, *(str(own[count]) for count in counts), *cells(own, _POINTS))
+        for name, own in figures
+    ]
+    return table(("tracker", "targets", "launch points", "impact points", *_labels(_POINTS)), rows)
+
+
 def _by_time(figures: Sequence[_Named]) -> list[str]:
     """Return the tables of errors and consistency by time since ignition; nothing without ticks."""
-    binned = [(own_bin, name) for name, own in figures for own_bin in own["by_time"]]
+    binned = [(bin_, name) for name, own in figures for bin_ in own["by_time"]]
     if not binned:
         return []
     binned.sort(key=lambda row: row[0]["since_ignition_s"][0])
-    label = [
-        ("{:g}-{:g}".format(*own_bin["since_ignition_s"]), name, own_bin)
-        for own_bin, name in binned
-    ]
+    bins = [("{:g}-{:g}".format(*bin_["since_ignition_s"]), name, bin_) for bin_, name in binned]
     head = ("time s", "tracker", "n")
-    places, speeds = (
-        table(
-            (*head, *_labels(rows)),
-            [
-                (since, name, str(own_bin["samples"]), *cells(own_bin, rows))
-                for since, name, own_bin in label
-            ],
-        )
-        for rows in (_PLACE, _SPEED)
-    )
+    tables = []
+    for rows in (_PLACE, _SPEED):
+        errors = [
+            (since, name, str(bin_["samples"]), *cells(bin_, rows)) for since, name, bin_ in bins
+        ]
+        tables.append(table((*head, *_labels(rows)), errors))
     consistency = [
-        (since, name, *_consistent_cells(own_bin["nees"]), *_consistent_cells(own_bin["nis"]))
-        for since, name, own_bin in label
+        (since, name, *_consistent_cells(bin_["nees"]), *_consistent_cells(bin_["nis"]))
+        for since, name, bin_ in bins
     ]
-    names = ("NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
-    return [places, speeds, table((*head, *names), consistency)]
+    return [*tables, table((*head, *_CONSISTENCY), consistency)]
 
 
 def _phases(title: str, figures: Sequence[_Named]) -> list[str]:

@@ -177,14 +177,15 @@ def _types(evidence: RunEvidence, owners: Ownership) -> Mapping[str, IntArray]:
 
 def _counts(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     launches = sum(run.launches for run in runs)
-    purity = np.concatenate([run.owners.purity[run.owners.target >= 0] for run in runs])
-    false_tracks = np.array([np.count_nonzero(run.owners.target < 0) for run in runs])
+    purities = [run.owners.purity[run.owners.target >= 0] for run in runs]
     coverage = _coverage_figures([run.coverage for run in runs], launches)
     return {
         "launches_tracked": coverage["launches_tracked"],
         "tracks_a_launch": coverage["tracks_a_launch"],
-        "false_tracks_a_run": mean(false_tracks),
-        "purity": mean(purity, 1.0),
+        "false_tracks_a_run": mean(
+            np.array([np.count_nonzero(run.owners.target < 0) for run in runs])
+        ),
+        "purity": mean(np.concatenate(purities), 1.0),
         "completeness": coverage["completeness"],
         "first_track_after_s": coverage["first_track_after_s"],
         "tracking_us_a_detection": _pace(runs, [run.detections for run in runs]),

@@ -5,7 +5,8 @@ targets.
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core import Plan
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_scoring.evidence import Ownership, RunEvidence, true_states_ecef
 from opir_scoring.gospa_metric import gospa
 
@@ -64,13 +65,17 @@ def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
         of_target = owner == target
         burnout_s = evidence.plan.targets.burnout_s[target]
         expected = ticks[(ticks >= detected_s[0]) & (ticks <= burnout_s)]
-        tracked = np.isin(expected, evidence.tracks.tick_s[of_target])
-        share = tracked.mean() if len(expected) else np.nan
+        share = _share(expected, evidence.tracks.tick_s[of_target])
         first_track_s = available_s[of_target].min(initial=np.inf) - detected_s[0]
         rows.append((share, first_track_s, np.count_nonzero(owners.target == target)))
     shares, first_tracks_s, counts = np.array(rows, dtype=np.float64).reshape(-1, 3).T
     first_tracks_s = np.where(np.isinf(first_tracks_s), np.nan, first_tracks_s)
     return Coverage(shares, first_tracks_s, counts.astype(np.int64))
+
+
+def _share(expected: FloatArray, times: FloatArray) -> float:
+    """Return the share of expected times (n,) that are among others; nan without any."""
+    return float(np.isin(expected, times).mean()) if len(expected) else np.nan
 
 
 def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSettings) -> FloatArray:
@@ -99,15 +104,19 @@ def _estimates_and_truth(
     evidence: RunEvidence, owners: Ownership, tick_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the positions of tracks (m, 3) and of flying launches (n, 3) at a tick, m."""
-    targets = evidence.plan.targets
     tracks = evidence.tracks.take(evidence.tracks.tick_s == tick_s)
-    launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
-    is_flying = (targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)
-    flying = launches[is_flying]
+    flying = _flying(evidence.plan, tick_s)
     true = true_states_ecef(evidence.plan, flying, np.full(len(flying), tick_s))[:, :3]
     owner = owners.target[np.searchsorted(owners.track, tracks.track)]
     is_scored = np.isfinite(tracks.state[:, 0]) & ((owner < 0) | np.isin(owner, flying))
     return tracks.state[is_scored, :3], true
+
+
+def _flying(plan: Plan, tick_s: float) -> IndexArray:
+    """Return the launches (n,) with known truth at a tick."""
+    launches = np.arange(len(plan.scene.targets), dtype=np.int32)
+    ignition_s = plan.targets.ignition_s[launches]
+    return launches[(ignition_s <= tick_s) & (plan.targets.end_s[launches] >= tick_s)]
 
 
 def mean_gospa(parts: FloatArray, order: float) -> FloatArray:
