@@ -20,7 +20,6 @@ REVIEWED_MODULE = 600
 REVIEWED_FUNCTION = 60
 LONG_MODULES: dict[str, str] = {}
 LONG_FUNCTIONS = {
-    "plugins/opir_readers/opir_readers/velocity_checks.py:_mended": "one check after the other",
 }
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "base", "common", "misc"}
 
