@@ -50,14 +50,24 @@ def with_launches(
         covariance = covariance.copy()
         launch[no_launch] = np.nan
         covariance[no_launch] = np.nan
-    return evolve(
-        tracks,
+    return Tracks(
+        tick_s=tracks.tick_s,
+        track=tracks.track,
+        state=tracks.state,
+        state_covariance=tracks.state_covariance,
+        state_sigmas=tracks.state_sigmas,
+        available_s=tracks.available_s,
         launch=launch,
         launch_covariance=covariance,
         impact=forecasts.impact,
         impact_covariance=forecasts.impact_covariance,
         impact_sigmas=forecasts.impact_sigmas,
         impact_regions=forecasts.impact_regions,
+        impact_method=tracks.impact_method,
+        burnout=tracks.burnout,
+        burnout_covariance=tracks.burnout_covariance,
+        seen_s=tracks.seen_s,
+        is_brief=tracks.is_brief,
         probability_burning=forecasts.probability_burning,
         probability_relights=forecasts.probability_relights,
         end=np.where(reported.end > 0, reported.end, forecasts.end).astype(np.uint8),
@@ -117,6 +127,7 @@ def tracks_of(
     count = len(mean)
     impact = _unknown(count, 6, 3)
     burnout = _unknown(count, 8, 7)
+    probability = _unknown(5, count)
     state, covariance = earth_fixed(mean, covariance, time_s)
     return Tracks(
         tick_s=np.array([time_s] * count),
@@ -132,6 +143,12 @@ def tracks_of(
         type_probability=_unknown(count, len(REPORTED_TYPES)),
         burnout=burnout[:, 7],
         burnout_covariance=burnout[:, :7],
+        probability_burning=probability[0],
+        probability_relights=probability[1],
+        probability_launch=probability[2],
+        probability_missile=probability[3],
+        probability_orbit=probability[4],
+        hypothesis_probability=np.empty((count, 0)),
         seen_s=table.seen_s - table.first_s,
         is_brief=is_brief,
     )
