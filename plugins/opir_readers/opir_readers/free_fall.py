@@ -9,7 +9,7 @@ flight in air falls freely under no reading: it shows nothing.
 from collections.abc import Iterator
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
@@ -86,69 +86,68 @@ class Misreading:
 
 
 def misreading_of(table: StateTable) -> Misreading | None:
-    """Return the slip under which alone a table falls freely or begins at rest, None where there is none."""
+    """Return the slip under which alone a table falls freely or begins at rest, None for no slip."""
     rows = max(runs(table), key=len)
     rows = rows[:: len(rows) // MOST_STATES + 1]
     given, *slips = readings(table.time_s[rows], table.position_m[rows])
     fall = fall_of(given)
     if not fall.is_free:
-        falls = [
-            (other.share, -place, other)
-            for place, other in enumerate(map(fall_of, slips))
-            if other.is_free
-        ]
-        if falls:
-            share, place, mended = max(falls)
-            if fall.share < DOUBTFUL_SHARE * share:
-                return _misreading(table, slips[-place], _evidence_of_fall(fall, mended))
-    for slip in slips:
-        if slip.turns != 1.0 and _rests(slip) and not _rests(given):
-            return _misreading(table, slip, _evidence_on_pad(given))
+        falls = [fall_of(slip) for slip in slips]
+        shares = [other.share if other.is_free else 0.0 for other in falls]
+        place = int(np.argmax(shares))
+        if fall.share < DOUBTFUL_SHARE * shares[place]:
+            return _misreading(table, slips[place], _evidence_of_fall(fall, falls[place]))
+    if not _rests(given):
+        for slip in slips:
+            if slip.turns != 1.0 and _rests(slip):
+                return _misreading(table, slip, _evidence_on_pad(given))
     return None
 
 
 def readings(time_s: FloatArray, position_m: FloatArray) -> Iterator[Reading]:
-    """Yield the states as given, then as each usual slip of axes, heights, lengths and times would have them."""
-    yield Reading("", time_s, position_m)
-    yield Reading(
-        "along inertial axes, not Earth-fixed ones",
-        time_s,
-        position_m,
-        0.0,
-        _renamed("ecef", "teme"),
-        "name their frame, TEME or EME2000",
+    """Yield the states as given, then as each usual slip of axes, heights, lengths and times would
+    have them.
+    """
+    given = Reading("", time_s, position_m)
+    yield given
+    yield evolve(
+        given,
+        slip="along inertial axes, not Earth-fixed ones",
+        turns=0.0,
+        quantities=_renamed("ecef", "teme"),
+        way="name their frame, TEME or EME2000",
     )
-    yield Reading(
-        "along Earth-fixed axes, not inertial ones",
-        time_s,
-        position_m,
-        2.0,
-        (*_renamed("teme", "ecef"), *_renamed("eme2000", "ecef")),
-        "name their frame, ITRF",
+    yield evolve(
+        given,
+        slip="along Earth-fixed axes, not inertial ones",
+        turns=2.0,
+        quantities=(*_renamed("teme", "ecef"), *_renamed("eme2000", "ecef")),
+        way="name their frame, ITRF",
     )
-    where = ecef_to_geodetic(position_m)
+    yield from _other_heights(given)
+    frames = ("ecef", "teme", "eme2000")
+    feet = tuple((f"{axis}_{frame}", f"{axis}_{frame}_ft") for frame in frames for axis in "xyz")
+    yield Reading("with positions in ft", time_s, 0.3048 * position_m, 1.0, feet)
+    for unit, seconds in (("ms", 1e-3), ("min", 60.0), ("h", 3600.0)):
+        quantities = (("time", f"time_{unit}"),)
+        yield Reading(f"with times in {unit}", seconds * time_s, position_m, 1.0, quantities)
+
+
+def _other_heights(given: Reading) -> Iterator[Reading]:
+    """Yield states with heights in other units, and from the Earth's centre."""
+    where = ecef_to_geodetic(given.position_m)
     for unit, factor in (("km", 1e3), ("ft", 0.3048)):
         high_m = geodetic_to_ecef(where.latitude_rad, where.longitude_rad, factor * where.height_m)
         quantities = (("height", f"height_{unit}"), ("altitude", f"altitude_{unit}"))
-        yield Reading(f"with heights in {unit}", time_s, high_m, 1.0, quantities)
+        yield Reading(f"with heights in {unit}", given.time_s, high_m, 1.0, quantities)
     ground_m = geodetic_to_ecef(where.latitude_rad, where.longitude_rad, 0.0 * where.height_m)
     outward = ground_m / _length(ground_m)[:, None]
     yield Reading(
         "with distances from the Earth's centre as heights",
-        time_s,
+        given.time_s,
         outward * where.height_m[:, None],
         way="subtract the Earth's radius from them",
     )
-    feet = tuple(
-        (f"{axis}_{frame}", f"{axis}_{frame}_ft")
-        for frame in ("ecef", "teme", "eme2000")
-        for axis in "xyz"
-    )
-    yield Reading("with positions in ft", time_s, 0.3048 * position_m, 1.0, feet)
-    for unit, seconds in (("ms", 1e-3), ("min", 60.0), ("h", 3600.0)):
-        yield Reading(
-            f"with times in {unit}", seconds * time_s, position_m, 1.0, (("time", f"time_{unit}"),)
-        )
 
 
 def _renamed(frame: str, right: str) -> tuple[tuple[str, str], ...]:
@@ -161,20 +160,20 @@ def _renamed(frame: str, right: str) -> tuple[tuple[str, str], ...]:
 def fall_of(reading: Reading) -> Fall:
     """Return how a reading falls."""
     rows = _spaced(reading.time_s)
-    time_s = reading.time_s[rows]
     radius_m = _length(reading.position_m)
-    if len(time_s) < 3 or radius_m.min() < LEAST_RADIUS_M or radius_m.max() > MOST_RADIUS_M:
+    if len(rows) < 3 or radius_m.min() < LEAST_RADIUS_M or radius_m.max() > MOST_RADIUS_M:
         return Fall(0, 0.0, float("nan"))
-    inertial_m = _turned(
-        reading.position_m[rows], reading.turns * EARTH_ROTATION_RAD_S * (time_s - time_s[0])
-    )
-    excess, gravity = _accelerations(time_s, inertial_m)
-    is_airless = ecef_to_geodetic(inertial_m[1:-1]).height_m > AIRLESS_M
-    falls = is_airless & (excess < EXCESS_SHARE * gravity + EXCESS_M_S2)
+    time_s = reading.time_s[rows]
+    turned_rad = reading.turns * EARTH_ROTATION_RAD_S * (time_s - time_s[0])
+    position_m = _turned(reading.position_m[rows], turned_rad)
+    gravity_m_s2 = -EARTH_MU_M3_S2 * position_m / _length(position_m)[:, None] ** 3
+    excess = _excess(time_s, position_m, gravity_m_s2)
+    is_airless = ecef_to_geodetic(position_m[1:-1]).height_m > AIRLESS_M
+    limit = EXCESS_SHARE * _length(gravity_m_s2[1:-1]) + EXCESS_M_S2
+    falls = is_airless & (excess < limit)
     count = int(np.count_nonzero(falls))
-    shown = falls if count else is_airless
-    median = float(np.median(excess[shown])) if np.count_nonzero(shown) else float("nan")
-    return Fall(count, count / len(falls), median)
+    shown = excess[falls if count else is_airless]
+    return Fall(count, count / len(falls), float(np.median(shown)) if len(shown) else float("nan"))
 
 
 def _spaced(time_s: FloatArray) -> np.ndarray:
@@ -192,22 +191,21 @@ def _turned(position_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
     return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
 
 
-def _accelerations(time_s: FloatArray, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return accelerations beyond gravity, and gravity, at all states but the first and the last, m/s².
+def _excess(time_s: FloatArray, position_m: FloatArray, gravity_m_s2: FloatArray) -> FloatArray:
+    """Return accelerations beyond gravity at all states but the first and the last (n - 2,), m/s².
 
-    The second difference of a path is the mean of its acceleration with the weights of Numerov's rule, here for
-    uneven steps.
+    The second difference of a path is the mean of its acceleration with the weights of Numerov's
+    rule, here for uneven steps.
     """
-    gravity = -EARTH_MU_M3_S2 * position_m / _length(position_m)[:, None] ** 3
-    before = np.diff(time_s)[:-1, None]
-    after = np.diff(time_s)[1:, None]
+    steps = np.diff(time_s)[:, None]
+    before = steps[:-1]
+    after = steps[1:]
     both = before + after
-    rates = np.diff(position_m, axis=0) / np.diff(time_s)[:, None]
-    acceleration = 2.0 * np.diff(rates, axis=0) / both
+    acceleration = 2.0 * np.diff(np.diff(position_m, axis=0) / steps, axis=0) / both
     late = (after**2 + before * after - before**2) / (6.0 * after * both)
     early = (before**2 + before * after - after**2) / (6.0 * before * both)
-    mean = early * gravity[:-2] + (1.0 - early - late) * gravity[1:-1] + late * gravity[2:]
-    return _length(acceleration - mean), _length(gravity[1:-1])
+    mean = early * gravity_m_s2[:-2] + late * gravity_m_s2[2:]
+    return _length(acceleration - mean - (1.0 - early - late) * gravity_m_s2[1:-1])
 
 
 def _rests(reading: Reading) -> bool:

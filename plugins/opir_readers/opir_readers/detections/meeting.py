@@ -14,7 +14,7 @@ from attrs import evolve, frozen
 from opir_core import Plan
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.geometry import east_north_up_axes, ecef_to_geodetic
+from opir_core.geometry import dot, east_north_up_axes, ecef_to_geodetic
 from opir_core.plugin import Detections
 
 #: Lines within this time, s, are taken for simultaneous: so far a target of this speed, m/s, moves at most.
@@ -76,6 +76,15 @@ class Lines:
             self.time_s[rows], self.origin_m[rows], self.direction[rows], self.sigma_rad[rows]
         )
 
+    def at(self, range_m: FloatArray) -> FloatArray:
+        """Return the places (n, 3) at ranges (n,), m."""
+        return self.origin_m + range_m[:, None] * self.direction
+
+    @property
+    def error_rad(self) -> FloatArray:
+        """Return the angles (n,) within which lines lead to their sources."""
+        return SIGMAS * self.sigma_rad + BIAS_RAD
+
 
 @frozen
 class Meeting:
@@ -100,70 +109,77 @@ Pair = tuple[Lines, Lines]
 
 def slips_of_lines(detections: Detections, plan: Plan) -> Iterator[str]:
     """Yield the slips that explain why lines of two sensors do not meet, for each pair with one."""
-    for first, second in combinations(np.unique(detections.sensor).tolist(), 2):
+    for numbers in combinations(np.unique(detections.sensor).tolist(), 2):
+        first, second = numbers
         pair = Lines.of(detections, first), Lines.of(detections, second)
         given = meeting(pair)
         if len(given.meets) < MIN_LINES or given.share > FEW:
             continue
-        mended = {slip: meeting(mend(pair)) for slip, mend in MENDS.items()}
-        clear = {
-            slip: lines
-            for slip, lines in mended.items()
-            if len(lines.meets) >= MIN_LINES and lines.share >= MOST
-        }
-        if not clear:
-            continue
-        names = [plan.sensors[number].id for number in (first, second)]
-        nearest_m = min(lines.typical_m for lines in clear.values())
-        ways = [
-            f"{slip} ({REMEDIES[slip].format(*names)})"
-            for slip, lines in clear.items()
-            if lines.typical_m <= ALIKE * nearest_m
-        ]
-        yield (
-            f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s pass each other at"
-            f" {given.typical_m * 1e-3:.3g} km, and at {nearest_m * 1e-3:.2g} km"
-            f" {' or '.join(ways)}"
-        )
+        names = [plan.sensors[number].id for number in numbers]
+        slips = {slip: lines for slip, lines in _mended(pair) if lines.share >= MOST}
+        if slips:
+            nearest_m = min(lines.typical_m for lines in slips.values())
+            ways = [
+                f"{slip} ({REMEDIES[slip].format(*names)})"
+                for slip, lines in slips.items()
+                if lines.typical_m <= ALIKE * nearest_m
+            ]
+            yield (
+                f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s pass each other at"
+                f" {given.typical_m * 1e-3:.3g} km, and at {nearest_m * 1e-3:.2g} km"
+                f" {' or '.join(ways)}"
+            )
+
+
+def _mended(pair: Pair) -> Iterator[tuple[str, Meeting]]:
+    """Yield the slips and how lines pass without each, where enough are simultaneous."""
+    for slip, mend in MENDS.items():
+        lines = meeting(mend(pair))
+        if len(lines.meets) >= MIN_LINES:
+            yield slip, lines
 
 
 def meeting(pair: Pair) -> Meeting:
     """Return how each line of one sensor passes the nearest simultaneous line of the other."""
-    one, other = pair
-    one = one.take(np.arange(0, len(one.time_s), len(one.time_s) // MOST_LINES + 1))
-    first = np.searchsorted(other.time_s, one.time_s - TOGETHER_S)
-    count = np.searchsorted(other.time_s, one.time_s + TOGETHER_S) - first
-    rows = np.repeat(np.arange(len(count)), count)
+    line, other = pair
+    line = line.take(np.arange(0, len(line.time_s), len(line.time_s) // MOST_LINES + 1))
+    rows, other_rows = _simultaneous(line.time_s, other.time_s)
     if not len(rows):
         return Meeting(np.empty(0), np.empty(0, dtype=np.bool_))
-    others = (
-        np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
-    )
-    distance, meets = _passes(one.take(rows), other.take(others))
+    distance, meets = _passes(line.take(rows), other.take(other_rows))
     starts = np.flatnonzero(np.diff(rows, prepend=-1))
     return Meeting(np.minimum.reduceat(distance, starts), np.logical_or.reduceat(meets, starts))
 
 
-def _passes(one: Lines, other: Lines) -> tuple[FloatArray, BoolArray]:
-    """Return the distances (n,) at which pairs of lines pass each other, m, and which meet at a source."""
-    between = other.origin_m - one.origin_m
-    cosine = _dot(one.direction, other.direction)
-    along_one = _dot(between, one.direction)
-    along_other = _dot(between, other.direction)
+def _simultaneous(time_s: FloatArray, other_s: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the rows of all pairs of times within `TOGETHER_S`; both are sorted."""
+    start = np.searchsorted(other_s, time_s - TOGETHER_S)
+    count = np.searchsorted(other_s, time_s + TOGETHER_S) - start
+    rows = np.repeat(np.arange(len(count)), count)
+    places = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
+    return rows, places + np.repeat(start, count)
+
+
+def _passes(line: Lines, other: Lines) -> tuple[FloatArray, BoolArray]:
+    """Return the distances (n,) at which pairs of lines pass each other, m, and which meet at a
+    source.
+    """
+    between = other.origin_m - line.origin_m
+    cosine = dot(line.direction, other.direction)
+    along = dot(between, line.direction)
+    other_along = dot(between, other.direction)
     sine_square = np.maximum(1.0 - cosine * cosine, 1e-12)
-    range_one = (along_one - cosine * along_other) / sine_square
-    range_other = (cosine * along_one - along_other) / sine_square
-    place_one = one.origin_m + range_one[:, None] * one.direction
-    place_other = other.origin_m + range_other[:, None] * other.direction
-    distance = _length(place_other - place_one)
-    radius = _length(0.5 * (place_one + place_other))
-    blur = (SIGMAS * one.sigma_rad + BIAS_RAD) * range_one + (
-        SIGMAS * other.sigma_rad + BIAS_RAD
-    ) * range_other
-    allowed = blur + SPEED_M_S * np.abs(one.time_s - other.time_s)
-    is_ahead = (range_one > 0.0) & (range_other > 0.0)
-    is_source = (radius > EARTH_EQUATORIAL_RADIUS_M - DEEPEST_M) & (radius < FARTHEST_M)
-    return distance, is_ahead & is_source & (distance < allowed)
+    range_m = (along - cosine * other_along) / sine_square
+    other_range_m = (cosine * along - other_along) / sine_square
+    place_m = line.at(range_m)
+    other_place_m = other.at(other_range_m)
+    distance_m = _length(other_place_m - place_m)
+    radius_m = _length(0.5 * (place_m + other_place_m))
+    blur_m = line.error_rad * range_m + other.error_rad * other_range_m
+    motion_m = SPEED_M_S * np.abs(line.time_s - other.time_s)
+    is_ahead = (range_m > 0.0) & (other_range_m > 0.0)
+    is_source = (radius_m > EARTH_EQUATORIAL_RADIUS_M - DEEPEST_M) & (radius_m < FARTHEST_M)
+    return distance_m, is_ahead & is_source & (distance_m < blur_m + motion_m)
 
 
 def _both(change: Callable[[FloatArray], FloatArray]) -> Callable[[Pair], Pair]:
@@ -234,11 +250,6 @@ REMEDIES: Mapping[str, str] = {
     "with elevations counted downwards": "change the sign of elevations",
     "with the sensors' ids exchanged": "--rename {0}={1} --rename {1}={0}",
 }
-
-
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    product: FloatArray = (one * other).sum(axis=1)
-    return product
 
 
 def _length(vectors: FloatArray) -> FloatArray:

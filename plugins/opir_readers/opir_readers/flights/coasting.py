@@ -4,7 +4,7 @@ flies, and a coast keeps its energy.
 
 import numpy as np
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 
 #: Units of speed that telemetry is published in, m/s, and how one goes to m/s.
@@ -31,10 +31,7 @@ def misread_speeds(time_s: FloatArray, speed_m_s: FloatArray, height_m: FloatArr
     """Return in which unit speeds over the ground (n,) seem to be, with the figures and the remedy; "" where they are
     right, or no coast shows it.
     """
-    known = np.isfinite(speed_m_s) & np.isfinite(height_m)
-    rows = np.flatnonzero(known)
-    steps = np.floor((time_s[rows] - time_s[rows[0]]) / STEP_S + 1e-6)
-    rows = rows[np.diff(steps, prepend=-1.0) > 0.0]
+    rows = _spaced(time_s, np.isfinite(speed_m_s) & np.isfinite(height_m))
     flight = time_s[rows], speed_m_s[rows], height_m[rows]
     given = _coasting_share(*flight, 1.0)
     if given >= MIN_SHARE:
@@ -51,6 +48,13 @@ def misread_speeds(time_s: FloatArray, speed_m_s: FloatArray, height_m: FloatArr
         f"its speeds seem to be in {unit}: so read, {100.0 * shares[unit]:.0f} % of the flight is a coast that keeps"
         f" its energy, as given {100.0 * given:.0f} %; multiply them by {SPEED_UNITS[unit]:.6g}"
     )
+
+
+def _spaced(time_s: FloatArray, is_known: BoolArray) -> IntArray:
+    """Return the known rows that are at least `STEP_S` apart."""
+    rows = np.flatnonzero(is_known)
+    steps = np.floor((time_s[rows] - time_s[rows[0]]) / STEP_S + 1e-6)
+    return rows[np.diff(steps, prepend=-1.0) > 0.0]
 
 
 def _coasting_share(
