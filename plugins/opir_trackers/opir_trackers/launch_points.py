@@ -413,7 +413,9 @@ def on_ground(mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Flo
     flat = np.zeros((len(mean), 3, 4))
     flat[:, :2, :3] = level
     flat[:, 2, 3] = 1.0
-    return points, flat @ covariance @ flat.transpose(0, 2, 1)
+    spread = flat @ covariance @ flat.transpose(0, 2, 1)
+    # Rounding leaves the two halves of a product different.
+    return points, 0.5 * (spread + spread.transpose(0, 2, 1))
 
 
 def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:

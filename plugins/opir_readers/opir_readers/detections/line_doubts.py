@@ -36,7 +36,7 @@ def rare_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
     """Yield, for each sensor, that its lines come more rarely than its scans in the scene."""
     detections = columns.detections
     for number in np.unique(detections.sensor).tolist():
-        gaps_ns = np.diff(np.unique(detections.time_ns[detections.sensor == number]))
+        gaps_ns = np.diff(np.sort(detections.time_ns[detections.sensor == number]))
         sensor = plan.sensors[number]
         if len(gaps_ns) < _FEWEST_GAPS or np.median(gaps_ns) < _RARE * sensor.scan.period_ns:
             continue
