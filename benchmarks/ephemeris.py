@@ -9,8 +9,9 @@ another target and time). Times are processor time of one core, medians.
 import numpy as np
 from pages import draw_lines, markdown_table, median_s, options_of, publish, svg_plot
 
-from opir_core.flight.aiming import aim, boost_ephemeris, flight_ephemeris
+from opir_core.flight.aiming import aim, boost_ephemeris, coast_ephemeris
 from opir_core.flight.boost import boost_profiles
+from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 
@@ -138,7 +139,9 @@ def rows_of(targets, points, repeat):
     flight = flights(targets)
     spans = {
         "boost": lambda tolerance_m: boost_ephemeris(flight.path, tolerance_m),
-        "flight": lambda tolerance_m: flight_ephemeris(flight, tolerance_m),
+        "flight": lambda tolerance_m: Ephemeris.joined(
+            [boost_ephemeris(flight.path, tolerance_m), coast_ephemeris(flight, tolerance_m)]
+        ),
     }
     for span, build in spans.items():
         for tolerance_m in TOLERANCES_M:

@@ -8,6 +8,7 @@ the arithmetic of a single state.
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,10 +76,13 @@ def arithmetic(few: int, gravity: Gravity | None = None) -> Arithmetic:
     numbers = Functions(math.sqrt, math.exp, min, max, _chosen)
     columns = Functions(np.sqrt, np.exp, np.minimum, np.maximum, np.where)
     if gravity is not None:
-        field = gravity
         numbers = numbers._replace(gravity=gravity.alone_with_inverse_radius)
-        columns = columns._replace(gravity=lambda *position: field(np.stack(position)))
+        columns = columns._replace(gravity=partial(_gravity_at, gravity))
     return Arithmetic(few, numbers, columns)
+
+
+def _gravity_at(gravity: Gravity, *position: FloatArray) -> FloatArray:
+    return gravity(np.stack(position))
 
 
 def _chosen(condition: bool, value: float, other: float) -> float:
