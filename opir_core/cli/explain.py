@@ -54,7 +54,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     return plan_of(arguments, scene_of(arguments, host), host)
 
 
-class _Table(NamedTuple):
+class _Listing(NamedTuple):
     """A table of an explanation: its heads, the cells of a row, and the columns of numbers."""
 
     heads: Sequence[str]
@@ -203,31 +203,31 @@ def _noise_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 #: The tables of an explanation, in their order, by the keys of their rows.
 _TABLES = {
-    "components": _Table(("kind", "name", "from"), _component_cells),
-    "pairs": _Table(
+    "components": _Listing(("kind", "name", "from"), _component_cells),
+    "pairs": _Listing(
         ("sensor", "target", "looks", "from s", "to s", "visible", "P_d"), _pair_cells, (2, 3, 4, 6)
     ),
-    "dark": _Table(("target", "dark from s", "to s"), _dark_cells, (1, 2)),
-    "skipped": _Table(
+    "dark": _Listing(("target", "dark from s", "to s"), _dark_cells, (1, 2)),
+    "skipped": _Listing(
         ("sensor", "target", "skipped because"), itemgetter("sensor_id", "target_id", "reason")
     ),
-    "outages": _Table(
+    "outages": _Listing(
         ("sensor", "Sun too close from s", "to s", "towards", "of its field"),
         _outage_cells,
         (1, 2, 4),
     ),
-    "eclipses": _Table(
+    "eclipses": _Listing(
         ("sensor", "eclipsed from s", "umbra from s", "to s", "eclipsed to s"),
         _eclipse_cells,
         (1, 2, 3, 4),
     ),
-    "noise": _Table(
+    "noise": _Listing(
         ("sensor", "false alarms of noise and clutter per scan", "per day"), _noise_cells, (1, 2)
     ),
-    "focal_planes": _Table(
+    "focal_planes": _Listing(
         ("sensor", "band", "NEI W/m2", "noise over NEI", "in one pixel", "saturation W/m2"),
         _focal_plane_cells,
         (2, 3, 4, 5),
     ),
-    "reporting": _Table(("sensor", "reports after s", "σ s", "stages"), _reporting_cells),
+    "reporting": _Listing(("sensor", "reports after s", "σ s", "stages"), _reporting_cells),
 }

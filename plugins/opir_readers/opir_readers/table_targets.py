@@ -69,7 +69,7 @@ class TableTargets(Trajectories):
 
 
 @frozen(eq=False)
-class Flights:
+class TableFlights:
     """Flights through the states of tables: their curve, and scene times (n,) of ignition, burnout
     and end, s.
     """
@@ -108,14 +108,14 @@ class Flights:
         }
 
 
-def flights_of(tables: Sequence[StateTable], context: TargetContext) -> Flights:
+def flights_of(tables: Sequence[StateTable], context: TargetContext) -> TableFlights:
     """Return the flights of tables: to burnout, or to the last state where a sensor follows
     them.
     """
     ignition_s = np.array([table.burns_s[0, 0] for table in tables])
     burnout_s = np.array([table.burns_s[-1, 1] for table in tables])
     end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burnout_s
-    return Flights(tables, interpolant(tables), ignition_s, burnout_s, end_s)
+    return TableFlights(tables, interpolant(tables), ignition_s, burnout_s, end_s)
 
 
 def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Trajectories:

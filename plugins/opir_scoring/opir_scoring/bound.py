@@ -62,7 +62,7 @@ def state_bound(tick_s: FloatArray, detected: DetectedLooks) -> FloatArray:
     bounds = np.full((len(tick_s), 6, 6), np.nan)
     if not len(detected.look_s):
         return bounds
-    looks = _Looks.of(detected)
+    looks = _InertialLooks.of(detected)
     information = np.diag(1.0 / np.square([*PRIOR_SIGMA, *[1.0] * looks.biases]))
     time_s = float(looks.time_s[0])
     row = 0
@@ -92,7 +92,7 @@ def free_bound(tick_s: FloatArray, detected: DetectedLooks) -> FloatArray:
     bounds = np.full((len(tick_s), 6, 6), np.nan)
     if not len(detected.look_s):
         return bounds
-    looks = _Looks.of(detected)
+    looks = _InertialLooks.of(detected)
     motion = Motion(BOOST, JERK_NOISE_M_S3, Forces(zonal=()))
     root: FloatArray = np.diag(1.0 / np.array([*FREE_PRIOR_SIGMA, *[1.0] * looks.biases]))[None]
     time_s = float(looks.time_s[0])
@@ -118,7 +118,7 @@ def free_bound(tick_s: FloatArray, detected: DetectedLooks) -> FloatArray:
     return bounds
 
 
-class _Looks(NamedTuple):
+class _InertialLooks(NamedTuple):
     """Looks in the inertial frame: target positions (n, 3) and whitened Jacobians of the
     directions.
 
@@ -131,7 +131,7 @@ class _Looks(NamedTuple):
     bias_slope: FloatArray
 
     @classmethod
-    def of(cls, detected: DetectedLooks) -> "_Looks":
+    def of(cls, detected: DetectedLooks) -> "_InertialLooks":
         look_s = detected.look_s
         target_m = ecef_to_eci(detected.target_ecef_m, look_s)
         line_m = target_m - ecef_to_eci(detected.sensor_ecef_m, look_s)

@@ -125,7 +125,7 @@ def events_of(plan: Any, encoder: str) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
-    plan = photons("duration_s=70")
+    plan = photons()
     events = events_of(plan, "forge-bands")
     detections = opir.simulate(plan.scene).detections
     assert len(events) == len(detections) > 100

@@ -12,7 +12,7 @@ from opir_trackers.gating import GatedPairs
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.crowds import CrowdPairs, Crowds, SensorView
 from opir_trackers.imm.models import TrackingModels
-from opir_trackers.imm.predict import Prediction, predict
+from opir_trackers.imm.predict import SlicePrediction, predict
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight
@@ -37,7 +37,9 @@ class Associated(NamedTuple):
     shared: IntArray
 
 
-def associate(models: TrackingModels, state: TrackerState, prediction: Prediction) -> Associated:
+def associate(
+    models: TrackingModels, state: TrackerState, prediction: SlicePrediction
+) -> Associated:
     """Return the association of a slice's lines with the tracks that are predicted."""
     table = state.table
     crowds = state.crowds
@@ -66,7 +68,7 @@ def associate(models: TrackingModels, state: TrackerState, prediction: Predictio
     return _in_crowds(models, crowds, crowd_pairs, prediction, table, view)
 
 
-def _unassociated(prediction: Prediction, crowds: Crowds) -> Associated:
+def _unassociated(prediction: SlicePrediction, crowds: Crowds) -> Associated:
     """Return the association where no line has a track."""
     lines = prediction.lines
     owner = unassigned(len(lines))
@@ -74,7 +76,9 @@ def _unassociated(prediction: Prediction, crowds: Crowds) -> Associated:
     return Associated(owner, pairs, pairs, pairs, lines.sensor[:0], crowds, _NONE)
 
 
-def _outside_crowds(models: TrackingModels, prediction: Prediction, crowds: Crowds) -> Associated:
+def _outside_crowds(
+    models: TrackingModels, prediction: SlicePrediction, crowds: Crowds
+) -> Associated:
     """Return the association of tracks that are in no crowd."""
     pairs = prediction.pairs
     lines = prediction.lines
@@ -89,7 +93,7 @@ def _in_crowds(
     models: TrackingModels,
     crowds: Crowds,
     crowd_pairs: CrowdPairs,
-    prediction: Prediction,
+    prediction: SlicePrediction,
     table: TrackTable,
     view: SensorView,
 ) -> Associated:
@@ -121,7 +125,7 @@ def _in_crowds(
 def _with_joining(
     association: Associated,
     sharing: IntArray,
-    prediction: Prediction,
+    prediction: SlicePrediction,
     table: TrackTable,
     view: SensorView,
 ) -> Crowds:

@@ -12,7 +12,7 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.gating import candidates, gated
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.models import TrackingModels
-from opir_trackers.imm.predict import Prediction
+from opir_trackers.imm.predict import SlicePrediction
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
 from opir_trackers.lines_of_sight import LinesOfSight
@@ -24,7 +24,7 @@ from opir_trackers.track_priors import prior_estimates
 def initiate(
     models: TrackingModels,
     state: TrackerState,
-    prediction: Prediction,
+    prediction: SlicePrediction,
     owner: IntArray,
     raw: LinesOfSight,
     reported: IntArray,
@@ -40,7 +40,7 @@ def initiate(
 
 
 def _with_explained(
-    models: TrackingModels, state: TrackerState, prediction: Prediction, owner: IntArray
+    models: TrackingModels, state: TrackerState, prediction: SlicePrediction, owner: IntArray
 ) -> tuple[TrackerState, IntArray]:
     """Return the state, and the owners (m,) of lines with 0 for those that a track explains as
     outliers.

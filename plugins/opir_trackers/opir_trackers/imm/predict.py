@@ -19,7 +19,7 @@ from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.registration.registration import Registration
 
 
-class Prediction(NamedTuple):
+class SlicePrediction(NamedTuple):
     """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are
     those in the slice.
 
@@ -39,7 +39,7 @@ class Prediction(NamedTuple):
 
 def predict(
     models: TrackingModels, state: TrackerState, end_s: float, lines: LinesOfSight
-) -> Prediction:
+) -> SlicePrediction:
     """Return the tracks at the end of a slice with lines; the last prediction is kept, for labels
     need the same.
     """
@@ -56,11 +56,11 @@ def _predicted(
     start_s: float,
     end_s: float,
     lines: LinesOfSight,
-) -> Prediction:
+) -> SlicePrediction:
     span_s = end_s - start_s
     estimates = models.memo.of("moved", models.filter.predicted_open, estimates, span_s)
     if not table.number.size or not lines.scan.size:
-        return Prediction(estimates, _NO_PATH, GatedPairs.empty(), None, lines, end_s, span_s)
+        return SlicePrediction(estimates, _NO_PATH, GatedPairs.empty(), None, lines, end_s, span_s)
     path = models.path(estimates, end_s)
     if registration.widens_gates:
         vantages = models.vantages(registration, end_s)
@@ -70,10 +70,10 @@ def _predicted(
         )
     if not crowds.are_there:
         pairs = models.gated_pairs(path, lines, span_s)
-        return Prediction(estimates, path, pairs, None, lines, end_s, span_s)
+        return SlicePrediction(estimates, path, pairs, None, lines, end_s, span_s)
     pairs = _lone_pairs(models, path, lines, span_s, table, crowds)
     crowd_pairs = crowd.paired(crowds.tracks, start_s, lines, span_s, models.config.gate_sigma)
-    return Prediction(estimates, path, pairs, crowd_pairs, lines, end_s, span_s)
+    return SlicePrediction(estimates, path, pairs, crowd_pairs, lines, end_s, span_s)
 
 
 _NO_PATH = PredictedMeasurements(0.0, np.empty((0, 5, 3)), np.empty((0, BOOST, BOOST)))

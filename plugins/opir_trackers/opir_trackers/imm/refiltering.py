@@ -59,7 +59,7 @@ class FilterModels(NamedTuple):
     light_time: bool
 
 
-class Crossings(NamedTuple):
+class DirectionSums(NamedTuple):
     """Normal equations (n, instants, 12) of tracks' directions about a point `centre` (3,)."""
 
     sums: FloatArray
@@ -70,7 +70,7 @@ def refiltered(
     models: FilterModels,
     directions: Directions,
     track: IntArray,
-    crossings: Crossings,
+    crossings: DirectionSums,
     estimates_before: ModeEstimates,
     begun_s: FloatArray,
     now_s: float,
@@ -132,7 +132,7 @@ class _Priors(NamedTuple):
         cls,
         models: FilterModels,
         instants: FloatArray,
-        crossings: Crossings,
+        crossings: DirectionSums,
         begun_s: FloatArray,
     ) -> "_Priors":
         """Return the starts of tracks whose first detections were at times (n,)."""

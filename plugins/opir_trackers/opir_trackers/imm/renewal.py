@@ -12,7 +12,7 @@ from opir_trackers.assignment import ranks
 from opir_trackers.imm.crowds import Crowds, SensorView, directions_at
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures, widened
-from opir_trackers.imm.refiltering import Crossings, FilterModels, refiltered
+from opir_trackers.imm.refiltering import DirectionSums, FilterModels, refiltered
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.pairing import (
@@ -206,7 +206,7 @@ def _filtered_anew(
         return state
     is_looked_at = np.isin(instants, stored.time_s[directions])
     rows = np.searchsorted(state.table.number, shared[fixed])
-    crossings = Crossings(sums[fixed][:, is_looked_at], stretch.centre)
+    crossings = DirectionSums(sums[fixed][:, is_looked_at], stretch.centre)
     estimates = refiltered(
         models,
         stored.take(directions),

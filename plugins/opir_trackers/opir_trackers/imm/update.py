@@ -21,7 +21,7 @@ from opir_trackers.imm.outliers import (
     reweighted,
     suspect_tracks,
 )
-from opir_trackers.imm.predict import Prediction
+from opir_trackers.imm.predict import SlicePrediction
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.lines_of_sight import LinesOfSight, no_measurements
 from opir_trackers.onset.motion_statistics import MotionStatistics
@@ -33,7 +33,7 @@ from opir_trackers.registration.shared_errors import ERRORS
 def update(
     models: TrackingModels,
     state: TrackerState,
-    prediction: Prediction,
+    prediction: SlicePrediction,
     association: Associated,
     reported: IntArray,
 ) -> TrackerState:
@@ -106,7 +106,7 @@ def _relit_motion(
 
 
 def _updated_estimates(
-    models: TrackingModels, prediction: Prediction, association: Associated, log: FloatArray
+    models: TrackingModels, prediction: SlicePrediction, association: Associated, log: FloatArray
 ) -> tuple[ModeEstimates, FloatArray | None]:
     """Return the estimates after a slice's lines, and the log likelihoods of outlier fractions as
     of `_with_outliers`.
@@ -123,7 +123,7 @@ def _updated_estimates(
 
 
 def _updated(
-    models: TrackingModels, prediction: Prediction, association: Associated
+    models: TrackingModels, prediction: SlicePrediction, association: Associated
 ) -> ModeEstimates:
     """Return the estimates after pairs, many of which count as few; all their looks count as
     detections.
@@ -159,7 +159,7 @@ def _updated(
 def _with_outliers(
     models: TrackingModels,
     posterior: ModeEstimates,
-    prediction: Prediction,
+    prediction: SlicePrediction,
     association: Associated,
     log: FloatArray,
 ) -> tuple[ModeEstimates, FloatArray | None]:
@@ -197,7 +197,10 @@ def _with_outliers(
 
 
 def _registered(
-    models: TrackingModels, state: TrackerState, prediction: Prediction, association: Associated
+    models: TrackingModels,
+    state: TrackerState,
+    prediction: SlicePrediction,
+    association: Associated,
 ) -> TrackerState:
     """Return the state with the registration after a slice's pairs, and its tracks and crowds
     shifted by the change.
