@@ -125,7 +125,7 @@ def events_of(plan: Any, encoder: str) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
-    plan = photons()
+    plan = photons("duration_s=70")
     events = events_of(plan, "forge-bands")
     detections = opir.simulate(plan.scene).detections
     assert len(events) == len(detections) > 100
@@ -137,7 +137,7 @@ def test_the_events_of_a_scene_have_what_its_columns_have() -> None:
         assert list(reported) == [band.name for band in plan.sensors[sensor].bands]
         assert list(reported.values()) == pytest.approx(measured[: len(reported)], rel=5.1e-6)
         assert set(event["bands"]) <= set(reported)
-    assert {len(event["band_irradiance_w_m2"]) for event in events} == {1, 2, 3}
+    assert {len(event["band_irradiance_w_m2"]) for event in events} == {2, 3}
 
 
 @pytest.mark.slow
