@@ -74,7 +74,11 @@ class Component:
     >>> def mist(config, context):
     ...     return f"a mist of {config.height_m:g} m"
     >>> model = AtmosphereModel(
-    ...     name="mist", summary="ground fog", config=MistConfig, build=mist, presets={"high": {"height_m": 200.0}}
+    ...     name="mist",
+    ...     summary="ground fog",
+    ...     config=MistConfig,
+    ...     build=mist,
+    ...     presets={"high": {"height_m": 200.0}},
     ... )
     >>> model.build(model.config(**model.presets["high"]), None)
     'a mist of 200 m'

@@ -99,7 +99,9 @@ class DetectionProbability(PluginPart):
     ...         return np.ones(len(exposures))
     ...
     ...     def measure(self, exposures, rng):
-    ...         return Measured(bands=np.ones(len(exposures), dtype=np.uint8), snr=np.full(len(exposures), np.nan))
+    ...         return Measured(
+    ...             bands=np.ones(len(exposures), dtype=np.uint8), snr=np.full(len(exposures), np.nan)
+    ...         )
     >>> Sure().probability(range(2))
     array([1., 1.])
     """

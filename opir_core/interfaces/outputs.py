@@ -147,7 +147,9 @@ class Transport(PluginPart):
     ...
     ...     def close(self, wait_s):
     ...         pass
-    >>> batch = Batch(body=b"{}\\n", keys=("S-1",), key_of=[0], content_type="application/json", schema_version="1")
+    >>> batch = Batch(
+    ...     body=b"{}\\n", keys=("S-1",), key_of=[0], content_type="application/json", schema_version="1"
+    ... )
     >>> Mailbox().send(batch).done(), Mailbox.letters
     (True, [b'{}'])
     """
