@@ -20,7 +20,7 @@ from opir_trackers.filter.measurement_updates import Gaussian, measurement_updat
 _FARTHEST = -5.0
 
 
-def above_ground(estimates: Gaussian) -> Gaussian:
+def raised_above_ground(estimates: Gaussian) -> Gaussian:
     """Return estimates (n, d) whose heights are positive; nothing changes above the ground."""
     height = ecef_to_geodetic(estimates.mean[:, :3]).height_m
     low = (height < 0.0).nonzero()[0]

@@ -37,7 +37,7 @@ from opir_trackers.filter.estimates import (
     rows_of,
     with_rows,
 )
-from opir_trackers.filter.ground import above_ground
+from opir_trackers.filter.ground import raised_above_ground
 from opir_trackers.filter.hidden_marginal import replaced
 from opir_trackers.filter.iterated_update import Mode
 from opir_trackers.filter.measurement_updates import Gaussian
@@ -298,9 +298,9 @@ class ImmFilter:
         coast = with_rows(estimates.coast, rows, bounded)
         return evolve(burnt, coast_mean=coast.mean, coast_root=coast.root)
 
-    def above_ground(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
+    def raised_above_ground(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the estimates with the burns of the tracks `rows` above the ground."""
-        return _with_bounded_burns(estimates, rows, above_ground)
+        return _with_bounded_burns(estimates, rows, raised_above_ground)
 
     def replaced_along(
         self,

@@ -113,7 +113,7 @@ def _with_bounds(
         state = evolve(state, estimates=models.filter.with_velocity_prior(state.estimates, rows))
     rows = (below_ground & (state.estimates.weight[:, 0] > 0.5)).nonzero()[0]
     if len(rows):
-        state = evolve(state, estimates=models.filter.above_ground(state.estimates, rows))
+        state = evolve(state, estimates=models.filter.raised_above_ground(state.estimates, rows))
     unseen = state.time_s - table.seen_s > models.longest(models.silence_limit_s, table)
     idle = (uncertain | (table.hits < needed)) & unseen
     return state, idle, below_ground & have_come_down(mean[:, :3], covariance, unseen)
