@@ -3,8 +3,10 @@
 import ast
 import io
 import re
+import sys
 import tokenize
 from collections import Counter
+from pathlib import Path
 from typing import NamedTuple
 
 COLUMNS = 100
@@ -164,3 +166,8 @@ def measures_of(folder):
         constants=1000 * total["constants"] / max(len(rows), 1),
         twins=total["twins"],
     )
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        sys.stdout.write(f"{name}: {measures_of(Path(name))}\n")

@@ -50,24 +50,14 @@ def with_launches(
         covariance = covariance.copy()
         launch[no_launch] = np.nan
         covariance[no_launch] = np.nan
-    return Tracks(
-        tick_s=tracks.tick_s,
-        track=tracks.track,
-        state=tracks.state,
-        state_covariance=tracks.state_covariance,
-        state_sigmas=tracks.state_sigmas,
-        available_s=tracks.available_s,
+    return evolve(
+        tracks,
         launch=launch,
         launch_covariance=covariance,
         impact=forecasts.impact,
         impact_covariance=forecasts.impact_covariance,
         impact_sigmas=forecasts.impact_sigmas,
         impact_regions=forecasts.impact_regions,
-        impact_method=tracks.impact_method,
-        burnout=tracks.burnout,
-        burnout_covariance=tracks.burnout_covariance,
-        seen_s=tracks.seen_s,
-        is_brief=tracks.is_brief,
         probability_burning=forecasts.probability_burning,
         probability_relights=forecasts.probability_relights,
         end=np.where(reported.end > 0, reported.end, forecasts.end).astype(np.uint8),
