@@ -35,7 +35,7 @@ TOKENS: dict[str, int] = {
     "opir_stonesoup": 5_500,
     "opir_studies": 31_100,
     "opir_testing": 33_300,
-    "opir_trackers": 123_300,
+    "opir_trackers": 123_200,
     "benchmarks": 91_000,
     "tests": 693_600,
 }
