@@ -266,6 +266,10 @@ def unread(names: Iterable[str], columns: Mapping[str, Column]) -> list[str]:
     return [name for name in names if name and name not in read]
 
 
+#: Columns of the fire pixels that satellite services publish.
+_FIRE_PIXELS = {"latitude", "longitude", "acq_date", "frp"}
+
+
 def _require_states(known: Mapping[str, Column], names: Sequence[str], line: int) -> None:
     place = place_group(known)
     velocities = [group for group in VELOCITIES if not known.keys().isdisjoint(group)]
@@ -285,6 +289,11 @@ def _require_states(known: Mapping[str, Column], names: Sequence[str], line: int
         needed.remove("height")
     missing = [_with_unit(quantity) for quantity in needed if quantity not in known]
     unknown = unread(names, known)
+    if missing and {name.casefold() for name in names} >= _FIRE_PIXELS:
+        raise BadFileError(
+            f"line {line}: these are places of fires, not a trajectory; fires are sources of a"
+            " scene: sources: [{model: fires, csv: FILE}] with columns lat_deg and lon_deg"
+        )
     if missing:
         more = f" and has unknown columns ({', '.join(map(repr, unknown[:6]))})" if unknown else ""
         raise BadFileError(
@@ -322,6 +331,10 @@ def _proposal(names: Sequence[str]) -> str:
         quantity = next((known for pattern, known in _WORDS if re.search(pattern, words)), None)
         if quantity == TIME and unit not in TIMES:
             quantity = DATE if unit or re.search(r"utc|gregorian|date", words) else TIME
+        if quantity == DATE and TIME in {
+            known[0] for key in proposed if (known := quantity_of(key))
+        }:
+            continue
         if quantity is None or any(key.startswith(quantity) for key in proposed):
             continue
         units = UNITS[quantity]

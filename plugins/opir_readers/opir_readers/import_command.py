@@ -15,7 +15,7 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
 from opir_core.geometry import dot
-from opir_core.orbits import omm_name
+from opir_core.orbits import omm_complaint, omm_name
 from opir_core.output import OutputFiles
 from opir_core.plugin import BadFileError, Host, StateTable
 from opir_readers.column_maps import columns_of_text, site_of_text
@@ -73,13 +73,15 @@ def _write(path: str, lines: Sequence[str], kind: str) -> None:
 
 
 def _show_flight(arguments: argparse.Namespace, table: StateTable) -> None:
-    _print([*flight_lines(table), *map_lines(table.position_m)])
     findings = findings_of(table)
+    # First: what reads the output may stop reading.
+    if arguments.out and not findings.refused:
+        _write(arguments.out, list(_state_lines(table)), "states")
+    _print([*flight_lines(table), *map_lines(table.position_m)])
     _print([f"warning: {words}" for words in findings.warnings])
     if findings.refused:
         raise SceneError([Problem("", words) for words in findings.refused], source=arguments.file)
     if arguments.out:
-        _write(arguments.out, list(_state_lines(table)), "states")
         block = (
             f"{{id: T1, model: table, type: {arguments.type}, file: {json.dumps(arguments.out)},"
             " start_s: 0}"
@@ -202,17 +204,33 @@ def _show_orbits(arguments: argparse.Namespace, rows: Rows) -> None:
     except BadFileError as error:
         raise refused(arguments.file, error) from error
     reasons["older elements of the same"] = reasons.pop("", 0) - len(selected)
+    lines = list[str]()
+    if arguments.sensors:
+        _require_orbits(arguments.file, selected)
+        lines = list(sensor_lines(selected, arguments.sensors))
+        # First: what reads the output may stop reading.
+        if arguments.out:
+            _write(arguments.out, lines, "sensors")
     _print([*_orbit_lines(rows, selected, reasons_text(+reasons))])
     if arguments.sensors:
-        lines = list(sensor_lines(selected, arguments.sensors))
         if not arguments.out:
             sys.stdout.write("".join(f"{line}\n" for line in lines))
             return
-        _write(arguments.out, lines, "sensors")
         sys.stdout.write(
             f"{arguments.out}: {len(selected)} sensors {arguments.sensors}, for a scene or opir"
             " track\n"
         )
+
+
+def _require_orbits(path: str, rows: Rows) -> None:
+    """Raise `SceneError` with the satellites that a scene would refuse."""
+    complaints = [
+        f"the elements of {omm_name(row)}: {complaint}"
+        for row in rows
+        if "TLE_LINE1" not in row and (complaint := omm_complaint(row))
+    ]
+    if complaints:
+        raise SceneError([Problem("", words) for words in complaints], source=path)
 
 
 def _orbit_lines(rows: Rows, selected: Rows, left_out: str) -> Iterator[str]:

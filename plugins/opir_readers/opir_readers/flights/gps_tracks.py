@@ -53,9 +53,7 @@ def kml_table(text: str, epoch_us: int, name: str | None) -> StateTable:
     """
     root = xml_root(text)
     marks = root.all("Placemark")
-    tracks = [
-        (mark.text_of("name"), _kml_points(track)) for mark in marks for track in mark.all("Track")
-    ]
+    tracks = [(mark.text_of("name"), points) for mark in marks for points in _tracks_of_mark(mark)]
     tracks = tracks or [("", _kml_points(track)) for track in root.all("Track")]
     if not tracks:
         lines = sum(1 for _ in root.all("LineString"))
@@ -65,6 +63,17 @@ def kml_table(text: str, epoch_us: int, name: str | None) -> StateTable:
             " or CSV"
         )
     return _table(_track(tracks, name, "Placemark"), epoch_us, "KML: longitude, latitude, height")
+
+
+def _tracks_of_mark(mark: XmlNode) -> list[Sequence[Point]]:
+    """Return the tracks of a place mark; those of a gx:MultiTrack are one, in parts."""
+    whole = list(mark.all("MultiTrack"))
+    if not whole:
+        return [_kml_points(track) for track in mark.all("Track")]
+    return [
+        [point for track in multiple.all("Track") for point in _kml_points(track)]
+        for multiple in whole
+    ]
 
 
 def _gpx_points(track: XmlNode) -> Sequence[Point]:

@@ -46,8 +46,10 @@ def _head(text: str) -> str:
 def is_tle(text: str) -> bool:
     """Whether a text holds two-line elements, with or without lines of names."""
     lines = [line for line in text[:4000].split("\n") if line.strip() and not line.startswith("#")]
-    return any(
-        _LINE_1.match(line_1) and _LINE_2.match(line_2) for line_1, line_2 in pairwise(lines[:3])
+    pairs = [pair for pair in pairwise(lines) if _LINE_1.match(pair[0]) and _LINE_2.match(pair[1])]
+    # In a bulletin, between other lines, both have the width of elements.
+    return any(pair == (*lines[:2],) or pair == (*lines[1:3],) for pair in pairs) or any(
+        min(map(len, pair)) >= _COLUMNS - 1 for pair in pairs
     )
 
 
@@ -169,14 +171,15 @@ def _sets(text: str) -> Iterator[Elements]:
     lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
     name = ""
     place = 0
+    others = list[str]()
     while place < len(lines):
         number, line = lines[place]
         following = lines[place + 1 : place + 2]
         if not _LINE_1.match(line):
             name = line.removeprefix("0 ").strip()
             if not following or not _LINE_1.match(following[0][1]):
-                raise BadFileError(
-                    f"line {number}: {line[:40]!r} is neither elements nor a name above them"
+                others.append(
+                    f"line {number}, {line[:40]!r}, is left out: no elements or their name"
                 )
             place += 1
             continue
@@ -184,7 +187,10 @@ def _sets(text: str) -> Iterator[Elements]:
             raise BadFileError(
                 f"line {number}: the first line of elements has no second one below it"
             )
-        yield _set(name, (number, line), following[0])
+        elements = _set(name, (number, line), following[0])
+        notes = [*elements.get("NOTES", ()), *others]
+        yield {**elements, "NOTES": notes} if notes else elements
+        others = []
         name = ""
         place += 2
 
