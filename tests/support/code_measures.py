@@ -14,6 +14,10 @@ COLUMNS = 100
 #: A token is a name, a number, a string or an operator; comments and docstrings are not counted.
 TOKEN_TYPES = frozenset({tokenize.NAME, tokenize.NUMBER, tokenize.STRING, tokenize.OP})
 
+#: From Python 3.12 on an f-string is several tokens, between these.
+F_STRING_START = getattr(tokenize, "FSTRING_START", -1)
+F_STRING_END = getattr(tokenize, "FSTRING_END", -1)
+
 #: Pronouns, adverbs and participles that stand where a noun should.
 NOT_NOUNS = frozenset(
     re.findall(
@@ -76,11 +80,16 @@ def docstring_rows(tree):
 
 
 def tokens_by_row(text, tree):
-    """Return the number of tokens of each line."""
+    """Return the number of tokens of each line; an f-string is one, on every Python."""
     skipped = docstring_rows(tree)
-    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
-    rows = (token.start[0] for token in tokens if token.type in TOKEN_TYPES)
-    return Counter(row for row in rows if row not in skipped)
+    rows = Counter()
+    depth = 0
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        is_counted = depth == 0 and token.type in (*TOKEN_TYPES, F_STRING_START)
+        depth += (token.type == F_STRING_START) - (token.type == F_STRING_END)
+        if is_counted and token.start[0] not in skipped:
+            rows[token.start[0]] += 1
+    return rows
 
 
 def body_sizes(tree, tokens):
