@@ -87,9 +87,7 @@ class Misreading:
 
 def misreading_of(table: StateTable) -> Misreading | None:
     """Return the slip under which alone a table falls freely or begins at rest, None for no slip."""
-    rows = max(runs(table), key=len)
-    rows = rows[:: len(rows) // MOST_STATES + 1]
-    given, *slips = readings(table.time_s[rows], table.position_m[rows])
+    given, *slips = _readings_of_table(table)
     fall = fall_of(given)
     if not fall.is_free:
         falls = [fall_of(slip) for slip in slips]
@@ -102,6 +100,13 @@ def misreading_of(table: StateTable) -> Misreading | None:
             if slip.turns != 1.0 and _rests(slip):
                 return _misreading(table, slip, _evidence_on_pad(given))
     return None
+
+
+def _readings_of_table(table: StateTable) -> Iterator[Reading]:
+    """Return the readings of the longest run of a table, of `MOST_STATES` at most."""
+    rows = max(runs(table), key=len)
+    rows = rows[:: len(rows) // MOST_STATES + 1]
+    return readings(table.time_s[rows], table.position_m[rows])
 
 
 def readings(time_s: FloatArray, position_m: FloatArray) -> Iterator[Reading]:
@@ -125,12 +130,19 @@ def readings(time_s: FloatArray, position_m: FloatArray) -> Iterator[Reading]:
         way="name their frame, ITRF",
     )
     yield from _other_heights(given)
+    yield from _other_units(given)
+
+
+def _other_units(given: Reading) -> Iterator[Reading]:
+    """Yield states with positions and times in other units."""
     frames = ("ecef", "teme", "eme2000")
     feet = tuple((f"{axis}_{frame}", f"{axis}_{frame}_ft") for frame in frames for axis in "xyz")
-    yield Reading("with positions in ft", time_s, 0.3048 * position_m, 1.0, feet)
+    place_m = 0.3048 * given.position_m
+    yield evolve(given, slip="with positions in ft", position_m=place_m, quantities=feet)
     for unit, seconds in (("ms", 1e-3), ("min", 60.0), ("h", 3600.0)):
-        quantities = (("time", f"time_{unit}"),)
-        yield Reading(f"with times in {unit}", seconds * time_s, position_m, 1.0, quantities)
+        names = (("time", f"time_{unit}"),)
+        slip = f"with times in {unit}"
+        yield evolve(given, slip=slip, time_s=seconds * given.time_s, quantities=names)
 
 
 def _other_heights(given: Reading) -> Iterator[Reading]:

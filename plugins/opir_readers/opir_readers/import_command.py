@@ -204,22 +204,20 @@ def _show_orbits(arguments: argparse.Namespace, rows: Rows) -> None:
     except BadFileError as error:
         raise refused(arguments.file, error) from error
     reasons["older elements of the same"] = reasons.pop("", 0) - len(selected)
-    lines = list[str]()
-    if arguments.sensors:
-        _require_orbits(arguments.file, selected)
-        lines = list(sensor_lines(selected, arguments.sensors))
-        # First: what reads the output may stop reading.
-        if arguments.out:
-            _write(arguments.out, lines, "sensors")
+    # First: what reads the output may stop reading.
+    written = _sensors(arguments, selected) if arguments.sensors else ""
     _print([*_orbit_lines(rows, selected, reasons_text(+reasons))])
-    if arguments.sensors:
-        if not arguments.out:
-            sys.stdout.write("".join(f"{line}\n" for line in lines))
-            return
-        sys.stdout.write(
-            f"{arguments.out}: {len(selected)} sensors {arguments.sensors}, for a scene or opir"
-            " track\n"
-        )
+    sys.stdout.write(written)
+
+
+def _sensors(arguments: argparse.Namespace, rows: Rows) -> str:
+    """Write the sensors of satellites to the file that is asked for; return the text to print."""
+    _require_orbits(arguments.file, rows)
+    lines = list(sensor_lines(rows, arguments.sensors))
+    if not arguments.out:
+        return "".join(f"{line}\n" for line in lines)
+    _write(arguments.out, lines, "sensors")
+    return f"{arguments.out}: {len(rows)} sensors {arguments.sensors}, for a scene or opir track\n"
 
 
 def _require_orbits(path: str, rows: Rows) -> None:

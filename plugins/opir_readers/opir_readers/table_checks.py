@@ -273,13 +273,15 @@ def _hardest(table: StateTable) -> tuple[int, float]:
     over a quarter of the interval, m/s²; bends of a few metres, of rounded positions, do not
     count.
     """
-    rows = np.flatnonzero(np.diff(table.time_s) > 0.0)
-    length_s = np.diff(table.time_s)[rows]
+    steps_s = np.diff(table.time_s)
+    rows = np.flatnonzero(steps_s > 0.0)
+    length_s = steps_s[rows]
     # Times at whole states belong to the interval that follows them: these stay within their own.
     share = np.linspace(0.02, 0.98, 5)
     time_s = table.time_s[rows, None] + length_s[:, None] * share
     _, velocity = interpolant([table]).at(time_s.ravel())
-    turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / np.diff(time_s, axis=1)[..., None]
+    spans_s = np.diff(time_s, axis=1)[..., None]
+    turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / spans_s
     hardest = _length(turn).max(axis=1)
     hardest[hardest * length_s**2 < _LIMITS.least_bend_m] = 0.0
     row = hardest.argmax()
