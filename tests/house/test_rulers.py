@@ -27,7 +27,7 @@ TOKENS: dict[str, int] = {
     "opir_nextgen": 500,
     "opir_paper": 4_900,
     "opir_photons": 61_500,
-    "opir_readers": 59_300,
+    "opir_readers": 59_400,
     "opir_render": 300,
     "opir_report": 42_400,
     "opir_sbirs": 400,
@@ -61,10 +61,9 @@ SMALL = 2000
 
 #: Where a limit is passed, and by how much it may be: these only fall.
 OVER: dict[str, dict[str, float]] = {
-    "opir_readers": {"function_p90": 168},
     "opir_trackers": {"function_p90": 210},
     "benchmarks": {"function_p90": 233},
-    "tests": {"function_p90": 193, "function_most": 623, "not_nouns": 0.028, "twins": 9},
+    "tests": {"function_p90": 193, "function_most": 623, "not_nouns": 0.028},
 }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 ROWS = (slice(0, 1), slice(3, 5), slice(7, None, 3))
 
 
-def assert_rows_alone(
+def assert_rows_independent(
     function: Callable[..., Iterable[Any]], *columns: Any, rows: Iterable[Any] = ROWS
 ) -> None:
     """Some rows of columns (n, ...) have the results of all rows, to the last bit."""

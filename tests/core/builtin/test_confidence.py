@@ -7,7 +7,7 @@ import pytest
 from attrs import fields
 from core_components import built
 from hypothesis import given, strategies as st
-from lone_rows import assert_rows_alone
+from lone_rows import assert_rows_independent
 
 from opir_core.plugin import ClassifierInputs, ConfidenceModel, ModelContext
 
@@ -100,7 +100,7 @@ def test_a_confidence_does_not_depend_on_the_rest_of_the_batch():
     bands = rng.integers(1, 4, 97), np.full(97, 3)
     columns = *bands, rng.integers(1, 50, 97), rng.uniform(-0.2, 1.5, 97)
     rows = [slice(row, row + 1) for row in range(97)]
-    assert_rows_alone(lambda *some: (weighted(*some),), *columns, rows=rows)
+    assert_rows_independent(lambda *some: (weighted(*some),), *columns, rows=rows)
 
 
 @pytest.mark.parametrize(

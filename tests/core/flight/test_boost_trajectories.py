@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from lone_rows import assert_rows_alone
+from lone_rows import assert_rows_independent
 
 from examples import examples
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
@@ -152,9 +152,9 @@ def test_boosts_do_not_depend_on_other_targets():
 
     azimuth = np.arange(float(len(PROFILES)))
     rows = [slice(row, row + 1) for row in EVERYONE]
-    assert_rows_alone(states, azimuth, np.array(PROFILES), rows=rows)
+    assert_rows_independent(states, azimuth, np.array(PROFILES), rows=rows)
     path = a_path(azimuth_rad=azimuth)
-    assert_rows_alone(lambda time_s: path.state(np.full(len(time_s), 2), time_s), times)
+    assert_rows_independent(lambda time_s: path.state(np.full(len(time_s), 2), time_s), times)
 
 
 @pytest.mark.parametrize("shape", [1e-300, 1e-12, 1e-6, 1e-3, 0.5, 3.0, 30.0])

@@ -5,7 +5,7 @@ import pytest
 from attrs import evolve
 from free_flights import ALL_ZONALS, EXPONENTIAL, MODELS, flights
 from hypothesis import given, strategies as st
-from lone_rows import assert_rows_alone
+from lone_rows import assert_rows_independent
 
 from examples import examples
 from opir_core.constants import EARTH_ROTATION_RAD_S
@@ -93,7 +93,7 @@ def test_results_do_not_depend_on_the_company(name, rows):
         return propagate(position, velocity, duration, forces)
 
     columns = np.linspace(200.0, 1500.0, 24), np.geomspace(50.0, 2e4, 24)
-    assert_rows_alone(ends, *flights(24, seed=7), *columns, rows=[rows])
+    assert_rows_independent(ends, *flights(24, seed=7), *columns, rows=[rows])
 
 
 @pytest.mark.slow
@@ -108,7 +108,7 @@ def test_few_arcs_are_many_to_the_last_bit(forces, tolerance_m):
         return propagate(*states, 1200.0, forces, tolerance_m=tolerance_m)
 
     rows = (slice(0, 1), slice(1, 3), slice(3, 11))
-    assert_rows_alone(ends, *flights(40, seed=9), rows=rows)
+    assert_rows_independent(ends, *flights(40, seed=9), rows=rows)
 
 
 @pytest.mark.parametrize("name", ["j2", "us76"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
-from lone_rows import assert_rows_alone
+from lone_rows import assert_rows_independent
 
 from opir_core.random_streams import id_key, uuid8_words, uuid_characters, uuid_text
 from opir_core.random_streams.detection_ids import stream_key_words
@@ -61,7 +61,7 @@ def test_a_million_ids_differ(streams: int, scans: int) -> None:
 
 def test_ids_do_not_depend_on_how_rows_are_grouped() -> None:
     rows = [slice(start, start + 7) for start in range(0, 50, 7)]
-    assert_rows_alone(
+    assert_rows_independent(
         lambda *columns: (uuid8_words(*columns),), keys(*range(50)), np.arange(50), rows=rows
     )
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from lone_rows import assert_rows_alone
+from lone_rows import assert_rows_independent
 
 from opir_core.constants import GEOSTATIONARY_RADIUS_M
 from opir_core.sensors import AlignedScan
@@ -65,7 +65,7 @@ def test_every_phase_is_a_whole_number_of_ns_in_the_period(period_ns, uniform, s
 def test_a_phase_does_not_depend_on_the_rest_of_the_batch(targets, data):
     cut = data.draw(st.integers(min_value=1, max_value=len(targets) - 1))
     for pattern in all_patterns():
-        assert_rows_alone(
+        assert_rows_independent(
             lambda positions, pattern=pattern: (pattern.phase_ns(GEO_AT_0, positions, 0.25),),
             np.array(targets),
             rows=(slice(0, cut), slice(cut, None)),

@@ -93,7 +93,7 @@ def test_true_states_are_seen_where_the_engine_sees_them():
 
 
 @pytest.mark.slow
-def test_a_reader_of_a_run_of_windows_and_of_events_are_one(tmp_path):
+def test_readers_of_runs_windows_and_events_agree(tmp_path):
     path = tmp_path / "events.jsonl"
     plan = plan_of(LAUNCHES)
     windows = list(plan_windows(plan, 7.0))

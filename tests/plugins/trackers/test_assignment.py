@@ -151,7 +151,7 @@ def test_belief_propagation_is_exact_without_loops() -> None:
     assert np.allclose(beta[9:], ratio[9:] / (1.0 + ratio[9:].sum()), rtol=1e-9)
 
 
-def test_many_components_are_solved_as_each_alone() -> None:
+def test_components_are_solved_independently() -> None:
     rng = np.random.default_rng(7)
     row = np.concatenate([4 * block + np.array([0, 0, 1, 1, 2]) for block in range(300)])
     column = np.concatenate([4 * block + np.array([0, 1, 0, 1, 1]) for block in range(300)])

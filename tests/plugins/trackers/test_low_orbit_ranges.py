@@ -89,7 +89,7 @@ def test_what_stands_still_stays_in_its_direction_as_a_low_sensor_moves() -> Non
     assert (sigma_rad < ground.sigma_rad).all()
 
 
-def test_rays_of_high_sensors_are_left_alone() -> None:
+def test_rays_of_high_sensors_are_unchanged() -> None:
     origin = np.tile([GEO_M, 0.0, 0.0], (3, 1))
     ours = rays(origin, np.array([6.3781e6, 2e5, 1e5]))
     direction, sigma_rad = geostationary_directions(ours, ours.sensor)

@@ -153,7 +153,7 @@ def test_any_cadence_scans_sensors_biases_and_chances(
 
 
 @pytest.mark.slow
-def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one() -> None:
+def test_neighbours_take_no_rays_in_missed_scans() -> None:
     """Thirty launches 33 km apart in three seconds: what begins a track is its own place's rays
     alone.
     """

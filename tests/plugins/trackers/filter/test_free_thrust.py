@@ -195,7 +195,7 @@ def test_a_burn_that_began_before_the_first_look_has_moved_its_target():
     assert boost[0] == pytest.approx(burn_modes.moments(Burns(mean, root, burns.share)).mean)
 
 
-def test_tracks_with_and_without_a_free_burn_are_moved_as_if_alone():
+def test_free_burns_leave_other_tracks_unchanged():
     known = [old_burns(2), lit(2)[1], old_burns(1)]
     burns = Burns(*(np.concatenate(columns) for columns in zip(*known, strict=True)))
     _, whole = MODES.predicted(burn_modes.moments(burns), burns, 1.0)

@@ -133,7 +133,7 @@ def test_the_noise_is_the_tilts_across_and_its_own_along_the_velocity() -> None:
     assert across == pytest.approx(2.0 * share**2 * square, rel=1e-3)
 
 
-def test_a_slow_boost_may_turn_five_times_as_fast_as_a_fast_one() -> None:
+def test_slow_boosts_may_turn_faster() -> None:
     """Under the tracker's law the noise is 0.053 of the force at 250 m/s, 0.01 beyond 1.4 km/s
     (`pitch_over.py`).
     """

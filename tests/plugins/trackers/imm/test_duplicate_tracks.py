@@ -28,7 +28,7 @@ def sightings(first: list[int], second: list[int]) -> SharedDetections:
     return SharedDetections(number, np.zeros(len(scan), dtype=np.int32), scan, 10.0 * scan)
 
 
-def test_two_that_are_alike_and_never_seen_in_one_scan_are_one() -> None:
+def test_alike_tracks_without_a_common_scan_merge() -> None:
     seen = sightings([1, 2], [3, 4])
     for hits, lesser in ((HITS, [False, True]), (HITS[::-1], [True, False])):
         assert duplicates(NUMBER, *states(3e3, 2e3), seen, hits, SEEN, OLD).tolist() == lesser

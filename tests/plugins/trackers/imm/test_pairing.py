@@ -78,7 +78,7 @@ def test_twenty_launches_are_paired_right(sensors: int) -> None:
     assert np.mean(right) >= 0.95
 
 
-def test_a_set_has_one_track_of_each_sensor_and_one_that_fits_none_stays_alone() -> None:
+def test_a_set_has_a_track_per_sensor_at_most() -> None:
     rng = np.random.default_rng(3)
     place, velocity = targets_m(6, 8000.0, rng)
     directions, row, sensor, target = looked_at(place, velocity, 2, 20, rng)
