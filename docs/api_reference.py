@@ -96,14 +96,14 @@ def index_row(package: str) -> str:
     )
 
 
-def homes_of_names() -> Mapping[int, str]:
-    """Return by the identity of a class or function the last package that offers it, whose page has
-    its entry.
+def homes_of_names() -> Mapping[tuple[str, int], str]:
+    """Return by name and identity of a class or function the last package that offers it, whose
+    page has its entry.
     """
     return {
-        id(value): package
+        (name, id(value)): package
         for package in PUBLIC
-        for _, value in offered(package)
+        for name, value in offered(package)
         if inspect.isclass(value) or inspect.isroutine(value)
     }
 
@@ -115,7 +115,7 @@ def offered(package: str) -> list[tuple[str, Any]]:
     return [(name, getattr(door, name)) for name in names]
 
 
-def section(package: str, homes: Mapping[int, str]) -> str:
+def section(package: str, homes: Mapping[tuple[str, int], str]) -> str:
     """Return the page of one package: its summary, then each of its names.
 
     A name that another package offers too has its entry on the page of the last of them, `homes`.
@@ -126,7 +126,9 @@ def section(package: str, homes: Mapping[int, str]) -> str:
         f"{summary_of(import_module(package))} [All packages](README.md).",
         "",
     ]
-    rows = [(name, value, homes.get(id(value), package)) for name, value in offered(package)]
+    rows = [
+        (name, value, homes.get((name, id(value)), package)) for name, value in offered(package)
+    ]
     elsewhere = [
         f"[{name}]({short(home)}.md#{name.lower()})" for name, _, home in rows if home != package
     ]
