@@ -14,7 +14,8 @@ import opir_core as opir
 run = opir.simulate(opir.load_scene("../arctic_watch.yaml"))
 run.plot.map()
 
-# %% Fields of view end at the horizon or at the edge of the field of regard: spherical caps,
+# %%
+# Fields of view end at the horizon or at the edge of the field of regard: spherical caps,
 # dashed. Satellites that detect nothing are pale.
 
 run.plot.world()

@@ -54,11 +54,11 @@ def whole():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("window_s", [0.37, 1.0, 7.0])
-def test_window_sizes_change_no_bit(total, window_s):
+def test_window_sizes_change_no_bit(whole, window_s):
     tracks, labels = tracks_of(SCENE, window_s)
-    assert np.array_equal(labels, total[1])
-    assert np.array_equal(tracks.state, total[0].state)
-    assert np.array_equal(tracks.state_covariance, total[0].state_covariance)
+    assert np.array_equal(labels, whole[1])
+    assert np.array_equal(tracks.state, whole[0].state)
+    assert np.array_equal(tracks.state_covariance, whole[0].state_covariance)
 
 
 @pytest.mark.slow

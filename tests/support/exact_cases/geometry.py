@@ -142,7 +142,7 @@ def text(value):
 def sun_of_centuries(centuries, in_longitude=0, in_obliquity=0):
     series = mp.fsum(
         text(size) * mp.sin(radians(text(phase) + text(rate) * centuries))
-        for size, phase, rate in sun_series._LONGITUDE
+        for size, phase, rate in sun_series._longitude_terms()
     )
     geometric = (
         radians(mp.mpf("282.7771834") + mp.mpf("36000.76953744") * centuries) + series / 10**7

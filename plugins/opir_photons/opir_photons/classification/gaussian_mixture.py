@@ -12,6 +12,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 
+_LOG_TWO_PI = float(np.log(2.0 * np.pi))
+
 
 @frozen(eq=False)
 class Components:
@@ -113,7 +115,7 @@ class Mixture:
         residual = work[row, -1]
         factors = work[row + 1 :, row] / pivot
         work[row + 1 :, row + 1 :] -= factors[:, None] * work[row, row + 1 :]
-        return -0.5 * (residual * residual / pivot + np.log(pivot) + np.log(2.0 * np.pi))
+        return -0.5 * (residual * residual / pivot + np.log(pivot) + _LOG_TWO_PI)
 
     def by_class(self, log_densities: FloatArray) -> FloatArray:
         """Return ln of the sums (n, classes) of densities (n, K)."""
