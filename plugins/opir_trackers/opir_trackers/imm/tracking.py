@@ -82,8 +82,8 @@ class ImmTracking:
         if state.is_empty:
             if not len(lines.time_s):
                 return evolve(state, time_s=tick_s)
-            # Slices before the first line change nothing.
-            idle = bisect_right(ends, lines.time_s.min())
+            # Slices before the first line change nothing; a line at the tick is of the last one.
+            idle = bisect_right(ends[:-1], lines.time_s.min())
             state = evolve(state, time_s=[state.time_s, *ends][idle])
             ends = ends[idle:]
         reported = detections.reported_type.astype(np.int64)
