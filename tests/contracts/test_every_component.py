@@ -36,7 +36,7 @@ def contracts_named() -> Iterator[tuple[str, str]]:
 
 
 def names_in(node: ast.ClassDef) -> Iterator[str]:
-    """Yield the names that a contract test holds; "*" for parameters, all that its package has."""
+    """Yield the names that a contract test holds; "*" for parameters: all that are installed."""
     if "type(self).name = request.param" in ast.unparse(node):
         yield "*"
     for statement in node.body:

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from attrs import fields, has
 from core_components import HOST, built
 from repository import ROOT
 
@@ -17,11 +18,15 @@ from opir_core.plugin import (
     ClassifierModel,
     ConfidenceModel,
     DetectionModel,
+    EventEncoder,
     ModelContext,
+    SensorModel,
+    SinkModel,
     TargetModel,
     TrackerContext,
     TrackerModel,
 )
+from opir_core.scene import info_of
 
 HEAVY = ("numpy", "scipy", "msgspec", "yaml")
 
@@ -51,6 +56,24 @@ def test_every_kind_of_model_has_an_honest_one_or_a_null(kind):
 def test_every_model_without_sensors_can_be_built(kind):
     context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
     assert all(built(kind, name, context) is not None for name in MODELS[kind])
+
+
+def settings_of(config):
+    """Yield the fields of a class of settings and of its blocks."""
+    for field in fields(config):
+        yield field
+        if has(field.type):
+            yield from settings_of(field.type)
+
+
+@pytest.mark.parametrize("kind", [*MODELS, SinkModel, EventEncoder, SensorModel])
+def test_every_setting_has_a_help_and_a_source(kind):
+    for name, component in offered(kind).items():
+        assert component.summary, name
+        for field in settings_of(component.config):
+            info = info_of(field)
+            assert info.help, (name, field.name)
+            assert info.source, (name, field.name)
 
 
 def test_describing_built_in_components_imports_nothing_heavy():

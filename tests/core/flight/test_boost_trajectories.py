@@ -148,7 +148,7 @@ def test_boosts_do_not_depend_on_other_targets():
     def states(azimuth_rad, profiles):
         path = a_path(azimuth_rad=azimuth_rad, profiles=profiles)
         targets = np.arange(len(profiles))
-        return (np.stack([path.state(targets, 0 * targets + time) for time in times], axis=2)[0],)
+        return np.stack([path.state(targets, 0 * targets + time) for time in times], axis=2)
 
     azimuth = np.arange(float(len(PROFILES)))
     rows = [slice(row, row + 1) for row in EVERYONE]

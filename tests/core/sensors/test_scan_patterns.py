@@ -170,6 +170,18 @@ def test_a_step_stare_goes_through_its_raster_like_a_serpent():
     np.testing.assert_allclose(phase, begun + 500, atol=1)
 
 
+def test_each_stare_lies_beside_the_one_before():
+    rows = 6
+    columns = 5
+    pattern = StepStareSweep(30_000, HALF_ANGLE_RAD, rows, columns)
+    column, row = (grid.ravel() for grid in np.meshgrid(np.arange(columns), np.arange(rows)))
+    east = ((column + 0.5) / columns * 2 - 1) * HALF_ANGLE_RAD
+    north = (1 - (row + 0.5) / rows * 2) * HALF_ANGLE_RAD
+    order = np.argsort(pattern.phase_ns(GEO_AT_0, beside_nadir(east, north), 0.0))
+    moves = np.abs(np.diff(row[order])) + np.abs(np.diff(column[order]))
+    assert moves.tolist() == [1] * (rows * columns - 1)
+
+
 def test_targets_off_the_raster_count_to_its_edge():
     pattern = StepStareSweep(40, HALF_ANGLE_RAD, 2, 2)
     beyond = beside_nadir([-0.5, 0.5, 0.5, -0.5], [0.5, 0.5, -0.5, -0.5])

@@ -1,9 +1,6 @@
 """The encoders, exporters and run views pass the conformance tests of their hooks."""
 
-import pytest
 from opir_testing import EncoderContract, ExporterContract, RunViewContract
-
-from opir_core.plugin import ExporterModel, Host
 
 
 class TestForgeC2Encoder(EncoderContract):
@@ -14,10 +11,36 @@ class TestUdlEncoder(EncoderContract):
     name = "udl"
 
 
-class TestExporters(ExporterContract):
-    @pytest.fixture(autouse=True, params=sorted(Host.discover().names(ExporterModel)))
-    def named(self, request: pytest.FixtureRequest) -> None:
-        type(self).name = request.param
+class TestParquetExporter(ExporterContract):
+    name = "parquet"
+
+
+class TestArrowExporter(ExporterContract):
+    name = "arrow"
+
+
+class TestCsvExporter(ExporterContract):
+    name = "csv"
+
+
+class TestOemExporter(ExporterContract):
+    name = "oem"
+
+
+class TestTdmExporter(ExporterContract):
+    name = "tdm"
+
+
+class TestGeoJsonExporter(ExporterContract):
+    name = "geojson"
+
+
+class TestKmlExporter(ExporterContract):
+    name = "kml"
+
+
+class TestCzmlExporter(ExporterContract):
+    name = "czml"
 
 
 class TestTablesOfARun(RunViewContract):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from opir_readers.flights.smoothing import rounding_sigma, smoothing_spline, speed_rounding_sigma
 from pyproj import Geod
 from read_files import read, recognised, refusal
 from scipy.integrate import solve_ivp
@@ -178,10 +179,11 @@ def test_other_json_and_tables_with_places_are_no_webcasts():
     assert "webcast" in recognised("time,velocity,altitude\n")
 
 
-def written(time_s, position_m):
-    """Write a table of positions and return its path."""
-    rows = [",".join(map(repr, row)) for row in np.column_stack([time_s, position_m]).tolist()]
-    Path("flight.csv").write_text("\n".join(["time_s,x_ecef_m,y_ecef_m,z_ecef_m", *rows]))
+def written(time_s, position_m, names="", *columns):
+    """Write a table of positions, and of further columns by their names; return its path."""
+    values = np.column_stack([time_s, position_m, *columns]).tolist()
+    rows = [",".join(map(repr, row)) for row in values]
+    Path("flight.csv").write_text("\n".join([f"time_s,x_ecef_m,y_ecef_m,z_ecef_m{names}", *rows]))
     return "flight.csv"
 
 
@@ -210,13 +212,33 @@ def test_a_flight_without_thrust_shows_no_burn(imported):
 
 
 def test_burns_of_all_and_by_acceleration_of_any_table(ascent, imported):
-    times, place, _ = ascent
-    path = written(times, place)
+    times, place, velocity = ascent
+    is_burning = (times >= 5.0) & (times < 6.0)
+    names = ",vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is_burning"
+    path = written(times, place, names, velocity, is_burning)
+    assert "  burns 5 s to 6 s\n" in imported(path)
     assert "  burns 0 s to 430 s\n" in imported(path, "--burns", "all")
     out = imported(path, "--burns", "acceleration")
     line = next(line for line in out.splitlines() if line.startswith("  burns"))
     burns = np.array(re.findall(r"[\d.]+", line), dtype=np.float64).reshape(-1, 2)
     np.testing.assert_allclose(burns, BURNS, rtol=0.0, atol=2.0)
+
+
+def test_a_smoothing_spline_has_the_noise_that_is_stated():
+    rng = np.random.default_rng(2)
+    time = np.linspace(0.0, 10.0, 400)
+    values = np.sin(time) + rng.normal(0.0, 0.1, 400)
+    fit = smoothing_spline(time, values, 0.1)
+    assert fit.residual == pytest.approx(0.1, rel=0.05)
+    assert np.abs(fit.at(time) - np.sin(time)).max() < 0.1
+
+
+def test_noise_of_rounding_is_that_of_its_step():
+    """A step over the square root of 12; speeds may be whole km/h in m/s."""
+    assert rounding_sigma(np.array([0.1, 0.2, 0.7, 1.2])) == pytest.approx(0.1 / 12**0.5)
+    assert rounding_sigma(np.ones(4)) == 0.0
+    speed_m_s = np.array([0.0, 0.277, 0.555, 7.222])
+    assert speed_rounding_sigma(speed_m_s) == pytest.approx(1 / 3.6 / 12**0.5)
 
 
 def test_places_from_a_launch_point_in_a_table():

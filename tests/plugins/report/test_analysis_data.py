@@ -130,6 +130,7 @@ def test_a_latency_is_that_of_the_summary_and_the_closed_form() -> None:
         "random",
     )
     np.testing.assert_allclose(curve["probability"], expected, atol=1e-3)
+    assert (np.diff(curve["probability"]) >= 0.0).all()
     assert curve["probability"][-1] > 0.99
 
 

@@ -1,6 +1,7 @@
 """`imm` with scanners of 10 s: launches first seen in flight, above a cloud deck."""
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,11 @@ def track_of(run: opir.Run) -> tuple[Tracks, int]:
     return estimates.take(slice(last)), int(np.count_nonzero(mine.track != number))
 
 
+@cache
+def one_sensor_estimates(seed: int) -> Tracks:
+    return track_of(run_of("IRBM", seed, 1))[0]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", list(REACH_DEG))
 @pytest.mark.parametrize("seed", [31, 32, 33])
@@ -88,8 +94,14 @@ def test_two_sensors_follow_from_the_third_line_on_and_date_the_launch(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [31, pytest.param(32, marks=IS_UNSURE), 33])
+def test_one_sensor_recognises_a_launch_first_seen_in_flight(seed: int) -> None:
+    assert one_sensor_estimates(seed).probability_launch[-1] > 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [31, 32, 33])
 def test_one_sensor_follows_and_dates_a_launch_first_seen_in_flight(seed: int) -> None:
-    estimates, _ = track_of(run_of("IRBM", seed, 1))
-    assert estimates.probability_launch[-1] > 0.9
+    estimates = one_sensor_estimates(seed)
+    assert estimates.probability_launch[-1] > 0.5
     late_s = estimates.launch[-1, 2] - LAUNCH_S
     assert abs(late_s) < 3.0 * np.sqrt(estimates.launch_covariance[-1, 2, 2])
