@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import define
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray
 from opir_core.builtin.configs import BallisticConfig, PlaceConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import boost_ephemeris, surface_range_m
@@ -51,7 +50,7 @@ class ClassFlights(Trajectories):
     coast: Ephemeris | None
 
     @property
-    def type_code(self) -> NDArray[np.uint8]:
+    def type_code(self) -> ByteArray:
         """Codes (n,) of the missile types that the classes resemble."""
         return np.array([kind.type_code for kind in self.classes], dtype=np.uint8)
 

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray
 from opir_core.builtin.configs import ConfusionConfig, WeightedConfig
 from opir_core.errors import ModelError, nearest
 from opir_core.host.components import NoConfig
@@ -25,7 +24,7 @@ from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 class PairClassifier(Classifier):
     """A classifier with one answer for all detections of a sensor and target."""
 
-    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> ByteArray:
         """Return codes (n,) into `REPORTED_TYPES`."""
         return np.asarray(self.pair_type(sightings.sensor, sightings.target, rng), dtype=np.uint8)
 
@@ -43,9 +42,7 @@ class ConfusionClassifier(PairClassifier):
     class_number: IndexArray
     classes: int
 
-    def pair_type(
-        self, sensor: IndexArray, target: IndexArray, rng: RandomDraws
-    ) -> NDArray[np.uint8]:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, rng: RandomDraws) -> ByteArray:
         """Return codes (n,) into `REPORTED_TYPES`, the same for all detections of a pair."""
         drawn = rng.pair_uniforms("classification")[:, 0]
         row = sensor * self.classes + self.class_number[target]
@@ -61,11 +58,9 @@ class TrueType(PairClassifier):
     `REPORTED_TYPES`.
     """
 
-    type_code: NDArray[np.uint8]
+    type_code: ByteArray
 
-    def pair_type(
-        self, _sensor: IndexArray, target: IndexArray, _rng: RandomDraws
-    ) -> NDArray[np.uint8]:
+    def pair_type(self, _sensor: IndexArray, target: IndexArray, _rng: RandomDraws) -> ByteArray:
         """Return codes (n,) of the targets' types; other emitters are UNKNOWN."""
         return self.type_code[target]
 
@@ -76,9 +71,7 @@ class NoClassifier(PairClassifier):
 
     uses_truth: bool = False
 
-    def pair_type(
-        self, sensor: IndexArray, _target: IndexArray, _rng: RandomDraws
-    ) -> NDArray[np.uint8]:
+    def pair_type(self, sensor: IndexArray, _target: IndexArray, _rng: RandomDraws) -> ByteArray:
         """Return the code of UNKNOWN (n,)."""
         return np.full(len(sensor), UNKNOWN_TYPE, dtype=np.uint8)
 

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import define
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray
 from opir_core.builtin.configs import ConstantConfig
 from opir_core.errors import ModelError
 from opir_core.host.components import NoConfig
@@ -30,7 +29,7 @@ class ConstantDetection(DetectionProbability):
 
     probability_table: FloatArray
     class_number: IndexArray
-    band_count: NDArray[np.uint8]
+    band_count: ByteArray
     band_confirmation: float
     needs_geometry: bool = False
     uses_seed: bool = False
@@ -51,7 +50,7 @@ class ConstantDetection(DetectionProbability):
         )
         return Measured(bands, np.full(len(counts), np.nan))
 
-    def _confirmed(self, counts: NDArray[np.uint8], rng: RandomDraws) -> NDArray[np.uint8]:
+    def _confirmed(self, counts: ByteArray, rng: RandomDraws) -> ByteArray:
         """Return masks of the bands that confirm.
 
         Sensors with equally many bands draw together, so that a row's numbers do not hang on what
@@ -93,7 +92,7 @@ def _same_for_all(probability: float, context: ModelContext) -> DetectionProbabi
     return _detection(np.full((len(context.sensors), 1), probability), everyone, context, 1.0)
 
 
-def _present(codes: NDArray[np.uint8]) -> list[int]:
+def _present(codes: ByteArray) -> list[int]:
     """Return the codes that occur, each once, ascending. (`np.unique` would import masked arrays
     for the same.)
     """
@@ -145,6 +144,6 @@ def _band_count(sensor: Sensor) -> int:
     return len(sensor.bands)
 
 
-def _all_bands(counts: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _all_bands(counts: ByteArray) -> ByteArray:
     """Return masks with the lowest `counts` bits set."""
     return ((1 << counts.astype(np.uint16)) - 1).astype(np.uint8)

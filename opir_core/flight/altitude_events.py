@@ -9,7 +9,6 @@ located well enough to end the next attempt there.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.flight.conic_impact import ON_SURFACE_M
@@ -55,7 +54,7 @@ class Rise(NamedTuple):
 
 
 def crossing_fraction(
-    rise: Rise, boundary: FloatArray, down: NDArray[np.bool_], end: FloatArray
+    rise: Rise, boundary: FloatArray, down: BoolArray, end: FloatArray
 ) -> FloatArray:
     """Return the fraction, up to `end`, at which the cubic goes down (or up) through the boundary.
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
 from opir_core.flight.forces import US_STANDARD_1976, ExponentialAtmosphere
@@ -43,7 +43,7 @@ class AirLayers(NamedTuple):
     floors_m: FloatArray
     strides_m: FloatArray
     stride_shares: FloatArray
-    parameters: NDArray[np.float64]
+    parameters: FloatArray
 
 
 def log_density(parameters: Any, height_m: Any) -> Any:

@@ -12,7 +12,7 @@ change sign. Newton's method within the bracket then solves for the geodetic hei
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import (
@@ -43,7 +43,7 @@ class ConicArcs(NamedTuple):
     length_m: FloatArray  #: the unit of length
     second_s: FloatArray  #: the unit of time
 
-    def at(self, index: NDArray[np.intp]) -> "ConicArcs":
+    def at(self, index: RowArray) -> "ConicArcs":
         """Return the arcs at these indices, in order."""
         if len(index) == len(self.sigma):
             return self

@@ -7,8 +7,9 @@ from typing import Literal
 
 import numpy as np
 from attrs import cmp_using, evolve, field, frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S, ZONAL_FORCES
 
 #: The force model of a point mass alone, propagated in closed form.
@@ -55,7 +56,7 @@ class ExponentialAtmosphere:
 US_STANDARD_1976: Literal["us_standard_1976"] = "us_standard_1976"
 
 
-def _read_only(value: ArrayLike) -> NDArray[np.float64]:
+def _read_only(value: ArrayLike) -> FloatArray:
     array = np.array(value, dtype=np.float64)
     array.flags.writeable = False
     return array
@@ -71,7 +72,7 @@ class Drag:
     about the Earth's axis.
     """
 
-    ballistic_coefficient_kg_m2: NDArray[np.float64] = field(
+    ballistic_coefficient_kg_m2: FloatArray = field(
         converter=_read_only, eq=cmp_using(eq=np.array_equal), hash=False
     )
     atmosphere: ExponentialAtmosphere | Literal["us_standard_1976"] = field(
@@ -80,7 +81,7 @@ class Drag:
     air_rotation_rad_s: float = EARTH_ROTATION_RAD_S
 
     @ballistic_coefficient_kg_m2.validator
-    def _is_positive(self, _attribute: object, value: NDArray[np.float64]) -> None:
+    def _is_positive(self, _attribute: object, value: FloatArray) -> None:
         if not bool(np.all((value > 0.0) & (value < np.inf))):
             raise ValueError("ballistic_coefficient_kg_m2 must be positive and finite")
 
@@ -132,7 +133,7 @@ class Forces:
             np.broadcast_to(self.drag.ballistic_coefficient_kg_m2, (count,))
         )
 
-    def take(self, rows: NDArray[np.intp]) -> "Forces":
+    def take(self, rows: RowArray) -> "Forces":
         """Return the forces on some of the bodies, after `broadcast`."""
         if self.drag is None:
             return self

@@ -9,7 +9,6 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
@@ -177,7 +176,7 @@ class GravityAndDrag:
     def __init__(
         self,
         gravity: Gravity,
-        layer_parameters: NDArray[np.float64],
+        layer_parameters: FloatArray,
         log_half_inverse_beta: FloatArray,
         air_rotation_rad_s: float,
     ) -> None:

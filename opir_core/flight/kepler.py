@@ -17,9 +17,9 @@ from math import isfinite, pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.universal_anomaly import (
     UniversalArcs,
@@ -72,7 +72,7 @@ class ArcStart(NamedTuple):
         """Return where all numbers are finite."""
         return np.isfinite(self.sigma + self.alpha + self.time + self.rate)
 
-    def at(self, index: NDArray[np.intp]) -> "ArcStart":
+    def at(self, index: RowArray) -> "ArcStart":
         """Return the starts at these indices."""
         return ArcStart(*(column[index] for column in self))
 
@@ -143,7 +143,7 @@ class Flybys(NamedTuple):
             position[:, at], velocity[:, at] = self._on_the_way_in(at, s[at], r[at])
         return position, velocity
 
-    def _on_the_way_in(self, at: NDArray[np.intp], s: FloatArray, r: FloatArray) -> FloatPair:
+    def _on_the_way_in(self, at: RowArray, s: FloatArray, r: FloatArray) -> FloatPair:
         """Return positions and velocities of some arcs from their starts, by Lagrange's f and g."""
         _, g1, g2, g3 = universal_functions(self.alpha[at], self.approach[at] - s)
         position = self.position[:, at]

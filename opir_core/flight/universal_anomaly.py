@@ -21,7 +21,7 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.geometry.vectors import FloatPair
 
 
@@ -142,7 +142,7 @@ class UniversalArcs(NamedTuple, Generic[Real]):
     alpha: NDArray[Real]
     time: NDArray[Real]
 
-    def at(self, index: NDArray[np.intp]) -> "UniversalArcs[Real]":
+    def at(self, index: RowArray) -> "UniversalArcs[Real]":
         """Return the arcs at these indices."""
         return UniversalArcs(
             self.rho[index], self.sigma[index], self.alpha[index], self.time[index]

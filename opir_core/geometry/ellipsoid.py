@@ -9,9 +9,9 @@ Earth) have two, mirror images of each other; the northern one is used.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING
 from opir_core.geometry.vectors import FloatPair, floats
 
@@ -101,7 +101,7 @@ def _with_bisected(
     z: FloatArray,
     a: FloatArray,
     b: FloatArray,
-    deep: NDArray[np.bool_],
+    deep: BoolArray,
 ) -> FloatPair:
     """Return the normals with those of the deep points replaced by bisection."""
     shape = np.shape(deep)

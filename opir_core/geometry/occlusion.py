@@ -10,9 +10,9 @@ that ellipse, in closed form.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.geometry.ellipsoid import WGS84, height_along_normal, normal_at_foot
 from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
@@ -150,7 +150,7 @@ class _Dip(NamedTuple):
     lower end, m.
     """
 
-    is_between: NDArray[np.bool_]
+    is_between: BoolArray
     line_height: FloatArray
     end_height: FloatArray
 
@@ -181,7 +181,7 @@ def grazing_height_m(
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def is_occluded(
     observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, grazing_height_m: ArrayLike = 0.0
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Return whether the segment between two ECEF points (..., 3), m, has a minimum below a height.
 
     The minimum is between the ends, less than `grazing_height_m` above the WGS 84 ellipsoid. Ends
@@ -257,7 +257,7 @@ def _with_depths(
     height: FloatArray,
     observer_ecef_m: ArrayLike,
     target_ecef_m: ArrayLike,
-    searched: NDArray[np.bool_],
+    searched: BoolArray,
 ) -> FloatArray:
     """Return heights, with a search for the segments that run through the Earth."""
     if not np.any(searched):

@@ -4,9 +4,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.frames import (
     DAYS_PER_CENTURY,
@@ -172,7 +172,7 @@ def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatAr
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> NDArray[np.bool_]:
+def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> BoolArray:
     """Return whether positions (..., 3) are outside the umbra: any part of the Sun's disc is in
     view.
 

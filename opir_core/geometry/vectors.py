@@ -5,9 +5,9 @@ written-out components do not.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 
 #: Lengths below it, m, count as zero: their squares would underflow. Added to a divisor it makes
 #: 0/0 zero and changes no other quotient.
@@ -48,7 +48,7 @@ def vector(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> FloatArray:
     return out
 
 
-def select(condition: NDArray[np.bool_], yes: ArrayLike, no: ArrayLike) -> FloatArray:
+def select(condition: BoolArray, yes: ArrayLike, no: ArrayLike) -> FloatArray:
     """Return `yes` where the condition holds, else `no`; a scalar of scalars, unlike
     `numpy.where`.
     """

@@ -284,13 +284,16 @@ class Source:
     fault: str = ""
     direct_url: Callable[[], str] = str
 
-    def way_to_install_again(self) -> str:
-        """Return how to install the distribution again; an editable install from its folder."""
+    def editable_folder(self) -> str:
+        """Return the folder of an editable install; "" for any other."""
         record = self.direct_url()
         url = re.search(r'"url": *"file://([^"]+)"', record)
         if url is None or not re.search(r'"editable": *true', record):
-            return f"install again: pip install --force-reinstall {self.provenance.distribution}"
-        return f"install again: pip install -e {url[1]}"
+            return ""
+        # Not by `urllib.parse`, which this module would import at every start.
+        escape = rb"%([0-9A-Fa-f]{2})"
+        path = re.sub(escape, lambda code: bytes.fromhex(code[1].decode()), url[1].encode())
+        return path.decode(errors="replace")
 
 
 @frozen

@@ -91,11 +91,16 @@ def missing(
 
 def installable(search: Search) -> Iterable[str]:
     """Yield which package of this project provides what was requested, and how to install it."""
-    hook = "opir_commands" if search.hook == COMMAND_HOOK else search.hook
-    entry = f"{hook.removeprefix('opir_')}.{search.name}"
+    entry = _entry_point(search.offer)
     for package, entries in PACKAGES.items():
         if entry in entries:
             yield way_to_install(package)
+
+
+def _entry_point(offer: Offer) -> str:
+    """Return the entry point that lists a component, `trackers.imm`."""
+    hook, name = offer
+    return f"{'commands' if hook == COMMAND_HOOK else hook.removeprefix('opir_')}.{name}"
 
 
 def way_to_read(subject: str) -> str:
@@ -140,17 +145,27 @@ def stale(search: Search, source: Source, difference: str) -> str:
     """Return the message about a name in which a plugin differs from its installed entry points."""
     return (
         f"{search.prefix}the {search.kind} {search.name!r} cannot be used: {source.provenance}"
-        f" {difference}\n  {source.way_to_install_again()}"
+        f" {difference}\n  {_way_to_install_again(source)}"
     )
 
 
 def stale_plugin(source: Source, offers: Iterable[Offer]) -> str:
     """Return the message about all components in which a plugin differs from its installation."""
-    names = ", ".join(f"{hook.removeprefix('opir_')}.{name}" for hook, name in offers)
+    names = ", ".join(map(_entry_point, offers))
     return (
         f"its installed entry points differ from what it offers: {names};"
-        f" {source.way_to_install_again()}"
+        f" {_way_to_install_again(source)}"
     )
+
+
+def _way_to_install_again(source: Source) -> str:
+    """Return how to install a distribution again, from where it was installed."""
+    distribution = source.provenance.distribution
+    if folder := source.editable_folder():
+        return f"install again: python -m pip install -e '{folder}'"
+    if distribution in PACKAGES:
+        return f"install again {install_command(distribution)}"
+    return f"install again: python -m pip install --force-reinstall {distribution}"
 
 
 def unknown_plugin(name: str, selection: Selection) -> str:

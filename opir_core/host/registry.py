@@ -232,15 +232,19 @@ def _failure(source: Source, reason: str, error: BaseException) -> PluginFailure
 def _as_advertised(source: Source, contributions: Contributions) -> Contributions:
     """Return the contributions with the components that the plugin's installed entry points list.
 
-    The others, and those that are listed and not offered, are stale.
+    The others, and those that are listed and not offered, are stale; so are all commands of a
+    plugin that adds some and lists none.
     """
     if source.advertised is None:
         return contributions
     listed = {offer for offer in source.advertised if offer[0] != COMMAND_HOOK}
     offered = set(contributions.components)
+    lists_commands = len(listed) < len(source.advertised)
+    commands = {(COMMAND_HOOK, "*")} if contributions.add_commands and not lists_commands else set()
     stale = {
         **dict.fromkeys(sorted(offered - listed), NOT_LISTED),
         **dict.fromkeys(sorted(listed - offered), NOT_OFFERED),
+        **dict.fromkeys(commands, NOT_LISTED),
     }
     components = {
         offer: component for offer, component in contributions.components.items() if offer in listed

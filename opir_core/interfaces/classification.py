@@ -8,14 +8,14 @@ from abc import abstractmethod
 from collections.abc import Sequence
 
 from opir_core.arrays import ByteArray, FloatArray, IndexArray
-from opir_core.interfaces.contract import PluginPart, optional
+from opir_core.interfaces.contract import PluginPart, optional, undefined
 from opir_core.interfaces.detection_models import RandomDraws
 from opir_core.interfaces.records import ClassifierInputs
 
 
 class Classifier(PluginPart):
-    """Measurements to the reported target type; with `log_posterior`, also to type probabilities
-    that tracks revise.
+    """Measurements to the reported target type; with `log_posterior`, `reported` and `revised`,
+    also to type probabilities that tracks revise.
 
     >>> class Undecided(Classifier):
     ...     def reported_type(self, sightings, rng):
@@ -60,12 +60,18 @@ class Classifier(PluginPart):
         return log_posterior
 
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
-        """Return posteriors combined with type probabilities from the tracks' motion, (n, 4)."""
-        raise NotImplementedError
+        """Return posteriors combined with type probabilities from the tracks' motion, (n, 4).
+
+        A classifier with `log_posterior` must define it; `ModelError` without it.
+        """
+        raise undefined(self, "revised", "log_posterior")
 
     def reported(self, log_posterior: FloatArray) -> ByteArray:
-        """Return the codes (n,) reported for posteriors."""
-        raise NotImplementedError
+        """Return the codes (n,) reported for posteriors.
+
+        A classifier with `log_posterior` must define it; `ModelError` without it.
+        """
+        raise undefined(self, "reported", "log_posterior")
 
 
 class Confidence(PluginPart):

@@ -27,7 +27,7 @@ else:
 
     class required(optional):  # noqa: N801 - a decorator
         """A property that a subclass or an instance must replace, by a plain attribute or a
-        property.
+        property; the body of this one never runs.
         """
 
         def __get__(self, component: Any, _owner: Any = None) -> Any:
@@ -58,6 +58,17 @@ class PluginPart(ABC):  # noqa: B024 - its subclasses have the abstract methods
                 f" required"
             )
         return component if isinstance(component, cls) else _adopter(cls)(component)
+
+
+def undefined(component: PluginPart, method: str, companion: str) -> ModelError:
+    """Return the error of a part that has a `companion` and lacks the method that belongs to it."""
+    part = component._part if isinstance(component, _Adopted) else component
+    contract = next(base for base in type(component).__mro__ if method in vars(base))
+    return ModelError(
+        f"{type(part).__module__}.{type(part).__qualname__} has {companion} and defines no"
+        f" {method}; define it as opir_core.plugin.{contract.__name__} says, or leave {companion}"
+        f" out"
+    )
 
 
 def has_own(base: type, component: Any, name: str) -> bool:

@@ -11,7 +11,7 @@ from attrs import frozen
 
 from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.contract import PluginPart, optional
+from opir_core.interfaces.contract import PluginPart, optional, undefined
 from opir_core.interfaces.records import Exposures
 from opir_core.interfaces.sensors import Band
 
@@ -150,8 +150,10 @@ class DetectionProbability(PluginPart):
     ) -> Measured:
         """Return the measurements of looks that detected; `probability` (n,) replaces a probit of
         None.
+
+        A model with `response` must define it; `ModelError` without it.
         """
-        raise NotImplementedError
+        raise undefined(self, "measure_response", "response")
 
     def breakpoints_s(self) -> FloatArray | None:
         """Return the scene times (targets, k) at the target when any of its signals may jump or
@@ -187,5 +189,8 @@ class DetectionProbability(PluginPart):
         return 0
 
     def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
-        """Return the measurements (n,) of false alarms, from numbers (n, words) in [0, 1)."""
-        raise NotImplementedError
+        """Return the measurements (n,) of false alarms, from numbers (n, words) in [0, 1).
+
+        A model with `rate_per_scan` must define it; `ModelError` without it.
+        """
+        raise undefined(self, "measure_noise", "rate_per_scan")

@@ -1,7 +1,8 @@
 """The contracts of outputs: sinks, transports and event encoders.
 
-Each is one base class: the abstract methods are required, the others have defaults. A part that has
-the methods and another base class works too (`PluginPart.adopt`).
+Each is one base class: the abstract methods, and the properties that say so, are required; the
+others have defaults. A part that has the methods and another base class works too
+(`PluginPart.adopt`).
 """
 
 from abc import abstractmethod
@@ -211,12 +212,12 @@ class Encoder(PluginPart):
 
     @required
     def content_type(self) -> str:
-        """The media type of a message."""
+        """The media type of a message; required."""
         raise NotImplementedError
 
     @required
     def schema_version(self) -> str:
-        """The version of the schema that the messages follow."""
+        """The version of the schema that the messages follow; required."""
         raise NotImplementedError
 
     @abstractmethod

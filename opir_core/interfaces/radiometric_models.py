@@ -16,7 +16,7 @@ from attrs import Factory, field, frozen
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.contract import PluginPart, optional, required
+from opir_core.interfaces.contract import PluginPart, optional, required, undefined
 from opir_core.interfaces.sensors import Band
 from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import Plume
@@ -164,17 +164,17 @@ class Sources(PluginPart):
 
     @required
     def ids(self) -> Sequence[str]:
-        """Ids of the emitters: the block's own id with a number from 1, `fires-17`."""
+        """Ids of the emitters, required: the block's own id with a number from 1, `fires-17`."""
         raise NotImplementedError
 
     @required
     def trajectories(self) -> Trajectories:
-        """Their positions and times."""
+        """Their positions and times; required."""
         raise NotImplementedError
 
     @required
     def signatures(self) -> Signatures:
-        """Their signatures."""
+        """Their signatures; required."""
         raise NotImplementedError
 
 
@@ -281,9 +281,11 @@ class Background(PluginPart):
         self, bands: Sequence[int], view: Views
     ) -> tuple[FloatArray, FloatArray, IndexArray]:
         """Return radiances and the standard deviations of their structure (bands, n), and its
-        number (n,).
+        number (n,) among `structures`.
+
+        A background with `structures` must define it; `ModelError` without it.
         """
-        raise NotImplementedError
+        raise undefined(self, "structured_radiances_w_m2_sr", "structures")
 
 
 @frozen(kw_only=True)

@@ -27,7 +27,7 @@ class Tracker(PluginPart):
 
     @required
     def cadence_s(self) -> float | None:
-        """Time between ticks, s, or None for a tracker that never steps."""
+        """Time between ticks, s, or None for a tracker that never steps; required."""
 
     @abstractmethod
     def associate(self, detections: Detections) -> IntArray:

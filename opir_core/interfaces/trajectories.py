@@ -35,18 +35,18 @@ class Trajectories(PluginPart):
     @required
     def type_code(self) -> ByteArray:
         """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class
-        resembles.
+        resembles; required.
         """
         raise NotImplementedError
 
     @required
     def ignition_s(self) -> FloatArray:
-        """Scene times from which the plumes radiate, (n,) s."""
+        """Scene times from which the plumes radiate, (n,) s; required."""
         raise NotImplementedError
 
     @required
     def burnout_s(self) -> FloatArray:
-        """Scene times to which the plumes radiate, (n,) s."""
+        """Scene times to which the plumes radiate, (n,) s; required."""
         raise NotImplementedError
 
     @abstractmethod

@@ -318,15 +318,15 @@ class LiveRun:
                 position = self._position
                 asked_ns = self.time_ns
                 earliest_ns = position.engine.time_ns + lead_ns
-                plan_mapping, is_chosen = launch_in_lap(
+                target_block, is_chosen = launch_in_lap(
                     block, f"live-{self._name_number}", position, earliest_ns
                 )
                 duration_s = position.engine.plan.scene.duration_s
-                if is_chosen and plan_mapping["launch"]["time_s"] >= duration_s:
+                if is_chosen and target_block["launch"]["time_s"] >= duration_s:
                     self._await_lap_after(position.lap, give_up_s)
                     continue
                 change = launch_change(
-                    position.engine.plan, plan_mapping, position.engine.time_ns, position.lap
+                    position.engine.plan, target_block, position.engine.time_ns, position.lap
                 )
                 try:
                     cycle = self._applied(change, give_up_s)
@@ -340,8 +340,8 @@ class LiveRun:
                 else:
                     self._launch_count += 1
                     return Launched(
-                        plan_mapping["id"],
-                        plan_mapping["launch"]["time_s"] + position.offset.time_ns / 1_000_000_000,
+                        target_block["id"],
+                        target_block["launch"]["time_s"] + position.offset.time_ns / 1_000_000_000,
                         cycle,
                     )
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")

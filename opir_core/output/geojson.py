@@ -11,9 +11,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
 from opir_core.geometry.sphere import AzimuthalEquidistant
 from opir_core.interfaces.impact_regions import IMPACT_CONDITIONS, ImpactRegion
 
@@ -37,7 +36,7 @@ _encode = msgspec.json.Encoder().encode
 Rings = list[FloatArray]
 
 
-def region_texts(column: NDArray[np.object_]) -> list[bytes]:
+def region_texts(column: ObjectArray) -> list[bytes]:
     """Return tuples of regions (n,) as JSON arrays of figures and GeoJSON geometry; equal ones
     once.
     """
@@ -315,7 +314,7 @@ def _refined(ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant) -
 
 def _crossings(
     plane: FloatArray,
-    edge: NDArray[np.int64],
+    edge: IntArray,
     between: tuple[FloatArray, FloatArray],
     side: FloatArray,
     chart: AzimuthalEquidistant,
@@ -331,7 +330,7 @@ def _crossings(
 
 def _crossed(
     plane: FloatArray,
-    edge: NDArray[np.int64],
+    edge: IntArray,
     between: tuple[FloatArray, FloatArray],
     side: FloatArray,
     chart: AzimuthalEquidistant,
@@ -355,7 +354,7 @@ def _crossed(
 
 
 def _along(
-    plane: FloatArray, edge: NDArray[np.int64], share: FloatArray, chart: AzimuthalEquidistant
+    plane: FloatArray, edge: IntArray, share: FloatArray, chart: AzimuthalEquidistant
 ) -> FloatArray:
     """Return points on edges of a ring, at shares of their length, as longitude and latitude,
     degrees.

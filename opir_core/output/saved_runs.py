@@ -10,9 +10,8 @@ from typing import Any
 import msgspec
 import numpy as np
 from attrs import evolve, frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.host.components import SinkModel
@@ -151,7 +150,7 @@ def _events_at(path: Path) -> Path:
             )
             raise invalid_file(path, "", words)
         path = manifests[0]
-    ending = next((file for file in _BESIDE if path.name.endswith(file)), None)
+    ending = next((suffix for suffix in _BESIDE if path.name.endswith(suffix)), None)
     if ending is None:
         return path
     stem = path.name.removesuffix(ending)
@@ -304,7 +303,7 @@ class _Columns:
             raise invalid_file(self.path, place, words.format(unknown))
         return [codes[value] for value in values]
 
-    def _bands(self, sensor: IndexArray) -> NDArray[np.uint8]:
+    def _bands(self, sensor: IndexArray) -> ByteArray:
         rows = zip(sensor.tolist(), self._values("bands"), strict=True)
         masks = [_mask(self.plan.sensors[number], bands) for number, bands in rows]
         return np.array(masks, dtype=np.uint8)

@@ -6,9 +6,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, ObjectArray
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, TRACK_ENDS, Tracks
 from opir_core.output.geojson import region_from_document
@@ -123,9 +122,7 @@ def _weighed(
     return _column([row.hypotheses and _shares(row.hypotheses, names) for row in rows], len(names))
 
 
-def _tracks(
-    rows: Sequence[TrackRecord], regions: NDArray[np.object_], weighed: FloatArray
-) -> Tracks:
+def _tracks(rows: Sequence[TrackRecord], regions: ObjectArray, weighed: FloatArray) -> Tracks:
     available = [row.time_s if row.available_s is None else row.available_s for row in rows]
     types = [row.type_probability and _shares(row.type_probability, REPORTED_TYPES) for row in rows]
     return Tracks(

@@ -8,10 +8,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from attrs import asdict, evolve, field, frozen
-from numpy.typing import NDArray
 
+from opir_core.arrays import ByteArray
 from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.host.host import Host
@@ -148,7 +147,7 @@ class Plan(PlanParts):
         """The names of the hypotheses, in the order of `Tracks.hypothesis_probability`."""
         return tuple(hypothesis.name for hypothesis in self.hypotheses)
 
-    def paper_codes(self) -> NDArray[np.uint8] | None:
+    def paper_codes(self) -> ByteArray | None:
         """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are
         these types.
         """

@@ -5,8 +5,8 @@ from contextlib import suppress
 
 import numpy as np
 from attrs import evolve
-from numpy.typing import NDArray
 
+from opir_core.arrays import ByteArray
 from opir_core.errors import ModelError, PluginError
 from opir_core.host.host import Host
 from opir_core.interfaces.sensors import Sensor
@@ -51,7 +51,7 @@ def offered_hypotheses(host: Host) -> tuple[Hypothesis, ...]:
     return hypotheses_of(classes)
 
 
-def paper_codes(names: Iterable[str], host: Host) -> NDArray[np.uint8]:
+def paper_codes(names: Iterable[str], host: Host) -> ByteArray:
     """Return the codes (n,) into `REPORTED_TYPES` of the types that stand for reported types, class
     by class.
     """

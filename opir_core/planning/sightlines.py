@@ -9,7 +9,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_core.planning.targets import Targets
 
@@ -47,8 +47,8 @@ class GridPlace:
 
     def interpolated(self, values: FloatArray) -> FloatArray:
         """Return values at the looks, interpolated linearly between the points."""
-        before_point = values[self.point]
-        return before_point + (values[self.point + 1] - before_point) * self.fraction
+        start = values[self.point]
+        return start + (values[self.point + 1] - start) * self.fraction
 
 
 @frozen(eq=False, repr=False)
@@ -65,7 +65,7 @@ class Sightlines:
     first_point: IntArray
     travel_s: FloatArray
     elevation_sine: FloatArray
-    sight: NDArray[np.uint8]
+    sight: ByteArray
 
     def place(self, pair: IntArray, time_s: FloatArray) -> GridPlace:
         """Return the grid positions of the looks of pairs (n,) at times (n,)."""

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 from attrs import Factory, field, frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray
 from opir_core.errors import ModelError, kind_of
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
 from opir_core.interfaces.trajectories import Trajectories
@@ -25,7 +24,7 @@ class Targets:
     """
 
     ids: tuple[str, ...]
-    type_code: NDArray[np.uint8]
+    type_code: ByteArray
     ignition_s: FloatArray
     burnout_s: FloatArray
     end_s: FloatArray

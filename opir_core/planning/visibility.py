@@ -8,9 +8,8 @@ visible throughout, or not at all. In the other cells the looks are tested one b
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
 from opir_core.interfaces.columns import Columns
@@ -107,7 +106,7 @@ class SunMargins(Columns):
 
 def cell_visibility(
     grid: Grid, margins: Margins, range_m: FloatArray, sun: SunMargins | None = None
-) -> tuple[NDArray[np.uint8], IntArray]:
+) -> tuple[ByteArray, IntArray]:
     """Return the `Visibility` of each cell, by its first point, and why pairs are `Blocked`."""
     guard_rad = 2.0 * CHORD_ERROR_M / range_m
     cells = grid.cells()
@@ -159,8 +158,8 @@ _GAP_ALLOWANCE_S = 1e-6
 
 
 def without_dark_gaps(
-    sight: NDArray[np.uint8], grid: Grid, emission_s: FloatArray, gaps_s: FloatArray
-) -> NDArray[np.uint8]:
+    sight: ByteArray, grid: Grid, emission_s: FloatArray, gaps_s: FloatArray
+) -> ByteArray:
     """Return the visibility of cells for sensors that see burns only: never in dark gaps, uncertain
     at their ends.
 
@@ -184,7 +183,7 @@ def without_dark_gaps(
 
 
 def needs_look_test(
-    grid: Grid, sight: NDArray[np.uint8], first_s: FloatArray, last_s: FloatArray
+    grid: Grid, sight: ByteArray, first_s: FloatArray, last_s: FloatArray
 ) -> BoolArray:
     """Return which pairs have a cell without certain visibility between their first and last
     visible times.

@@ -8,9 +8,8 @@ from collections.abc import Iterable, Sequence
 from hashlib import blake2b
 
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.arrays import IntArray, WordArray
+from opir_core.arrays import ByteArray, IntArray, WordArray
 from opir_core.random_streams.philox import mixed
 
 _PURPOSE = b"opir-detection"
@@ -101,7 +100,7 @@ def uuid_words(texts: Sequence[str]) -> WordArray:
     return words
 
 
-def uuid_characters(words: WordArray) -> NDArray[np.uint8]:
+def uuid_characters(words: WordArray) -> ByteArray:
     """Return ids (n, 2) as ASCII codes (n, 36)."""
     octets = words.astype(">u8").view(np.uint8)
     digits = np.take(_HEX_PAIRS, octets).view(_DIGITS)[:, 0]

@@ -94,7 +94,7 @@ class PairStreams:
         count: IntArray,
         at: IntArray,
     ) -> None:
-        """Read `count` words of each pair, from word `first` of its stream on, to the place
+        """Read `count` words of each pair, from word `start` of its stream on, to the place
         `at`.
         """
         keys = self._keys.setdefault(purpose, {})
@@ -163,8 +163,8 @@ class _ReadWords:
     def copy(
         self, into: WordArray, pairs: IntArray, first_word: IntArray, count: IntArray, at: IntArray
     ) -> None:
-        """Copy `count` words of each pair, from word `first` of its stream on, to the place
-        `at`.
+        """Copy `count` words of each pair, from word `first_word` of its stream on, to the
+        place `at`.
         """
         place = np.arange(int(count.sum()))
         place_of_pair = np.cumsum(count) - count

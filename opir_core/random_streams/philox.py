@@ -14,9 +14,8 @@ from hashlib import blake2b
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, WordArray
 
 #: Name of this scheme in the manifest; it changes if any number changes.
 SCHEME = (
@@ -65,8 +64,8 @@ class Reader:
             "uinteger": 0,
         }
 
-    def words(self, key: int, start: int, count: int) -> NDArray[np.uint64]:
-        """Return `count` raw words of the stream with a 128-bit key, from word `first` on."""
+    def words(self, key: int, start: int, count: int) -> WordArray:
+        """Return `count` raw words of the stream with a 128-bit key, from word `start` on."""
         block, skipped = divmod(start, _WORDS_PER_BLOCK)
         self._place["key"] = divmod(key, 1 << 64)[::-1]
         self._place["counter"] = (*divmod(block, 1 << 64)[::-1], 0, 0)
@@ -82,12 +81,12 @@ class Stream:
         self._words = words
         self._reader = Reader()
 
-    def words(self, first_scan: int, scans: int) -> NDArray[np.uint64]:
+    def words(self, first_scan: int, scans: int) -> WordArray:
         """Return the (scans · words,) raw words of `scans` scans from `first_scan` on."""
         return self._reader.words(self._key, first_scan * self._words, scans * self._words)
 
 
-def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
+def uniforms_of(words: WordArray) -> FloatArray:
     """Return numbers in [0, 1) from the upper 53 bits of raw words; overwrites the words."""
     words >>= 11
     numbers = _floats(words)
@@ -95,7 +94,7 @@ def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
     return numbers
 
 
-def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def further_words(seeds: WordArray, numbers: WordArray) -> WordArray:
     """Return the words number (n,), or (1,), of the sequences of seeds (n,), which are random words
     themselves.
 
@@ -105,7 +104,7 @@ def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDA
     return mixed(seeds + numbers * 0x9E3779B97F4A7C15)
 
 
-def mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def mixed(words: WordArray) -> WordArray:
     """Return 64-bit words mixed one to one, in place: the finaliser of SplitMix64, Stafford's
     variant 13.
     """
@@ -117,7 +116,7 @@ def mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return words
 
 
-def normal_pairs(words: NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
+def normal_pairs(words: WordArray) -> tuple[FloatArray, FloatArray]:
     """Return two independent standard normal columns (n,) from one raw word per row (n,).
 
     Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words per row, so that rows are
@@ -135,7 +134,7 @@ def normal_pairs(words: NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
     return cosine, sine
 
 
-def _write_pairs(words: NDArray[np.uint64], cosine: FloatArray, sine: FloatArray) -> None:
+def _write_pairs(words: WordArray, cosine: FloatArray, sine: FloatArray) -> None:
     bits = words >> np.uint64(24)
     radius = _floats(bits)
     radius *= -(2.0**-40)
@@ -171,6 +170,6 @@ def _turn(cosine: FloatArray, sine: FloatArray, by_rad: FloatArray) -> None:
     sine += upwards
 
 
-def _floats(words: NDArray[np.uint64]) -> FloatArray:
+def _floats(words: WordArray) -> FloatArray:
     """Return words below 2**63 as floats; signed integers are converted several times faster."""
     return words.view(np.int64).astype(np.float64)

@@ -325,7 +325,7 @@ class SceneBuilder:
         return evolve(choice, written={}) if is_usual else choice
 
     def _outputs(self, node: Node) -> tuple[Choice, ...]:
-        taken = dict[tuple[str, Any], str]()
+        taken = dict[tuple[str, str], str]()
 
         def read(index: int, item: Node) -> Choice:
             choice = self._output(item, f"outputs[{index}]")
@@ -334,9 +334,10 @@ class SceneBuilder:
             if isinstance(name, str):
                 self.components.component(_ENCODERS, name, f"{choice.path}.encoder")
             path = getattr(choice.config, "path", None)
-            owner = taken.setdefault((choice.name, path), choice.path)
-            if path is not None and owner != choice.path:
-                raise item.refused(f"{owner} writes to {path!r} already")
+            if path is not None:
+                owner = taken.setdefault((choice.name, repr(path)), choice.path)
+                if owner != choice.path:
+                    raise item.refused(f"{owner} writes to {path!r} already")
             return choice
 
         return tuple(read_each(items_of(node), read))

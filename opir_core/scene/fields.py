@@ -156,11 +156,11 @@ class FieldInfo:
         high = _bound(self.maximum, self.below)
         if low is None and high is None:
             return ""
-        bracket = "[" if self.minimum is not None else "("
-        right = "]" if self.maximum is not None else ")"
+        opening = "[" if self.minimum is not None else "("
+        closing = "]" if self.maximum is not None else ")"
         return (
-            f"{bracket}{'-inf' if low is None else _figure(low)},"
-            f" {'inf' if high is None else _figure(high)}{right}"
+            f"{opening}{'-inf' if low is None else _figure(low)},"
+            f" {'inf' if high is None else _figure(high)}{closing}"
         )
 
     @property

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IntArray, WordArray
+from opir_core.arrays import ByteArray, FloatArray, IntArray, WordArray
 from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.columns import Filling
 from opir_core.interfaces.detection_models import DetectionProbability, Measured
@@ -42,7 +41,7 @@ class BuildDetections:
     detection: DetectionProbability
     classifier: Classifier
     confidence: Confidence
-    pair_type: NDArray[np.uint8] | None
+    pair_type: ByteArray | None
     id_keys: WordArray
     band_totals: IntArray
     types: int

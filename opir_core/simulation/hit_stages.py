@@ -98,8 +98,8 @@ class CountDetections:
     def take_over(self, former: "CountDetections") -> None:
         """Continue with the counts and last detections of another run with the same sensors."""
         rows = {name: row for row, name in enumerate(former._names)}
-        rows_by_place = [(row, rows[name]) for row, name in enumerate(self._names) if name in rows]
-        own_row, former_row = np.array(rows_by_place, dtype=np.int64).reshape(-1, 2).T
+        row_pairs = [(row, rows[name]) for row, name in enumerate(self._names) if name in rows]
+        own_row, former_row = np.array(row_pairs, dtype=np.int64).reshape(-1, 2).T
         self._counts = np.zeros(len(self._names), dtype=np.int32)
         self._counts[own_row] = former._counts[former_row]
         if self._confirmation is not None and former._confirmation is not None:

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.detection_models import Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
@@ -61,7 +60,7 @@ class Classified:
     detections of these.
     """
 
-    reported_type: NDArray[np.uint8]
+    reported_type: ByteArray
     log_posterior: FloatArray
     columns: Mapping[str, Any]
 
@@ -153,7 +152,7 @@ def _replaced(column: Any, rows: IntArray, values: Any) -> Any:
 
 
 def measured_lines_of_sight(
-    states: SensorStates, exposed: Exposures, sigma_rad: FloatArray, words: NDArray[np.uint64]
+    states: SensorStates, exposed: Exposures, sigma_rad: FloatArray, words: WordArray
 ) -> FloatArray:
     """Return measured unit vectors (n, 3) in ECEF: with the sensor's bias, and two normal errors
     across each.

@@ -6,9 +6,8 @@ Each raises `InvalidOutput`, to which the engine adds the component and its owne
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import ByteArray, FloatArray, IntArray
 from opir_core.errors import kind_of
 from opir_core.host.boundary import InvalidOutput
 from opir_core.interfaces.detection_models import Measured
@@ -54,7 +53,7 @@ def checked_measured(measured: Any, rows: int, bands: int, method: str = "measur
     return measured
 
 
-def checked_types(codes: Any, rows: int, types: int, method: str) -> NDArray[np.uint8]:
+def checked_types(codes: Any, rows: int, types: int, method: str) -> ByteArray:
     """Return the codes (rows,) of reported types, below `types`."""
     _require_array(codes, "iu", (rows,), _CLASSIFICATION, method)
     if rows and (codes.min() < 0 or codes.max() >= types):

@@ -428,11 +428,11 @@ def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
     start = values[0]
     middle = values[2]
     stop = values[4]
-    start_share = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
-    stop_share = (stop - middle) / np.maximum(at[4] - at[2], 1e-300)
-    bend = (stop_share - start_share) / np.maximum(at[4] - at[0], 1e-300)
+    start_slope = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
+    stop_slope = (stop - middle) / np.maximum(at[4] - at[2], 1e-300)
+    bend = (stop_slope - start_slope) / np.maximum(at[4] - at[0], 1e-300)
     off = [
-        values[place] - (start + (at[place] - at[0]) * (start_share + (at[place] - at[2]) * bend))
+        values[place] - (start + (at[place] - at[0]) * (start_slope + (at[place] - at[2]) * bend))
         for place in (1, 3)
     ]
     return 0.5 * np.abs(off[0] - off[1]), 0.5 * np.abs(off[0] + off[1])

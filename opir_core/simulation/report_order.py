@@ -6,9 +6,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from attrs import evolve
-from numpy.typing import NDArray
 
-from opir_core.arrays import IntArray
+from opir_core.arrays import ByteArray, IntArray
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
@@ -190,7 +189,7 @@ class ReportedTracker(ScheduledTracker):
         tracker: Tracker,
         end_ns: int,
         lag_ns: int,
-        paper_codes: NDArray[np.uint8] | None = None,
+        paper_codes: ByteArray | None = None,
     ) -> None:
         super().__init__(tracker, end_ns, paper_codes)
         self._lag_ns = lag_ns

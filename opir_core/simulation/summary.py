@@ -6,9 +6,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.records import Window
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked, Pairs
@@ -121,7 +120,7 @@ class Tally:
         sensor: IndexArray,
         target: IndexArray,
         time_ns: IntArray,
-        reported_type: NDArray[np.uint8],
+        reported_type: ByteArray,
         confidence: FloatArray,
     ) -> None:
         """Count detections (n,) of targets, sorted by time."""

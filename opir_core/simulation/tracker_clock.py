@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, fields, frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import ByteArray, FloatArray, IntArray
 from opir_core.errors import ModelError, OpirError
 from opir_core.host.boundary import blamed_call, check_hint, owner_text
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_ENDS, Detections, Tracks
@@ -44,7 +43,7 @@ class ScheduledTracker:
     """
 
     def __init__(
-        self, tracker: Tracker | None, end_ns: int, paper_codes: NDArray[np.uint8] | None = None
+        self, tracker: Tracker | None, end_ns: int, paper_codes: ByteArray | None = None
     ) -> None:
         self._tracker = tracker
         self._end_ns = end_ns

@@ -76,6 +76,6 @@ def _too_rare(plan: Plan, pair: IntArray) -> str:
         return ""
     best = int((looks - needed).argmax())
     return (
-        f"too few looks: {looks[best]} by {plan.sensors[sensor[best]].id}, which reports what"
-        f" {needed[best]} of {scans[best]} successive scans detect"
+        f"too few looks: {looks[best]} by {plan.sensors[sensor[best]].id}, which reports after"
+        f" {needed[best]} detections in {scans[best]} successive scans"
     )

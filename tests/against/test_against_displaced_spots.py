@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from opir_photons.radiometry import (
     FilteredSpot,
     FrameDifference,
@@ -22,8 +21,6 @@ from opir_photons.radiometry import (
 from scipy.ndimage import map_coordinates
 from scipy.signal import fftconvolve
 from scipy.special import j0, j1
-
-Floats = NDArray[np.float64]
 
 #: Samples along a pixel, and pixels from the centre of the pattern to its edge.
 SUB = 16

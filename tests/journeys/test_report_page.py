@@ -48,7 +48,6 @@ def test_the_report_opens_without_a_network(browser, report, width, scheme):
     context.close()
 
 
-_INK = "getComputedStyle(document.documentElement).color"
 _PAPER = "getComputedStyle(document.documentElement).backgroundColor"
 
 

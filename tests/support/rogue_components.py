@@ -3,8 +3,6 @@ return nonsense.
 """
 
 import threading
-from collections.abc import Callable
-from typing import Any
 
 from attrs import evolve
 
@@ -12,9 +10,6 @@ from opir_core.host.components import CATALOGUE
 from opir_core.host.host import Host
 from opir_core.interfaces.contract import PluginPart, has_own
 from opir_core.plugin import hookimpl
-
-#: Takes what the method returns when it behaves, and returns what it returns here, or raises.
-Deed = Callable[[Any], Any]
 
 
 class Rogue:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IntArray, WordArray
+from opir_core.arrays import ByteArray, FloatArray, IntArray, WordArray
 from opir_core.errors import PluginError, SinkError
 from opir_core.host.components import RendererModel
 from opir_core.host.host import Host
@@ -91,7 +91,7 @@ class Ids:
         """Return the kind and the values, for a compiled renderer."""
         return "ids", np.ascontiguousarray(self.words, dtype=np.uint64)
 
-    def characters(self) -> NDArray[np.uint8]:
+    def characters(self) -> ByteArray:
         """Return the ASCII codes (n, 36)."""
         return uuid_characters(self.words)
 
@@ -111,7 +111,7 @@ class Times:
         """Return the kind and the values, for a compiled renderer."""
         return "times", np.ascontiguousarray(self.unix_us, dtype=np.int64)
 
-    def characters(self) -> NDArray[np.uint8]:
+    def characters(self) -> ByteArray:
         """Return the ASCII codes (n, 27)."""
         return timestamp_characters(self.unix_us)
 
@@ -147,7 +147,7 @@ def _groups(count: int, columns: Sequence[Column]) -> Iterator[list[bytes | list
     """Yield the pieces of the lines: one for all lines or one per line, as few as the columns
     allow.
     """
-    fixed: dict[int, NDArray[np.uint8]] = {}
+    fixed: dict[int, ByteArray] = {}
     for is_fixed, group in groupby(
         columns, key=lambda column: isinstance(column, bytes | Ids | Times)
     ):
@@ -160,7 +160,7 @@ def _groups(count: int, columns: Sequence[Column]) -> Iterator[list[bytes | list
             yield [_fixed_width(count, [_characters(column, fixed) for column in members])]
 
 
-def _characters(column: Column, converted: dict[int, NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def _characters(column: Column, converted: dict[int, ByteArray]) -> ByteArray:
     """Return ASCII codes (width,) or (n, width); a column that stands twice in a line is converted
     once.
     """
@@ -171,7 +171,7 @@ def _characters(column: Column, converted: dict[int, NDArray[np.uint8]]) -> NDAr
     return converted[id(column)]
 
 
-def _fixed_width(count: int, columns: Sequence[NDArray[np.uint8]]) -> list[bytes]:
+def _fixed_width(count: int, columns: Sequence[ByteArray]) -> list[bytes]:
     """Return texts of one width, joined from texts common to all (width,) and columns of characters
     (n, width).
     """

@@ -5,9 +5,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from opir_core.errors import SinkError
 from opir_core.interfaces.records import Window
 
@@ -57,7 +56,7 @@ def timestamp_text(unix_us: IntArray) -> list[str]:
     return [text[start : start + _TEXT_LENGTH] for start in range(0, len(text), _TEXT_LENGTH)]
 
 
-def timestamp_characters(unix_us: IntArray) -> NDArray[np.uint8]:
+def timestamp_characters(unix_us: IntArray) -> ByteArray:
     """Return times (n,), µs since 1970-01-01, as ASCII codes (n, 27); errors as
     `timestamp_text`.
     """
@@ -75,7 +74,7 @@ def timestamp_characters(unix_us: IntArray) -> NDArray[np.uint8]:
     return text
 
 
-def _second_characters(seconds: IntArray) -> NDArray[np.uint8]:
+def _second_characters(seconds: IntArray) -> ByteArray:
     """Return whole seconds (n,) as ASCII codes (n, 19); equal neighbours are converted once."""
     is_new = np.diff(seconds, prepend=seconds[:1] - 1) != 0
     text = np.datetime_as_string(seconds[is_new].astype("M8[s]")).astype(f"S{_TO_SECONDS}")

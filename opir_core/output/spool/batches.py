@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import ObjectArray
 from opir_core.errors import SinkError
 from opir_core.interfaces.outputs import Encoder, Sink, Transport
 from opir_core.interfaces.records import Batch, Window
@@ -43,7 +44,7 @@ class EncodedBatcher:
             elif len(encodable.detections):
                 yield from self._cut(lines, encodable.detections.sensor, self._ids)
 
-    def _cut(self, lines: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Iterator[Batch]:
+    def _cut(self, lines: bytes, key: NDArray[Any], names: ObjectArray) -> Iterator[Batch]:
         """Yield the lines of a block as batches of at most `BATCH_EVENTS` events; `key` (n,) is a
         row of `names`.
         """
@@ -56,7 +57,7 @@ class EncodedBatcher:
             rows = slice(start, start + BATCH_EVENTS)
             yield self._batch(b"\n".join([*messages[rows], b""]), key[rows], names)
 
-    def _batch(self, body: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Batch:
+    def _batch(self, body: bytes, key: NDArray[Any], names: ObjectArray) -> Batch:
         used_keys, key_of = np.unique(key, return_inverse=True)
         return Batch(
             body=body,

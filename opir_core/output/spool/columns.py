@@ -78,13 +78,19 @@ class Origin:
         """Return the window of an archive, perhaps of another run, with this run's epoch and rows
         of sensors.
 
-        Raises `SinkError` for another kind of batch, and for sensors, types or hypotheses that this
-        run lacks.
+        Raises `SinkError` for another kind or version of batch, and for sensors, types or
+        hypotheses that this run lacks.
         """
-        if (batch.content_type, batch.schema_version) != (CONTENT_TYPE, VERSION):
+        if batch.content_type != CONTENT_TYPE:
             raise SinkError(
                 f"its spool holds {batch.content_type} of another kind of output; give each output"
                 f" a spool of its own"
+            )
+        if batch.schema_version != VERSION:
+            raise SinkError(
+                f"its spool holds windows of version {batch.schema_version}, and this opir reads"
+                f" {VERSION}; run the opir that made them until the spool is empty, or give this"
+                f" output a spool of its own"
             )
         with np.load(BytesIO(batch.body), allow_pickle=False) as archive:
             start_s, end_s = archive["times"].tolist()

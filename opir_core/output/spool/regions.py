@@ -13,6 +13,7 @@ import numpy as np
 from attrs import fields
 from numpy.typing import NDArray
 
+from opir_core.arrays import ObjectArray
 from opir_core.interfaces.impact_regions import ImpactRegion
 
 #: The arrays of a packed column: the tuple (n,) of each row, and the JSON of all tuples.
@@ -22,7 +23,7 @@ _FIELDS = tuple(attribute.name for attribute in fields(ImpactRegion))
 _encode = msgspec.json.Encoder(enc_hook=lambda array: array.tolist()).encode
 
 
-def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
+def packed_regions(column: ObjectArray) -> Mapping[str, NDArray[Any]]:
     """Return the arrays of a column (n,) of tuples of regions."""
     rows = column.tolist()
     tuples = {id(row): row for row in rows}
@@ -37,7 +38,7 @@ def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
     }
 
 
-def unpacked_regions(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
+def unpacked_regions(arrays: Mapping[str, NDArray[Any]]) -> ObjectArray:
     """Return the column (n,) of packed arrays."""
     documents = msgspec.json.decode(arrays["tuples"].tobytes())
     tuples = [tuple(_region(**region) for region in regions) for regions in documents]

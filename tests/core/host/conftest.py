@@ -128,7 +128,7 @@ def assert_left_out(shop: Shop, caplog: pytest.LogCaptureFixture) -> Callable[[s
         shop.install("good", tracker_code("kalman"))
         shop.install("bad", code, version="3.1")
         assert_costs_only_itself(reason)
-        assert [record.getMessage() for record in caplog.records] == [f"plugin left out: {failure}"]
+        assert caplog.messages == [f"plugin left out: {failure}"]
         assert [(record.name, record.levelname) for record in caplog.records] == [
             ("opir", "WARNING")
         ]

@@ -10,7 +10,7 @@ from opir_core.cli.plugin_commands import added_commands
 from opir_core.errors import PluginError
 from opir_core.plugin import Host
 
-AGAIN = "\n  install again: pip install --force-reinstall opir-{}"
+AGAIN = "\n  install again from a clone of opir: python -m pip install ./plugins/opir_{}"
 
 COMMAND = """
 @hookimpl
@@ -100,7 +100,7 @@ def test_two_owners_of_one_command(shop, caplog, parser, commands, first, second
     caplog.clear()
     help_commands = argparse.ArgumentParser().add_subparsers()
     assert added_commands(Host.discover(), help_commands) == ("serve",)
-    assert [record.getMessage() for record in caplog.records] == [complaint]
+    assert caplog.messages == [complaint]
 
 
 def test_a_contest_about_another_command_is_let_be(shop, commands):
@@ -152,9 +152,7 @@ def test_a_command_whose_plugin_fails(shop, caplog, commands, code, advertise, r
     help_commands = argparse.ArgumentParser().add_subparsers()
     help_commands.add_parser("run")
     added_commands(Host.discover(), help_commands)
-    assert [record.getMessage() for record in caplog.records] == [
-        f"plugin left out: opir-http 5 (plugin http): {reason}"
-    ]
+    assert caplog.messages == [f"plugin left out: opir-http 5 (plugin http): {reason}"]
 
 
 @pytest.mark.parametrize(
@@ -184,7 +182,7 @@ def test_a_stale_command_costs_itself(shop, caplog, parser, commands, added, adv
                 added_commands(Host.discover(), argparse.ArgumentParser().add_subparsers(), name)
             assert str(error.value) == message
         assert added_commands(Host.discover(), commands) == tuple({"serve"} & set(added))
-        assert message in [record.getMessage() for record in caplog.records]
+        assert message in caplog.messages
         assert name not in commands.choices
 
 
@@ -205,9 +203,15 @@ def test_commands_are_grouped_in_the_help(shop, capsys, monkeypatch):
     assert groups["run a scene:"][0] == "run"
 
 
-def test_components_are_used_though_no_command_is_listed(shop, trackers):
+def test_components_are_used_though_no_command_is_listed(shop, trackers, caplog):
     shop.install("one", trackers("arc") + command("one", "serve"), advertise=["trackers.arc"])
     assert Host.discover().component("opir_trackers", "arc").name == "arc"
+    assert caplog.messages == [
+        (
+            "opir-one 1.0 (plugin one): its installed entry points differ from what it offers:"
+            " commands.*; install again: python -m pip install --force-reinstall opir-one"
+        )
+    ]
 
 
 def test_what_a_plugin_sees_of_argparse(shop, parser, commands):

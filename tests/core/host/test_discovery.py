@@ -225,7 +225,7 @@ class TestAllowList:
         second_complaint = (
             "OPIR_PLUGINS names 'zzz', but no installed distribution has such a plugin"
         )
-        assert [record.getMessage() for record in caplog.records] == [complaint, second_complaint]
+        assert caplog.messages == [complaint, second_complaint]
         assert [row for row in rows if row.state == "unknown"] == [
             PluginRow(
                 distribution="", version="", plugin="kafak", state="unknown", failure=complaint

@@ -222,4 +222,4 @@ def test_a_traceback_is_there_for_who_asks(shop, caplog):
     shop.install("bad", "1 / 0")
     Host.discover().catalogue()
     assert [record.exc_info is not None for record in caplog.records] == [True, False]
-    assert caplog.records[0].getMessage() == "opir-bad 1.0 (plugin bad)"
+    assert caplog.messages[0] == "opir-bad 1.0 (plugin bad)"

@@ -24,7 +24,7 @@ def opir_sensor_models():
 """
 
 MISMATCH = "its installed entry points differ from what it offers: "
-AGAIN = "install again: pip install "
+AGAIN = "install again: python -m pip install "
 NOT_LISTED = "offers it, but its installed entry points do not list it"
 NOT_OFFERED = "lists it in its installed entry points, but does not offer it"
 
@@ -134,9 +134,7 @@ def test_a_stale_component_costs_itself(
         f"  {AGAIN}--force-reinstall opir-one"
     )
     reason = f"{MISMATCH}trackers.{name}; {AGAIN}--force-reinstall opir-one"
-    assert [record.getMessage() for record in caplog.records] == [
-        f"opir-one 1.0 (plugin one): {reason}"
-    ]
+    assert caplog.messages == [f"opir-one 1.0 (plugin one): {reason}"]
     row = host.catalogue()[-1]
     assert (row.state, row.failure) == ("ready", reason)
     assert [component.name for component in row.components] == [usable]
@@ -145,9 +143,9 @@ def test_a_stale_component_costs_itself(
 def test_an_editable_install_is_installed_again_from_its_folder(shop, trackers):
     folder = shop.install("one", trackers("arc", "mht"), advertise=["trackers.arc"])
     info = next(folder.glob("*.dist-info"))
-    record = {"url": "file:///home/my-code/one", "dir_info": {"editable": True}}
+    record = {"url": "file:///home/my%20code/one", "dir_info": {"editable": True}}
     (info / "direct_url.json").write_text(json.dumps(record))
-    with pytest.raises(PluginError, match=f"\n  {AGAIN}-e /home/my-code/one$"):
+    with pytest.raises(PluginError, match=f"\n  {AGAIN}-e '/home/my code/one'$"):
         Host.discover().component("opir_trackers", "mht")
 
 

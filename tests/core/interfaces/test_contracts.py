@@ -16,7 +16,9 @@ from opir_core.output import deliver
 from opir_core.plugin import (
     EMITTER_TYPES,
     Background,
+    Classifier,
     Delivery,
+    DetectionProbability,
     Encoder,
     Sink,
     SinkModel,
@@ -171,6 +173,30 @@ def test_a_derived_part_without_a_required_attribute_is_refused() -> None:
         ModelError, match=r"an Unnamed without schema_version; .* opir_core.plugin.Encoder"
     ):
         Encoder.adopt(Unnamed())
+
+
+class Half:
+    """Has one method of each pair: `log_posterior`, `response`, `rate_per_scan` and `structures`."""
+
+    log_posterior = reported_type = probability = measure = response = print
+    rate_per_scan = structures = clutter_w_m2_sr = radiance_w_m2_sr = print
+
+
+@pytest.mark.parametrize(
+    ("base", "pair"),
+    [
+        (Classifier, "log_posterior and defines no reported"),
+        (Classifier, "log_posterior and defines no revised"),
+        (DetectionProbability, "response and defines no measure_response"),
+        (DetectionProbability, "rate_per_scan and defines no measure_noise"),
+        (Background, "structures and defines no structured_radiances_w_m2_sr"),
+    ],
+)
+def test_half_of_a_pair_is_refused(base: Any, pair: str) -> None:
+    for kind in (Half, type("Half", (Half, base), {})):
+        method = getattr(base.adopt(kind()), pair.split()[-1])
+        with pytest.raises(ModelError, match=f"Half has {pair}; .*plugin.{base.__name__} says"):
+            method(*range(1, method.__code__.co_argcount))
 
 
 def test_foreign_trajectories_burn_once_and_end_at_burnout() -> None:

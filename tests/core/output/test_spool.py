@@ -394,6 +394,11 @@ def test_tracks_of_other_hypotheses_wait_in_the_spool(tmp_path: Path) -> None:
         match="its spool holds tracks with other hypotheses; run the scene that made them",
     ):
         Origin(0, SENSORS, hypotheses=("H0",)).unpacked(batch)
+    with pytest.raises(
+        SinkError,
+        match=f"windows of version 0, and this opir reads {VERSION}; run the opir that made",
+    ):
+        origin.unpacked(evolve(batch, schema_version="0"))
     none = evolve(batch, body=origin.packed(evolve(stub_window(2), tracks=stub_estimates(2))))
     assert len(Origin(0, SENSORS).unpacked(none).tracks) == 2
 

@@ -24,16 +24,7 @@ SCENES: dict[str, Mapping[str, Any]] = {
     "signals": {"detection": "snr", "atmosphere": "lowtran"},
     "clouds": {"detection": "snr", "atmosphere": CLOUDS},
     "sources": {"detection": "snr", "sources": [FIRES]},
-    "biases": {
-        "sensors": [
-            {
-                "model": "SBIRS-GEO",
-                "id": "S",
-                "orbital_slot_deg": -90,
-                "line_of_sight_bias_sigma_urad": 40.0,
-            }
-        ]
-    },
+    "biases": {"sensors": [BIASED]},
     "tracker": {"tracker": "kepler-arc"},
 }
 

@@ -119,7 +119,8 @@ def test_flashes_too_short_to_confirm_are_explained() -> None:
         sensor = {"confirmation_detections": needed, "confirmation_scans": scans}
         text = undetected_text(plan_of(sensor=sensor, sources=sources), 1)
         assert text == (
-            f"too few looks: 1 by S, which reports what {needed} of {scans} successive scans detect"
+            f"too few looks: 1 by S, which reports after {needed} detections in {scans} successive"
+            " scans"
         )
     alone = plan_of(sensor={"confirmation_detections": 1}, sources=sources)
     assert "too few looks" not in undetected_text(alone, 1)
