@@ -52,9 +52,7 @@ knee?
 
 Each setting is varied alone and compared with its most exact level, with the same seed. Scenes:
 {scenes}. {duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral
-types and `imm`. Times are processor time of whole processes. `leave out …` changes the physics:
-it shows what a part costs (the focal plane: with `focal_plane: null` and `nei_w_m2:
-1e-12`).{not_run}
+types and `imm`. Times are processor time of whole processes.{left_out}{not_run}
 
 All defaults against the most exact settings:
 
@@ -225,6 +223,7 @@ def page(table):
     truth = [f"{shown(row['from_truth_km'], '.0f')} km ({row['scene']})" for row in defaults]
     return PAGE.format(
         answer=answer(table, defaults),
+        left_out=left_out_cost(table),
         not_run=f" Not run for this page: {', '.join(not_run)}." if not_run else "",
         scenes=", ".join(
             f"{name} ({count} launch{'es' if count != 1 else ''})" for name, count in counts.items()
@@ -233,6 +232,19 @@ def page(table):
         table=markdown_table(("error of defaults", *head, "bar"), lines),
         truth=", ".join(truth) or "–",
     )
+
+
+def left_out_cost(table):
+    """Return a sentence: settings and time of each run without a part, and the time of the default."""
+    runs = []
+    for row in table.where(default=0):
+        if row["knob"].startswith("leave out"):
+            default = table.row(scene=row["scene"], knob=row["knob"], default=1)
+            runs.append(
+                f"with `{row['level']}` a run of `{row['scene']}` takes {row['processor_s']:.1f} s"
+                f" (with the defaults {default['processor_s']:.1f} s)"
+            )
+    return f" `leave out …` changes the physics: {'; '.join(runs)}." if runs else ""
 
 
 def answer(table, defaults):
