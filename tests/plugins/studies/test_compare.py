@@ -1,6 +1,7 @@
 """`opir compare`: trackers on the same runs, side by side."""
 
 import json
+import shlex
 
 import pytest
 from opir_studies import compared
@@ -22,7 +23,7 @@ def compare(tmp_path, monkeypatch, capsys):
 
     def printed(words, duration_s=30.0, code=0):
         (tmp_path / "scene.yaml").write_text(json.dumps({**SCENE, "duration_s": duration_s}))
-        assert main(["compare", "scene.yaml", *words.split()]) == code
+        assert main(["compare", "scene.yaml", *shlex.split(words)]) == code
         captured = capsys.readouterr()
         return captured.err if code else captured.out
 
@@ -31,9 +32,9 @@ def compare(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_every_tracker_and_its_settings_have_scores(compare):
-    printed = compare("--runs 2 --json --tracker imm --tracker {model:imm,motion:boost}", 40.0)
+    printed = compare("--runs 2 --json --tracker imm --tracker '{model: imm, motion: boost}'", 40.0)
     reported = json.loads(printed)["trackers"]
-    assert list(reported) == ["imm", "{model:imm,motion:boost}"]
+    assert list(reported) == ["imm", "{model: imm, motion: boost}"]
     assert reported["imm"]["seeds"] == [7, 8]
     assert reported["imm"]["tracking_us_a_detection"]["value"] > 0.0
     assert reported["imm"]["tracking_us_a_track_update"]["value"] > 0.0
