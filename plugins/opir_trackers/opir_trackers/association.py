@@ -55,10 +55,9 @@ class AssociationModel:
 
     def log_ratio(self, pairs: GatedPairs, lines: LinesOfSight) -> FloatArray:
         """Return the log likelihood ratio (n,) of pairs to a miss and a false alarm."""
-        log: FloatArray = self.log_odds.take(lines.sensor.take(pairs.line)) - 0.5 * (
+        return self.log_odds.take(lines.sensor.take(pairs.line)) - 0.5 * (
             pairs.distance + pairs.log_volume
         )
-        return log
 
 
 def scan_groups(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:

@@ -170,8 +170,7 @@ def _reach(
     # ground, which itself turns by 600 m/s at most at the heights of targets.
     speed = np.sqrt(np.sum(predicted.derivative[:, 1] ** 2, axis=1)) + 600.0
     bound_m = gate * predicted.position_bound_m(span_s + 0.3)
-    wide: FloatArray = (bound_m + speed * (0.5 * part_s + 0.01))[track] / range_m
-    return wide
+    return (bound_m + speed * (0.5 * part_s + 0.01))[track] / range_m
 
 
 def _touching(
@@ -288,8 +287,7 @@ def _are_near(
     """
     span_s = predicted.time_s - float(geometry.time_s.min(initial=predicted.time_s))
     bound = predicted.position_bound_m(span_s)[track] / geometry.range_m
-    near: BoolArray = dot(measured, measured) <= gate * gate * (np.square(bound) + np.square(sigma))
-    return near
+    return dot(measured, measured) <= gate * gate * (np.square(bound) + np.square(sigma))
 
 
 def _innovation_covariances(

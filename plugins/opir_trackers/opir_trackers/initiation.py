@@ -93,8 +93,7 @@ def _wide_clusters(
         direction[order], starts
     )
     is_wide = dot(across, across) > np.square(_WIDE_SIGMAS * sigma_rad[order[starts]])
-    wide: IntArray = np.unique(key[0, starts[is_wide]])
-    return wide
+    return np.unique(key[0, starts[is_wide]])
 
 
 def _parts_of(looks: _Looks) -> IntArray:
@@ -229,8 +228,7 @@ class Initiation:
         clusters = np.unique(np.stack([place, sensor, self.cluster[line]]), axis=1)[:2]
         looks, counts = np.unique(clusters, axis=1, return_counts=True)
         crowded = np.isin(place, looks[0, counts > 1])
-        is_owned: BoolArray = ~crowded | (self.place[line] == place)
-        return is_owned
+        return ~crowded | (self.place[line] == place)
 
 
 def track_candidates(
@@ -317,8 +315,7 @@ def _speeds(begun: TrackCandidates, lines: LinesOfSight, track: IntArray) -> Flo
     spread = np.maximum(np.bincount(track, since_s * since_s, count), 1e-9)
     rate = group_sums(track, since_s[:, None] * across, count)
     noise = np.sqrt(np.bincount(track, np.square(since_s * blur_m), count))
-    speed: FloatArray = np.fmax(np.sqrt(dot(rate, rate)) - 3.0 * noise, 0.0) / spread
-    return speed
+    return np.fmax(np.sqrt(dot(rate, rate)) - 3.0 * noise, 0.0) / spread
 
 
 def _lines_of(candidate: BoolArray, owner: IntArray) -> IntArray:
@@ -470,8 +467,7 @@ def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
     """Return the sines (n,) of the angles at which lines meet the ground below positions (n, 3)."""
     a = WGS84.equatorial_radius_m
     up = position_m / np.array([a, a, WGS84.polar_radius_m]) ** 2
-    sine: FloatArray = -np.sum(up * direction, axis=1) / np.sqrt(np.sum(up * up, axis=1))
-    return sine
+    return -np.sum(up * direction, axis=1) / np.sqrt(np.sum(up * up, axis=1))
 
 
 def _sigma_with_motion(clusters: Clusters) -> FloatArray:

@@ -68,8 +68,7 @@ def _least_sigma_rad(origin_ecef_m: FloatArray) -> FloatArray:
     height = (
         np.sqrt(np.add.reduce(origin_ecef_m * origin_ecef_m, axis=1)) - EARTH_EQUATORIAL_RADIUS_M
     )
-    least: FloatArray = LEAST_SIGMA_M / np.maximum(height, _LOWEST_M)
-    return least
+    return LEAST_SIGMA_M / np.maximum(height, _LOWEST_M)
 
 
 @frozen(eq=False, repr=False)

@@ -112,8 +112,7 @@ class Biases:
         """
         noise = np.array([sensor.line_of_sight_sigma_rad for sensor in self.sensors])
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in self.sensors])
-        weight: FloatArray = 1.0 / (period_s * np.maximum(noise**2 + shared_rad**2, _LEAST_RAD**2))
-        return weight
+        return 1.0 / (period_s * np.maximum(noise**2 + shared_rad**2, _LEAST_RAD**2))
 
 
 def shifts_of_positions(
@@ -127,8 +126,7 @@ def shifts_of_positions(
     angles, 1/rad² per second: look rate over error variance.
     """
     across, weight_m2, total = _least_squares(position_m, origin_m, visible, weight)
-    shift: FloatArray = np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
-    return shift
+    return np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
 
 
 def _least_squares(

@@ -133,8 +133,7 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
 def _ground_velocity(position: FloatArray) -> FloatArray:
     """Return the inertial velocities (n, 3) of what turns with the Earth at positions (n, 3)."""
     x, y, _ = position.T
-    velocity: FloatArray = EARTH_ROTATION_RAD_S * np.stack([-y, x, np.zeros(len(x))], axis=1)
-    return velocity
+    return EARTH_ROTATION_RAD_S * np.stack([-y, x, np.zeros(len(x))], axis=1)
 
 
 def _in_both_modes(
@@ -198,8 +197,7 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
 
 
 def _speed_sigmas(height_m: FloatArray) -> FloatArray:
-    speed: FloatArray = SPEED_SIGMA_M_S + 1.5 * np.sqrt(2.0 * STEADY_M_S2 * height_m)
-    return speed
+    return SPEED_SIGMA_M_S + 1.5 * np.sqrt(2.0 * STEADY_M_S2 * height_m)
 
 
 def first_motion(
@@ -227,8 +225,7 @@ def first_motion(
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:
     """Return the local axes (n, 3, 3), rows east, north and up, in ECEF."""
-    axes: FloatArray = local_axes(candidates.position_ecef_m)
-    return axes
+    return local_axes(candidates.position_ecef_m)
 
 
 def _information_roots(axes: FloatArray, sigma: FloatArray) -> FloatArray:

@@ -84,10 +84,7 @@ def geostationary_directions(
 def _stations(origin_m: FloatArray) -> FloatArray:
     """Return the positions (n, 3) at geostationary height above sensors (n, 3)."""
     height_m = FAR_M + EARTH_EQUATORIAL_RADIUS_M
-    station: FloatArray = (
-        height_m * origin_m / np.sqrt(np.sum(origin_m * origin_m, axis=1))[:, None]
-    )
-    return station
+    return height_m * origin_m / np.sqrt(np.sum(origin_m * origin_m, axis=1))[:, None]
 
 
 def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArray) -> FloatArray:
@@ -99,8 +96,7 @@ def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArr
     along = np.where(
         (are_low_orbits(origin_m) & np.isfinite(aim_m[:, 0]))[:, None], aim_m - origin_m, direction
     )
-    unit: FloatArray = along / np.sqrt(np.sum(along * along, axis=1))[:, None]
-    return unit
+    return along / np.sqrt(np.sum(along * along, axis=1))[:, None]
 
 
 def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:

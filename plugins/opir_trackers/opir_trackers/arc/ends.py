@@ -61,8 +61,7 @@ def expected_looks(
     weight = share * np.exp(log - log.max(axis=1, keepdims=True))
     rate = visible @ (schedule.detection_probability / schedule.period_s[:, None])
     looks = weight * rate * np.maximum(_BURN_S, elapsed)
-    expected: FloatArray = looks.sum(axis=1) / weight.sum(axis=1)
-    return expected
+    return looks.sum(axis=1) / weight.sum(axis=1)
 
 
 def launches(

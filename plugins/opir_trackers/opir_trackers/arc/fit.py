@@ -323,8 +323,7 @@ def _positions_at(
     values = _values_at(trials, knot_s)
     place = np.clip((time_s - middle[owner]) / half[owner], -1.0, 1.0)
     weights = np.cos(np.arange(_KNOTS) * np.arccos(place)[:, None])[:, None, :] @ _TO_SERIES
-    positions: FloatArray = (weights @ values[owner]).reshape(-1, trials.shape[1], 3)
-    return positions
+    return (weights @ values[owner]).reshape(-1, trials.shape[1], 3)
 
 
 def _values_at(trials: FloatArray, since_s: FloatArray) -> FloatArray:

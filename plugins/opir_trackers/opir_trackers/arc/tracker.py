@@ -265,8 +265,7 @@ class ArcTracker(Tracker):
         expected = expected_looks(self._watch, arcs.seen, elapsed_s, kinds)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
         share = np.where(reported.estimates.weight[rows, 1] > 0.5, 1.0, share)
-        sigma_m: FloatArray = self._config.sigma_0_m * np.exp(-self._config.convergence * share)
-        return sigma_m
+        return self._config.sigma_0_m * np.exp(-self._config.convergence * share)
 
     def _with_end(self, covariance: FloatArray, arcs: ArcFits) -> FloatArray:
         """Return covariances (n, 7, 7) that include the uncertainty of burnout: one expected

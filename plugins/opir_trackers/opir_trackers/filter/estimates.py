@@ -84,8 +84,7 @@ class PredictedMeasurements(NamedTuple):
         scaled = self.root[:, : 3 * orders] * _SHARES[: 3 * orders]
         products = (scaled @ scaled.transpose(0, 2, 1)).reshape(count, orders, 3, orders, 3)
         blocks = products.transpose(0, 1, 3, 2, 4).reshape(count, orders * orders, 9)
-        terms: FloatArray = _SUMS[orders] @ blocks
-        return terms
+        return _SUMS[orders] @ blocks
 
     def position_bound_m(self, span_s: float) -> FloatArray:
         """Return bounds (n,) on the standard deviation of the position, all axes together, over a

@@ -48,8 +48,7 @@ def have_uncertain_velocity(covariance: FloatArray) -> BoolArray:
     """Return which covariances (n, 6, 6) have a velocity variance above the prior in some
     direction.
     """
-    loose: BoolArray = np.linalg.eigvalsh(covariance[:, 3:, 3:])[:, -1] > SPEED_SIGMA_M_S**2
-    return loose
+    return np.linalg.eigvalsh(covariance[:, 3:, 3:])[:, -1] > SPEED_SIGMA_M_S**2
 
 
 def with_velocity_prior(estimates: Gaussian) -> Gaussian:
@@ -210,8 +209,7 @@ def resting_rows(estimates: ModeEstimates) -> IntArray:
 
 
 def _are_resting(detection_rate: FloatArray, weight: FloatArray) -> BoolArray:
-    resting: BoolArray = (detection_rate[:, 2] > _RESTS_S) & (weight[:, 1] > _COASTS)
-    return resting
+    return (detection_rate[:, 2] > _RESTS_S) & (weight[:, 1] > _COASTS)
 
 
 def relit(estimates: ModeEstimates, coast: Gaussian, modes: BurnModes) -> tuple[Gaussian, Burns]:

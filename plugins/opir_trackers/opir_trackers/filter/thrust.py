@@ -330,8 +330,7 @@ class Thrust:
 
 def air_velocity(state: FloatArray) -> FloatArray:
     """Return the velocity (n, 3) of states relative to the rotating air."""
-    velocity: FloatArray = state[:, 3:6] - _AIR * state[:, [1, 0, 2]]
-    return velocity
+    return state[:, 3:6] - _AIR * state[:, [1, 0, 2]]
 
 
 #: The velocity of the air at (x, y, z) is this times (y, x, z).

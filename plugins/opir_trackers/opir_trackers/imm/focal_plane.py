@@ -126,8 +126,7 @@ class FocalPlaneTracks(Columns):
         """Return unit vectors (m, 3), in ECEF, of angles (m, 2) in the planes of rows (m,)."""
         local = np.concatenate([place, np.ones((len(row), 1))], axis=1)
         along = matvec(self.axes.take(row, axis=0).transpose(0, 2, 1), local)
-        unit: FloatArray = along / np.sqrt(dot(along, along))[:, None]
-        return unit
+        return along / np.sqrt(dot(along, along))[:, None]
 
 
 def _transition(step: FloatArray) -> FloatArray:
@@ -276,8 +275,7 @@ def _are_shared(pairs: FocalPlanePairs, scan: IntArray, count: int) -> BoolArray
     key = pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line]
     is_shared = np.zeros(count, dtype=bool)
     is_shared[pairs.row[~unambiguous(key, pairs.line)]] = True
-    shared: BoolArray = is_shared[pairs.row]
-    return shared
+    return is_shared[pairs.row]
 
 
 def _with_times_seen(

@@ -54,8 +54,7 @@ class Memo:
         if result is None or result[0] != arguments:
             result = (arguments, function(*arguments))
             self._results[name] = result
-        answer: _Answer = result[1]
-        return answer
+        return result[1]
 
 
 @frozen(eq=False)
@@ -145,10 +144,7 @@ class TrackingModels:
 
     def longest(self, time_s: FloatArray, table: TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
-        longest_s: FloatArray = np.max(
-            np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0
-        )
-        return longest_s
+        return np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
 
     def confirmed(self, state: TrackerState) -> BoolArray:
         """Return which tracks (n,) are reported: those with enough detections that are probably no

@@ -59,8 +59,7 @@ def predicted_directions(
         measurements.axes,
         path.positions(measurements.track, measurements.time_s) - measurements.origin_m,
     )
-    projected: FloatArray = local[:, :2] / local[:, 2:]
-    return projected
+    return local[:, :2] / local[:, 2:]
 
 
 #: Outlier fractions, evenly spaced in log odds: 0, and from 0.01 to 0.9.
@@ -103,10 +102,7 @@ class OutlierFractions(NamedTuple):
     def share(self) -> FloatArray:
         """Return the posterior mean (n,)."""
         chance = np.exp(self.log + _LOG_PRIOR)
-        share: FloatArray = np.add.reduce(chance * FRACTIONS, axis=1) / np.add.reduce(
-            chance, axis=1
-        )
-        return share
+        return np.add.reduce(chance * FRACTIONS, axis=1) / np.add.reduce(chance, axis=1)
 
     def take(self, rows: IntArray) -> "OutlierFractions":
         """Return those of some tracks."""
@@ -144,11 +140,10 @@ def clean_log_likelihood(
     within = (
         LAW.improbable / gate**2 * np.exp(0.5 * assigned.log_volume) / np.square(assigned.sigma_rad)
     )
-    clean: FloatArray = (
+    return (
         np.bincount(assigned.track, np.maximum(1.0 - within, 0.0), outlier.log.shape[0])[:, None]
         * _CLEAN
     )
-    return clean
 
 
 def reweighted(

@@ -181,10 +181,9 @@ def _are_spared(
     """
     row, other_row = pairs.T
     crowded = np.maximum(beside[row], beside[other_row]) > 1
-    spared: BoolArray = crowded & (
+    return crowded & (
         is_new[row] | is_new[other_row] | ~np.any(visible[row] & visible[other_row], axis=1)
     )
-    return spared
 
 
 def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
@@ -206,8 +205,7 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
             axis=1,
         )
         close = np.unique(np.concatenate([close, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
-    ordered: IntArray = close[np.lexsort((close[:, 1], close[:, 0]))]
-    return ordered
+    return close[np.lexsort((close[:, 1], close[:, 0]))]
 
 
 def _never_seen_together(
@@ -234,14 +232,12 @@ def are_uncertain(covariance: FloatArray, sigma_m: float) -> BoolArray:
     the ground.
     """
     variance = covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2]
-    vague: BoolArray = variance > sigma_m * sigma_m
-    return vague
+    return variance > sigma_m * sigma_m
 
 
 def are_below_ground(position: FloatArray) -> BoolArray:
     """Return which positions (n, 3) may be below the lowest height."""
-    low: BoolArray = dot(position, position) < (WGS84.equatorial_radius_m + LOWEST_M) ** 2
-    return low
+    return dot(position, position) < (WGS84.equatorial_radius_m + LOWEST_M) ** 2
 
 
 def have_come_down(position: FloatArray, covariance: FloatArray, unseen: BoolArray) -> BoolArray:
@@ -251,5 +247,4 @@ def have_come_down(position: FloatArray, covariance: FloatArray, unseen: BoolArr
     """
     sigma = np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2])
     lowest = LOWEST_M - np.where(unseen, 0.0, LAW.sure_sigmas * sigma)
-    down: BoolArray = ecef_to_geodetic(position).height_m < lowest
-    return down
+    return ecef_to_geodetic(position).height_m < lowest

@@ -165,8 +165,7 @@ class _Priors(NamedTuple):
         emitted_s = (self.instants - delay_s)[selected]
         path = earth_rotated(self.crossing_m[row, selected], emitted_s)
         powers = np.vander(emitted_s - time_s, 4, increasing=True)
-        cubic: FloatArray = np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
-        return cubic
+        return np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
 
 
 def _about(cubic: FloatArray, prior: ModeEstimates) -> ModeEstimates:

@@ -222,8 +222,7 @@ def _filtered_anew(
 def _places(numbers: IntArray, number: IntArray) -> IntArray:
     """Return the index of each number (n,) in `numbers`, ascending; -1 for none."""
     place = np.searchsorted(numbers, number)
-    places: IntArray = np.where(np.append(numbers, -1)[place] == number, place, -1)
-    return places
+    return np.where(np.append(numbers, -1)[place] == number, place, -1)
 
 
 def _without_range(state: TrackerState, number: IntArray) -> TrackerState:

@@ -62,8 +62,7 @@ def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> Float
     """Return how long (sensors,) detections are kept: for `scans` scans of sensors with few scans
     per slice.
     """
-    long_s: FloatArray = np.where(ENOUGH_SCANS * period_s > slice_s, scans * period_s, 0.0)
-    return long_s
+    return np.where(ENOUGH_SCANS * period_s > slice_s, scans * period_s, 0.0)
 
 
 #: Detection probability of sensors that state none.
