@@ -204,7 +204,7 @@ class TrackCandidates(Columns):
         `speed_m_s`.
         """
         # No boost burns above 200 km.
-        return np.asarray(np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), 200e3))
+        return np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), 200e3)
 
 
 @frozen(eq=False)

@@ -131,7 +131,7 @@ class FirstMotion(NamedTuple):
             + height_variance * gained * gained
         ) / determinant
         # Upwards height and velocity together; velocity along each axis of the ground alone.
-        return np.asarray(-0.5 * (np.log(determinant) + misfit) - np.log(speed_variance))
+        return -0.5 * (np.log(determinant) + misfit) - np.log(speed_variance)
 
     def _variances(self, noise: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the variances (n, cases) of height and velocity before the first detection, and

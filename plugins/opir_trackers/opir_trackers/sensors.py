@@ -55,8 +55,8 @@ def clutter_per_sr(context: TrackerContext, assumed: float) -> FloatArray:
     if context.false_alarms_per_scan is None:
         return np.full(len(context.sensors), assumed)
     half_rad = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
-    return np.asarray(
-        np.array(context.false_alarms_per_scan) / (4.0 * np.pi * np.square(np.sin(0.5 * half_rad)))
+    return np.array(context.false_alarms_per_scan) / (
+        4.0 * np.pi * np.square(np.sin(0.5 * half_rad))
     )
 
 
@@ -94,7 +94,7 @@ class Biases:
         """
         offset = position_m[:, None] - self.geometry(time_s, visible)[0]
         distance = np.sqrt(np.sum(offset * offset, axis=2))
-        return np.asarray(np.sum(distance * visible, axis=1) / np.maximum(visible.sum(axis=1), 1))
+        return np.sum(distance * visible, axis=1) / np.maximum(visible.sum(axis=1), 1)
 
     def geometry(
         self, time_s: float, visible: BoolArray

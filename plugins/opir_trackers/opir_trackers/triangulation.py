@@ -33,7 +33,7 @@ GRAZING_SINE = 0.02
 
 def are_low_orbits(origin_m: FloatArray) -> BoolArray:
     """Return which sensors at positions (n, 3) are in low orbits."""
-    return np.asarray(np.add.reduce(origin_m * origin_m, axis=1) < _LOW_M**2)
+    return np.add.reduce(origin_m * origin_m, axis=1) < _LOW_M**2
 
 
 def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:

@@ -139,7 +139,7 @@ class Burns(NamedTuple):
     @property
     def are_free(self) -> BoolArray:
         """Which burns (n,) have a free part that is computed."""
-        return np.asarray(self.share[:, 2] > 0.0)
+        return self.share[:, 2] > 0.0
 
     def part(self, number: int) -> Gaussian:
         """Return the estimates of one part."""

@@ -150,7 +150,7 @@ class TrackingModels:
         """Return which tracks (n,) are reported: those with enough detections that are probably no
         false alarms.
         """
-        return np.asarray((state.table.hits >= 2 * self.needed_scans) & ~state.motion.are_noise)
+        return (state.table.hits >= 2 * self.needed_scans) & ~state.motion.are_noise
 
     def shared_covariance(
         self, state: TrackerState, estimates: ModeEstimates, table: TrackTable

@@ -86,7 +86,7 @@ def _prior_log() -> FloatArray:
     """
     lines = LAW.prior_lines
     prior = LAW.prior_share * lines * 0.2 * (1.0 - FRACTIONS[1:]) ** lines
-    return np.asarray(np.log(np.append(1.0 - prior.sum(), prior)))
+    return np.log(np.append(1.0 - prior.sum(), prior))
 
 
 _LOG_PRIOR = _prior_log()

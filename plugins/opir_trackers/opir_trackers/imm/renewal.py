@@ -246,7 +246,7 @@ def _are_fixed(sums: FloatArray) -> BoolArray:
         :, None
     ]
     least = np.linalg.eigvalsh(mean[:, _SQUARE].reshape(-1, 3, 3))[:, 0]
-    return np.asarray(crossing.any(axis=1) & (least > LAW.least_fix_m**-2))
+    return crossing.any(axis=1) & (least > LAW.least_fix_m**-2)
 
 
 #: The elements of a symmetric matrix (9) among its six.

@@ -165,4 +165,4 @@ def longest_silence_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
     period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
     # So many consecutive misses have a probability of 1e-4.
     misses = np.log(1e-4) / np.log1p(-chance)
-    return np.asarray(np.maximum(scans, misses) * period_s)
+    return np.maximum(scans, misses) * period_s

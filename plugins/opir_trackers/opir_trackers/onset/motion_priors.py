@@ -189,9 +189,7 @@ class MotionPriors:
         uniform = np.diff(self.edges_s) / BEFORE_S
         since = np.log(AT_ONCE * soon + (1.0 - AT_ONCE) * uniform)
         intervals = np.concatenate([since, np.zeros((len(pause_s), 1))], axis=1)
-        return np.asarray(
-            self.log_weight + intervals[:, self.interval] - age_s[:, None] / self.fades_s
-        )
+        return self.log_weight + intervals[:, self.interval] - age_s[:, None] / self.fades_s
 
 
 def _others(kinds: Sequence[Ground]) -> list[_Component]:

@@ -147,7 +147,7 @@ class GroupPosterior:
             log[:, group] = np.logaddexp.reduce(of_group, axis=1) + self.log_rate[group - GROUND]
         log[gone, LAUNCH] += min(np.log(self.bolide_s / LAW.burn_s), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
-        return np.asarray(share / share.sum(axis=1, keepdims=True))
+        return share / share.sum(axis=1, keepdims=True)
 
 
 def _decisions(
@@ -186,7 +186,7 @@ def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArr
     factor = np.linalg.cholesky(_bordered(priors.root, information, off, least))
     pivots = np.diagonal(factor, axis1=2, axis2=3)
     log_determinant = -np.log(pivots[:, :, :size]).sum(axis=2)
-    return np.asarray(log_determinant - 0.5 * (np.square(pivots[:, :, size]) - 1.0))
+    return log_determinant - 0.5 * (np.square(pivots[:, :, size]) - 1.0)
 
 
 def _bordered(
