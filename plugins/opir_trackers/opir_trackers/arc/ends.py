@@ -137,7 +137,7 @@ def _ground_equations(axes: FloatArray, firsts: _FirstLines) -> tuple[FloatArray
     spread_m = firsts.range_m * firsts.lines.sigma_rad
     flat, spread = _on_ground(axes, firsts.lines.direction_ecef, spread_m)
     moves = np.concatenate([np.broadcast_to(np.eye(2), spread.shape), flat[:, :, None]], axis=2)
-    information = np.linalg.inv(spread).astype(np.float64, copy=False)
+    information = np.linalg.inv(spread)
     return moves, moves.transpose(0, 2, 1) @ information
 
 
@@ -169,7 +169,7 @@ def _pooled(
     rows = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
     if not len(rows):
         return points
-    spread = np.linalg.inv(information[rows]).astype(np.float64, copy=False)
+    spread = np.linalg.inv(information[rows])
     spread = 0.5 * (spread + spread.transpose(0, 2, 1))
     shift = matvec(spread, pull[rows])[:, :2]
     axes = local_axes(about[rows])
