@@ -51,14 +51,9 @@ class OutlierLaw:
 LAW = OutlierLaw()
 
 
-def predicted_directions(
-    path: PredictedMeasurements, measurements: AngleMeasurements
-) -> FloatArray:
-    """Return the predicted directions (n, 2) of measurements, each in its tangent plane."""
-    local = matvec(
-        measurements.axes,
-        path.positions(measurements.track, measurements.time_s) - measurements.origin_m,
-    )
+def predicted_directions(path: PredictedMeasurements, pairs: GatedPairs) -> FloatArray:
+    """Return the predicted directions (n, 2) of pairs, each in its tangent plane."""
+    local = matvec(pairs.axes, path.positions(pairs.track, pairs.time_s) - pairs.origin_m)
     return local[:, :2] / local[:, 2:]
 
 
@@ -248,8 +243,7 @@ def _weights(
     distances (m,).
     """
     path = filter_.predicted_measurements(estimates, span.end_s)
-    measurements = assigned.measurements(assigned.measured, np.zeros((len(assigned), 2, 2)))
-    place = predicted_directions(path, measurements)
+    place = predicted_directions(path, assigned)
     sharp = 1.0 / np.square(assigned.sigma_rad)
     outlier = share[assigned.track]
     square = np.sum(np.square(assigned.measured - place), axis=1) * sharp
