@@ -187,18 +187,8 @@ def _gathered(
     relights, comes_down, in_orbit = (
         _sums(particles.track, values, count) for values in (relit, down + glide, orbit * is_dark)
     )
-    result = LaunchForecasts(
-        _given_launch(outcomes, particles.track, weight, count),
-        np.full((count, 3), np.nan),
-        np.full((count, 3, 3), np.nan),
-        np.full((count, 3), np.nan),
-        np.empty(count, dtype=np.object_),
-        burning,
-        relights,
-        comes_down,
-        in_orbit,
-        np.zeros(count, dtype=np.int64),
-    )
+    given_launch = _given_launch(outcomes, particles.track, weight, count)
+    result = LaunchForecasts.without_impacts(given_launch, burning, relights, comes_down, in_orbit)
     falls = np.where(particles.is_free, 0.0, down)
     descents = _descents(outcomes, particles, fates, falls, glide)
     for number, track in enumerate(descents):
