@@ -5,7 +5,7 @@ Directions are binned in cubes of about the gate's width, tracks with similar ga
 cost grows with the number of gated pairs and not with tracks times lines.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
@@ -118,6 +118,15 @@ class _Entries(NamedTuple):
     place: IntArray
     unit: FloatArray
     reach: FloatArray
+
+
+def neighbour_pairs(tree: Any, place: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the rows (m,) of places (n, d), and of the points of a k-d tree within their reach
+    (n,).
+    """
+    groups = tree.query_ball_point(place, reach, return_sorted=True)
+    neighbour = np.concatenate([np.array(group, dtype=np.int64) for group in groups])
+    return np.repeat(np.arange(len(place)), list(map(len, groups))), neighbour
 
 
 def _middles(

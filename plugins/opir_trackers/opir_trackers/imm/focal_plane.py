@@ -27,6 +27,7 @@ from opir_trackers.assignment import (
     unambiguous,
 )
 from opir_trackers.association import AssociationModel, scan_numbers
+from opir_trackers.gating import neighbour_pairs
 from opir_trackers.lines_of_sight import LinesOfSight
 
 
@@ -203,10 +204,7 @@ def candidate_pairs(
     separation = 8.0 * np.maximum(reach.max(), 1.0)
     place = np.column_stack([middle.directions(row, middle.mean[:, 0]), separation * tracks.sensor])
     tree = cKDTree(np.column_stack([lines.direction_ecef, separation * lines.sensor]))
-    neighbours = tree.query_ball_point(place, 1.5 * reach, return_sorted=True)
-    count = np.array([len(group) for group in neighbours], dtype=np.int64)
-    line = np.concatenate([np.asarray(group, dtype=np.int64) for group in neighbours])
-    return np.repeat(row, count), line
+    return neighbour_pairs(tree, place, 1.5 * reach)
 
 
 class FocalPlaneUpdate(NamedTuple):

@@ -13,6 +13,7 @@ from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import TRACK_ENDS
 from opir_trackers.association import scan_numbers
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, have_uncertain_velocity
+from opir_trackers.gating import neighbour_pairs
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.state import EndedTracks, TrackerState
@@ -198,12 +199,8 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
     wide = np.flatnonzero(reach_m > LAW.near_m)
     if len(wide):
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
-        neighbours = tree.query_ball_point(position[wide], reach_m[wide], return_sorted=True)
-        neighbour = np.concatenate([np.array(rows, dtype=np.int64) for rows in neighbours])
-        pairs = np.sort(
-            np.stack([np.repeat(wide, [len(rows) for rows in neighbours]), neighbour], axis=1),
-            axis=1,
-        )
+        row, neighbour = neighbour_pairs(tree, position[wide], reach_m[wide])
+        pairs = np.sort(np.stack([wide[row], neighbour], axis=1), axis=1)
         close = np.unique(np.concatenate([close, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
     return close[np.lexsort((close[:, 1], close[:, 0]))]
 
