@@ -5,7 +5,7 @@ a time.
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from attrs import Factory, field, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import BOOST, COAST, taylor_positions, taylor_weights
@@ -247,6 +247,14 @@ class ModeEstimates(Columns):
         return np.where(
             self.weight[:, 1:] > self.weight[:, :1], self.coast_mean, self.boost_mean[:, :COAST]
         )
+
+    def moved_by(self, shift: FloatArray) -> "ModeEstimates":
+        """Return the estimates with positions and velocities shifted by (n, 6)."""
+        boost = self.boost_mean.copy()
+        burn = self.burn_mean.copy()
+        boost[:, :COAST] += shift
+        burn[:, :, :COAST] += shift[:, None]
+        return evolve(self, boost_mean=boost, coast_mean=self.coast_mean + shift, burn_mean=burn)
 
     def put(self, rows: IntArray, values: "ModeEstimates") -> "ModeEstimates":
         """Return the estimates with rows (m,) replaced."""
