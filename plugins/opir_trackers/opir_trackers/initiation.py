@@ -246,18 +246,22 @@ def track_candidates(
     likely = evolve(likely, sigma_rad=np.hypot(likely.sigma_rad, bias_sigma_rad[likely.sensor]))
     group, count = _candidate_groups(likely)
     candidates = _candidates(likely, group, count)
-    scans = np.bincount(group, likely.scans, count)
-    # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
-    is_doubtful = candidates.is_of_parts & (candidates.sensors == 1)
-    needed = np.where(is_doubtful, 2 * scans_needed, scans_needed)
-    is_placed = np.isfinite(candidates.position_ecef_m).all(axis=1)
-    ready = np.flatnonzero((scans >= needed) & is_placed)
+    ready = _ready(candidates, np.bincount(group, likely.scans, count), scans_needed)
     number = np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place = np.full(len(clusters), -1)
     place[seen_twice] = number[group]
     owner = place[cluster]
     return Initiation(cluster, owner, _raised_by_speed(candidates.take(ready), lines, owner))
+
+
+def _ready(candidates: TrackCandidates, scans: IntArray, scans_needed: int) -> IntArray:
+    """Return the rows of candidates that have a place, and enough scans (n,)."""
+    # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
+    is_doubtful = candidates.is_of_parts & (candidates.sensors == 1)
+    needed = np.where(is_doubtful, 2 * scans_needed, scans_needed)
+    is_placed = np.isfinite(candidates.position_ecef_m).all(axis=1)
+    return np.flatnonzero((scans >= needed) & is_placed)
 
 
 def _candidates(clusters: Clusters, group: IntArray, count: int) -> TrackCandidates:
@@ -311,7 +315,7 @@ def _speeds(begun: TrackCandidates, lines: LinesOfSight, track: IntArray) -> Flo
     foot = points_near_ground(lines.origin_ecef_m, lines.direction_ecef)
     across = foot - begun.position_ecef_m[track]
     across -= dot(across, lines.direction_ecef)[:, None] * lines.direction_ecef
-    blur_m = lines.sigma_rad * np.sqrt(np.sum((foot - lines.origin_ecef_m) ** 2, axis=1))
+    blur_m = lines.sigma_rad * lines.ranges_m(foot)
     spread = np.maximum(np.bincount(track, since_s * since_s, count), 1e-9)
     rate = group_sums(track, since_s[:, None] * across, count)
     noise = np.sqrt(np.bincount(track, np.square(since_s * blur_m), count))

@@ -50,8 +50,8 @@ def expected_looks(
     `elapsed_s` (n,), s, so far.
 
     The mean over the types, of which `share` (n, types) are the probabilities by reports: those
-    whose boosts would be over by now are the less likely. `seen` (n, sensors) are the sensors that
-    see each boost.
+    whose boosts would be over by now are the less likely. `visible` (n, sensors) are the sensors
+    that see each boost.
     """
     from scipy.special import log_ndtr
 
@@ -117,7 +117,7 @@ def _first_lines(
 ) -> _FirstLines:
     """Return the first lines of tracks' sensors, without those that are later than expected."""
     ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
-    range_m = np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1))
+    range_m = lines.ranges_m(ground)
     emitted_s = emission_s(lines.time_s, range_m, light_time)
     begun_s = np.full(count, np.inf)
     np.fmin.at(begun_s, owner, emitted_s)
