@@ -77,8 +77,8 @@ def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
 
 
 def connected_tracks(track: IntArray, line: IntArray, tracks: IntArray) -> BoolArray:
-    """Return which tracks, up to the last with a pair (m,), are among `some` or connected to them
-    by shared lines.
+    """Return which tracks, up to the last with a pair (m,), are among `tracks` or connected to
+    them by shared lines.
     """
     connected = np.zeros(int(max(track.max(initial=-1), tracks.max(initial=-1))) + 1, dtype=bool)
     connected[tracks] = True

@@ -180,7 +180,7 @@ def delays_at_once(
     the ground.
 
     Sensors (s,) look every `period_s`, from a time between ignition and a period later, and detect
-    a launch with `detection_probability`; `seen` (n, s) are those that see each track.
+    a launch with `detection_probability`; `visible` (n, s) are those that see each track.
     Probabilities are those of the intervals.
     """
     looks = EDGES_S / period_s[:, None]

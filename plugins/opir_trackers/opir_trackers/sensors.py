@@ -122,7 +122,7 @@ def shifts_of_positions(
     a position.
 
     Shifts along the line of sight have no effect. `origin_m` (s, 3) are the sensor positions,
-    `seen` (n, s) marks which sensor sees which target, and `weight` (s,) is that of a sensor's
+    `visible` (n, s) marks which sensor sees which target, and `weight` (s,) is that of a sensor's
     angles, 1/rad² per second: look rate over error variance.
     """
     across, weight_m2, total = _least_squares(position_m, origin_m, visible, weight)

@@ -333,11 +333,11 @@ def _motion(
 
 
 def begun_near(position_m: FloatArray, new_count: int, visible: BoolArray) -> IntArray:
-    """Return the rows of tracks, at positions (n, 3) of which the last `fresh` are new, that are
-    near a new one.
+    """Return the rows of tracks, at positions (n, 3) of which the last `new_count` are new,
+    that are near a new one.
 
-    Only tracks that at most two sensors see, by `seen` (n, sensors), count: lines of three do not
-    cross by chance.
+    Only tracks that at most two sensors see, by `visible` (n, sensors), count: lines of three do
+    not cross by chance.
     """
     from scipy.spatial import cKDTree
 
