@@ -89,7 +89,6 @@ class TrackingModels:
         outcomes = Outcomes(vehicle_model(config.boost_prior), context.hypotheses)
         clutter = clutter_per_sr(context, config.false_alarms_per_sr)
         site_m = site_height_m(config.hypotheses.inland_share)
-        slice_s = min(config.slice_s, config.cadence_s)
         return cls(
             config=config,
             needed_scans=config.needed_scans or needed_scans(period_s),
@@ -98,7 +97,9 @@ class TrackingModels:
             light_time=context.light_time,
             biases=biases,
             period_s=period_s,
-            memory_s=sighting_memory_s(period_s, slice_s, config.recent_scans),
+            memory_s=sighting_memory_s(
+                period_s, min(config.slice_s, config.cadence_s), config.recent_scans
+            ),
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
             groups=GroupPosterior.of(config.hypotheses, clutter, detection_probability),
             single=SingleSensor(outcomes, filter_, biases, period_s, site_m),
