@@ -144,19 +144,26 @@ def contested_tracks(
     So two tracks that share lines are contested where fewer than two sensors resolve both.
     """
     order = np.lexsort((track, line))
-    track = track[order]
-    line = line[order]
-    sensor = sensor[order]
-    keys = [np.empty(0, dtype=np.int64)]
-    count, sensors = seen.shape
-    for lag in range(1, LAW.compared + 1):
-        shared = np.flatnonzero(line[lag:] == line[:-lag])
-        keys.append((track[shared] * count + track[shared + lag]) * sensors + sensor[shared])
-    pair, shared_in = np.unique(np.unique(np.concatenate(keys)) // sensors, return_counts=True)
-    row, neighbour = divmod(pair, max(count, 1))
+    keys = _shared_keys(track[order], line[order], sensor[order], seen.shape)
+    pair, shared_in = np.unique(keys // seen.shape[1], return_counts=True)
+    row, neighbour = divmod(pair, max(len(seen), 1))
     resolved_in = np.count_nonzero(seen[row] & seen[neighbour], axis=1) - shared_in
     is_open = resolved_in < LAW.fixing
     return np.unique(np.concatenate([row[is_open], neighbour[is_open]]))
+
+
+def _shared_keys(
+    track: IntArray, line: IntArray, sensor: IndexArray, shape: tuple[int, ...]
+) -> IntArray:
+    """Return the distinct keys of two tracks and a sensor in which they share a line, of pairs (m,)
+    in order of lines.
+    """
+    count, sensors = shape
+    keys = [np.empty(0, dtype=np.int64)]
+    for lag in range(1, LAW.compared + 1):
+        shared = np.flatnonzero(line[lag:] == line[:-lag])
+        keys.append((track[shared] * count + track[shared + lag]) * sensors + sensor[shared])
+    return np.unique(np.concatenate(keys))
 
 
 class CrowdPairs(NamedTuple):

@@ -110,12 +110,10 @@ class GroupPosterior:
         Lines that are not of one motion say nothing of it: these statistics begin anew. So do those
         of a source that is still seen and likeliest stands, but may be a launch.
         """
-        age_s = time_s - first_s
         is_seen = time_s - seen_s < pause_s + step_s
-        steady = (age_s > LAW.young_s) & is_seen
-        steady &= statistics.probability[:, LAUNCH] < self.prior[LAUNCH]
-        rests = np.floor(age_s / LAW.again_s) == np.floor((time_s - step_s - first_s) / LAW.again_s)
-        rows = (~statistics.is_decided & ~(steady & rests)).nonzero()[0]
+        improbable = is_seen & (statistics.probability[:, LAUNCH] < self.prior[LAUNCH])
+        waits = improbable & _wait(time_s - first_s, time_s - step_s - first_s)
+        rows = (~statistics.is_decided & ~waits).nonzero()[0]
         if not len(rows):
             return statistics
         open_tracks = statistics.part(rows)
@@ -148,6 +146,12 @@ class GroupPosterior:
         log[gone, LAUNCH] += min(np.log(self.bolide_s / LAW.burn_s), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
         return share / share.sum(axis=1, keepdims=True)
+
+
+def _wait(age_s: FloatArray, age_before_s: FloatArray) -> BoolArray:
+    """Return which ages (n,), s, are not those of a new assessment of what is improbable."""
+    same = np.floor(age_s / LAW.again_s) == np.floor(age_before_s / LAW.again_s)
+    return (age_s > LAW.young_s) & same
 
 
 def _decisions(
