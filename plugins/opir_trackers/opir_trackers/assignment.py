@@ -63,6 +63,18 @@ def group_sums(group: IntArray, columns: FloatArray, count: int = 0) -> FloatArr
     return sums.astype(np.float64, copy=False)
 
 
+def group_minima(group: IntArray, value: FloatArray, count: int) -> FloatArray:
+    """Return the least values (count,) of each group of values (n,), inf without any."""
+    least = np.full(count, np.inf)
+    np.minimum.at(least, group, value)
+    return least
+
+
+def group_maxima(group: IntArray, value: FloatArray, count: int) -> FloatArray:
+    """Return the greatest values (count,) of each group of values (n,), -inf without any."""
+    return -group_minima(group, -value, count)
+
+
 def unambiguous(row: IntArray, column: IntArray) -> BoolArray:
     """Return which pairs (n,) share neither row nor column with another pair."""
     if not len(row):

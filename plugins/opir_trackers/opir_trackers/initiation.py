@@ -23,7 +23,7 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot
 from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import cheapest_assignment, group_sums, ranks
+from opir_trackers.assignment import cheapest_assignment, group_maxima, group_sums, ranks
 from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
@@ -343,16 +343,7 @@ def placed_at_crossings(
     is_crossed = (begun.sensors == 1) & (sensors > 1)
     if not np.count_nonzero(is_crossed):
         return begun
-    rows = _lines_of(is_crossed, owner)
-    crossing = lines.take(rows)
-    group = (np.cumsum(is_crossed) - 1)[owner[rows]]
-    point = triangulated(
-        group,
-        int(is_crossed.sum()),
-        crossing.origin_ecef_m,
-        crossing.direction_ecef,
-        crossing.sigma_rad,
-    ).position_m
+    point = _crossings_m(is_crossed, lines, owner)
     height_m = ecef_to_geodetic(point).height_m
     possible = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
     moved = np.flatnonzero(is_crossed)[possible]
@@ -363,6 +354,20 @@ def placed_at_crossings(
     return evolve(begun, position_ecef_m=position, sensors=count)
 
 
+def _crossings_m(is_crossed: BoolArray, lines: LinesOfSight, owner: IntArray) -> FloatArray:
+    """Return where the lines of the candidates that `is_crossed` (n,) marks cross, (k, 3)."""
+    rows = _lines_of(is_crossed, owner)
+    crossing = lines.take(rows)
+    group = (np.cumsum(is_crossed) - 1)[owner[rows]]
+    return triangulated(
+        group,
+        int(is_crossed.sum()),
+        crossing.origin_ecef_m,
+        crossing.direction_ecef,
+        crossing.sigma_rad,
+    ).position_m
+
+
 def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
     """Return the clusters of lines, and the cluster (m,) of each.
 
@@ -370,8 +375,7 @@ def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
     """
     sensor, sensor_row = np.unique(lines.sensor, return_inverse=True)
     span = np.zeros(len(sensor))
-    newest = np.full(len(sensor), -np.inf)
-    np.maximum.at(newest, sensor_row, lines.time_s)
+    newest = group_maxima(sensor_row, lines.time_s, len(sensor))
     np.maximum.at(span, sensor_row, newest[sensor_row] - lines.time_s)
     direction, sigma_rad = geostationary_directions(lines, sensor_row)
     widest = np.zeros(len(sensor))
@@ -421,20 +425,25 @@ def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
     sensor = np.zeros(count, dtype=np.int64)
     sensor[cluster] = lines.sensor
     variance = np.bincount(cluster, lines.sigma_rad**2, count)
+    origin = group_sums(cluster, lines.origin_ecef_m, count) / total[:, None]
     return Clusters(
         sensor=sensor,
         time_s=np.bincount(cluster, lines.time_s, count) / total,
-        origin_ecef_m=group_sums(cluster, lines.origin_ecef_m, count) / total[:, None],
-        direction_ecef=_mean_lines(lines, cluster, count, total),
+        origin_ecef_m=origin,
+        direction_ecef=_mean_lines(lines, cluster, origin, total),
         sigma_rad=np.sqrt(variance) / total,
         scans=np.bincount(scan_of, minlength=count),
         is_part=np.zeros(count, dtype=bool),
     )
 
 
-def _mean_lines(lines: LinesOfSight, cluster: IntArray, count: int, total: IntArray) -> FloatArray:
-    """Return the directions (count, 3) of the mean lines of clusters of `total` (count,) lines."""
-    origin = group_sums(cluster, lines.origin_ecef_m, count) / total[:, None]
+def _mean_lines(
+    lines: LinesOfSight, cluster: IntArray, origin: FloatArray, total: IntArray
+) -> FloatArray:
+    """Return the directions (k, 3) of the mean lines of clusters of `total` (k,) lines with mean
+    origins (k, 3).
+    """
+    count = len(total)
     direction = group_sums(cluster, lines.direction_ecef, count) / total[:, None]
     if np.count_nonzero(are_low_orbits(origin)):
         foot = points_near_ground(lines.origin_ecef_m, lines.direction_ecef)

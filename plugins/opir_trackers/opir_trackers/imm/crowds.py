@@ -16,7 +16,7 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation import BOOST, matvec
 from opir_core.plugin import Sensor
-from opir_trackers.assignment import group_sums
+from opir_trackers.assignment import group_maxima, group_sums
 from opir_trackers.association import AssociationModel, connected_tracks
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import GatedPairs, gated
@@ -314,10 +314,8 @@ def joined(
     begun = focal_plane.begun(number[row], sensor, time_s, motion, roots, noise)
     if crowds.are_there:
         # A sensor more does not contest a track anew.
-        contested_s = np.full(len(number), -np.inf)
         known_rows = np.searchsorted(number, crowds.tracks.number)
-        np.maximum.at(contested_s, known_rows, crowds.tracks.contested_s)
-        last_s = contested_s[row]
+        last_s = group_maxima(known_rows, crowds.tracks.contested_s, len(number))[row]
         begun = evolve(begun, contested_s=np.where(np.isfinite(last_s), last_s, time_s))
     return evolve(crowds, tracks=FocalPlaneTracks.concatenate([crowds.tracks, begun]))
 
@@ -398,8 +396,7 @@ def pruned(crowds: Crowds, time_s: float, period_s: FloatArray) -> Crowds:
         LAW.silent_s, LAW.silent_scans * period_s[tracks.sensor]
     )
     number, track_row = np.unique(tracks.number, return_inverse=True)
-    last_s = np.full(len(number), -np.inf)
-    np.maximum.at(last_s, track_row, tracks.contested_s)
+    last_s = group_maxima(track_row, tracks.contested_s, len(number))
     gone = time_s - last_s > np.where(
         np.bincount(track_row) > LAW.fixing, LAW.decided_s, PAIRING.kept_s
     )

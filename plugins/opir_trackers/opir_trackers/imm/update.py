@@ -6,6 +6,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_trackers.assignment import group_maxima, group_minima
 from opir_trackers.association import hard_measurements, merged
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.gating import FEW_PAIRS, GatedPairs
@@ -90,9 +91,8 @@ def _relit_motion(
     if motion.is_decided.all():
         return motion
     count = len(state.table)
-    rows = owner >= 0
-    first_s = np.full(count, np.inf)
-    np.minimum.at(first_s, owner[rows], time_s[rows])
+    owned = owner >= 0
+    first_s = group_minima(owner[owned], time_s[owned], count)
     silent_s = first_s - state.table.seen_s
     limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, state.table))
     rows = (np.isfinite(first_s) & ~motion.is_decided & (silent_s > limit_s)).nonzero()[0]
@@ -157,8 +157,7 @@ def _with_all_looks(
     count = len(detection_rate)
     owner = association.owner
     pairs = association.updating
-    last_s = np.full(count, -np.inf)
-    np.maximum.at(last_s, pairs.track, pairs.time_s)
+    last_s = group_maxima(pairs.track, pairs.time_s, count)
     rate = detection_rate.copy()
     rate[:, 0] += np.bincount(owner[owner >= 0], minlength=count) - np.bincount(
         counted, minlength=count
