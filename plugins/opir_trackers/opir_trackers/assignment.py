@@ -52,8 +52,7 @@ def ranks(value: IntArray) -> IntArray:
         return rank
     present = np.zeros(top, dtype=np.int64)
     present[value] = 1
-    place: IntArray = (np.cumsum(present) - 1)[value]
-    return place
+    return (np.cumsum(present) - 1)[value]
 
 
 def group_sums(group: IntArray, columns: FloatArray, count: int = 0) -> FloatArray:
@@ -64,12 +63,23 @@ def group_sums(group: IntArray, columns: FloatArray, count: int = 0) -> FloatArr
     return sums.astype(np.float64, copy=False)
 
 
+def group_minima(group: IntArray, value: FloatArray, count: int) -> FloatArray:
+    """Return the least values (count,) of each group of values (n,), inf without any."""
+    least = np.full(count, np.inf)
+    np.minimum.at(least, group, value)
+    return least
+
+
+def group_maxima(group: IntArray, value: FloatArray, count: int) -> FloatArray:
+    """Return the greatest values (count,) of each group of values (n,), -inf without any."""
+    return -group_minima(group, -value, count)
+
+
 def unambiguous(row: IntArray, column: IntArray) -> BoolArray:
     """Return which pairs (n,) share neither row nor column with another pair."""
     if not len(row):
         return np.zeros(0, dtype=bool)
-    single: BoolArray = (np.bincount(row)[row] == 1) & (np.bincount(column)[column] == 1)
-    return single
+    return (np.bincount(row)[row] == 1) & (np.bincount(column)[column] == 1)
 
 
 def cheapest_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> BoolArray:
@@ -144,8 +154,7 @@ def _log_sums(node: IntArray, log: FloatArray) -> FloatArray:
     greatest = np.full(int(node.max(initial=-1)) + 1, -np.inf)
     np.maximum.at(greatest, node, log)
     total = np.bincount(node, np.exp(log - greatest[node]))
-    sums: FloatArray = np.log(total[node]) + greatest[node]
-    return sums
+    return np.log(total[node]) + greatest[node]
 
 
 def belief_propagation(
@@ -167,8 +176,7 @@ def belief_propagation(
         if settled:
             break
     scaled = ratio * to_row
-    beta: FloatArray = scaled / (1.0 + np.bincount(line, scaled)[line])
-    return beta
+    return scaled / (1.0 + np.bincount(line, scaled)[line])
 
 
 def _others(node: IntArray, value: FloatArray) -> FloatArray:
@@ -178,7 +186,6 @@ def _others(node: IntArray, value: FloatArray) -> FloatArray:
     """
     total = np.bincount(node, value)[node]
     is_dominant = value > 0.5 * total
-    sums: FloatArray = np.where(
+    return np.where(
         is_dominant, np.bincount(node, np.where(is_dominant, 0.0, value))[node], total - value
     )
-    return sums

@@ -55,10 +55,9 @@ class AssociationModel:
 
     def log_ratio(self, pairs: GatedPairs, lines: LinesOfSight) -> FloatArray:
         """Return the log likelihood ratio (n,) of pairs to a miss and a false alarm."""
-        log: FloatArray = self.log_odds.take(lines.sensor.take(pairs.line)) - 0.5 * (
+        return self.log_odds.take(lines.sensor.take(pairs.line)) - 0.5 * (
             pairs.distance + pairs.log_volume
         )
-        return log
 
 
 def scan_groups(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
@@ -78,8 +77,8 @@ def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
 
 
 def connected_tracks(track: IntArray, line: IntArray, tracks: IntArray) -> BoolArray:
-    """Return which tracks, up to the last with a pair (m,), are among `some` or connected to them
-    by shared lines.
+    """Return which tracks, up to the last with a pair (m,), are among `tracks` or connected to
+    them by shared lines.
     """
     connected = np.zeros(int(max(track.max(initial=-1), tracks.max(initial=-1))) + 1, dtype=bool)
     connected[tracks] = True

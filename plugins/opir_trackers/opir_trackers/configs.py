@@ -14,24 +14,22 @@ _SWITCHES = ("with motion: boost-coast", lambda config: config.motion == "boost-
 
 
 def _needed_scans() -> int | None:
-    scans: int | None = number(
+    return number(
         default=None,
         minimum=2,
         maximum=100,
         help="M of M-of-N track initiation: scans with a detection; by default 4, or 2 where 4"
         " scans take over 4 s",
     )
-    return scans
 
 
 def _recent_scans() -> int:
-    scans: int = number(
+    return number(
         default=8,
         minimum=2,
         maximum=1000,
         help="N of M-of-N track initiation: last scans of a sensor",
     )
-    return scans
 
 
 def _check_scans(needed: int | None, recent: int) -> None:
@@ -251,14 +249,13 @@ class HypothesesConfig:
 
 
 def _least_launch_probability() -> float:
-    least: float = number(
+    return number(
         default=0.5,
         minimum=0.0,
         maximum=1.0,
         help="a track that is a launch with a lower probability has no launch point and no"
         " predicted impact",
     )
-    return least
 
 
 @frozen(kw_only=True)

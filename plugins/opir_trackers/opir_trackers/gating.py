@@ -5,7 +5,7 @@ Directions are binned in cubes of about the gate's width, tracks with similar ga
 cost grows with the number of gated pairs and not with tracks times lines.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
@@ -120,6 +120,15 @@ class _Entries(NamedTuple):
     reach: FloatArray
 
 
+def neighbour_pairs(tree: Any, place: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the rows (m,) of places (n, d), and of the points of a k-d tree within their reach
+    (n,).
+    """
+    groups = tree.query_ball_point(place, reach, return_sorted=True)
+    neighbour = np.concatenate([np.array(group, dtype=np.int64) for group in groups])
+    return np.repeat(np.arange(len(place)), list(map(len, groups))), neighbour
+
+
 def _middles(
     lines: LinesOfSight, sensor_row: IntArray, sensors: int
 ) -> tuple[FloatArray, FloatArray]:
@@ -170,8 +179,7 @@ def _reach(
     # ground, which itself turns by 600 m/s at most at the heights of targets.
     speed = np.sqrt(np.sum(predicted.derivative[:, 1] ** 2, axis=1)) + 600.0
     bound_m = gate * predicted.position_bound_m(span_s + 0.3)
-    wide: FloatArray = (bound_m + speed * (0.5 * part_s + 0.01))[track] / range_m
-    return wide
+    return (bound_m + speed * (0.5 * part_s + 0.01))[track] / range_m
 
 
 def _touching(
@@ -288,8 +296,7 @@ def _are_near(
     """
     span_s = predicted.time_s - float(geometry.time_s.min(initial=predicted.time_s))
     bound = predicted.position_bound_m(span_s)[track] / geometry.range_m
-    near: BoolArray = dot(measured, measured) <= gate * gate * (np.square(bound) + np.square(sigma))
-    return near
+    return dot(measured, measured) <= gate * gate * (np.square(bound) + np.square(sigma))
 
 
 def _innovation_covariances(

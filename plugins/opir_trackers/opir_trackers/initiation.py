@@ -23,7 +23,7 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation import dot
 from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import cheapest_assignment, group_sums, ranks
+from opir_trackers.assignment import cheapest_assignment, group_maxima, group_sums, ranks
 from opir_trackers.configs import GATE_SIGMAS
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
@@ -93,8 +93,7 @@ def _wide_clusters(
         direction[order], starts
     )
     is_wide = dot(across, across) > np.square(_WIDE_SIGMAS * sigma_rad[order[starts]])
-    wide: IntArray = np.unique(key[0, starts[is_wide]])
-    return wide
+    return np.unique(key[0, starts[is_wide]])
 
 
 def _parts_of(looks: _Looks) -> IntArray:
@@ -205,7 +204,7 @@ class TrackCandidates(Columns):
         `speed_m_s`.
         """
         # No boost burns above 200 km.
-        return np.asarray(np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), 200e3))
+        return np.minimum(np.square(self.speed_m_s) / (2.0 * STEADY_M_S2), 200e3)
 
 
 @frozen(eq=False)
@@ -229,8 +228,7 @@ class Initiation:
         clusters = np.unique(np.stack([place, sensor, self.cluster[line]]), axis=1)[:2]
         looks, counts = np.unique(clusters, axis=1, return_counts=True)
         crowded = np.isin(place, looks[0, counts > 1])
-        is_owned: BoolArray = ~crowded | (self.place[line] == place)
-        return is_owned
+        return ~crowded | (self.place[line] == place)
 
 
 def track_candidates(
@@ -248,18 +246,22 @@ def track_candidates(
     likely = evolve(likely, sigma_rad=np.hypot(likely.sigma_rad, bias_sigma_rad[likely.sensor]))
     group, count = _candidate_groups(likely)
     candidates = _candidates(likely, group, count)
-    scans = np.bincount(group, likely.scans, count)
-    # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
-    is_doubtful = candidates.is_of_parts & (candidates.sensors == 1)
-    needed = np.where(is_doubtful, 2 * scans_needed, scans_needed)
-    is_placed = np.isfinite(candidates.position_ecef_m).all(axis=1)
-    ready = np.flatnonzero((scans >= needed) & is_placed)
+    ready = _ready(candidates, np.bincount(group, likely.scans, count), scans_needed)
     number = np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place = np.full(len(clusters), -1)
     place[seen_twice] = number[group]
     owner = place[cluster]
     return Initiation(cluster, owner, _raised_by_speed(candidates.take(ready), lines, owner))
+
+
+def _ready(candidates: TrackCandidates, scans: IntArray, scans_needed: int) -> IntArray:
+    """Return the rows of candidates that have a place, and enough scans (n,)."""
+    # Part of a wide cluster may be of a target that other sensors begin a track of in this slice.
+    is_doubtful = candidates.is_of_parts & (candidates.sensors == 1)
+    needed = np.where(is_doubtful, 2 * scans_needed, scans_needed)
+    is_placed = np.isfinite(candidates.position_ecef_m).all(axis=1)
+    return np.flatnonzero((scans >= needed) & is_placed)
 
 
 def _candidates(clusters: Clusters, group: IntArray, count: int) -> TrackCandidates:
@@ -313,12 +315,11 @@ def _speeds(begun: TrackCandidates, lines: LinesOfSight, track: IntArray) -> Flo
     foot = points_near_ground(lines.origin_ecef_m, lines.direction_ecef)
     across = foot - begun.position_ecef_m[track]
     across -= dot(across, lines.direction_ecef)[:, None] * lines.direction_ecef
-    blur_m = lines.sigma_rad * np.sqrt(np.sum((foot - lines.origin_ecef_m) ** 2, axis=1))
+    blur_m = lines.sigma_rad * lines.ranges_m(foot)
     spread = np.maximum(np.bincount(track, since_s * since_s, count), 1e-9)
     rate = group_sums(track, since_s[:, None] * across, count)
     noise = np.sqrt(np.bincount(track, np.square(since_s * blur_m), count))
-    speed: FloatArray = np.fmax(np.sqrt(dot(rate, rate)) - 3.0 * noise, 0.0) / spread
-    return speed
+    return np.fmax(np.sqrt(dot(rate, rate)) - 3.0 * noise, 0.0) / spread
 
 
 def _lines_of(candidate: BoolArray, owner: IntArray) -> IntArray:
@@ -342,16 +343,7 @@ def placed_at_crossings(
     is_crossed = (begun.sensors == 1) & (sensors > 1)
     if not np.count_nonzero(is_crossed):
         return begun
-    rows = _lines_of(is_crossed, owner)
-    crossing = lines.take(rows)
-    group = (np.cumsum(is_crossed) - 1)[owner[rows]]
-    point = triangulated(
-        group,
-        int(is_crossed.sum()),
-        crossing.origin_ecef_m,
-        crossing.direction_ecef,
-        crossing.sigma_rad,
-    ).position_m
+    point = _crossings_m(is_crossed, lines, owner)
     height_m = ecef_to_geodetic(point).height_m
     possible = (height_m > LOWEST_M) & (height_m < HIGHEST_M)
     moved = np.flatnonzero(is_crossed)[possible]
@@ -362,6 +354,20 @@ def placed_at_crossings(
     return evolve(begun, position_ecef_m=position, sensors=count)
 
 
+def _crossings_m(is_crossed: BoolArray, lines: LinesOfSight, owner: IntArray) -> FloatArray:
+    """Return where the lines of the candidates that `is_crossed` (n,) marks cross, (k, 3)."""
+    rows = _lines_of(is_crossed, owner)
+    crossing = lines.take(rows)
+    group = (np.cumsum(is_crossed) - 1)[owner[rows]]
+    return triangulated(
+        group,
+        int(is_crossed.sum()),
+        crossing.origin_ecef_m,
+        crossing.direction_ecef,
+        crossing.sigma_rad,
+    ).position_m
+
+
 def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
     """Return the clusters of lines, and the cluster (m,) of each.
 
@@ -369,8 +375,7 @@ def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
     """
     sensor, sensor_row = np.unique(lines.sensor, return_inverse=True)
     span = np.zeros(len(sensor))
-    newest = np.full(len(sensor), -np.inf)
-    np.maximum.at(newest, sensor_row, lines.time_s)
+    newest = group_maxima(sensor_row, lines.time_s, len(sensor))
     np.maximum.at(span, sensor_row, newest[sensor_row] - lines.time_s)
     direction, sigma_rad = geostationary_directions(lines, sensor_row)
     widest = np.zeros(len(sensor))
@@ -420,20 +425,25 @@ def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
     sensor = np.zeros(count, dtype=np.int64)
     sensor[cluster] = lines.sensor
     variance = np.bincount(cluster, lines.sigma_rad**2, count)
+    origin = group_sums(cluster, lines.origin_ecef_m, count) / total[:, None]
     return Clusters(
         sensor=sensor,
         time_s=np.bincount(cluster, lines.time_s, count) / total,
-        origin_ecef_m=group_sums(cluster, lines.origin_ecef_m, count) / total[:, None],
-        direction_ecef=_mean_lines(lines, cluster, count, total),
+        origin_ecef_m=origin,
+        direction_ecef=_mean_lines(lines, cluster, origin, total),
         sigma_rad=np.sqrt(variance) / total,
         scans=np.bincount(scan_of, minlength=count),
         is_part=np.zeros(count, dtype=bool),
     )
 
 
-def _mean_lines(lines: LinesOfSight, cluster: IntArray, count: int, total: IntArray) -> FloatArray:
-    """Return the directions (count, 3) of the mean lines of clusters of `total` (count,) lines."""
-    origin = group_sums(cluster, lines.origin_ecef_m, count) / total[:, None]
+def _mean_lines(
+    lines: LinesOfSight, cluster: IntArray, origin: FloatArray, total: IntArray
+) -> FloatArray:
+    """Return the directions (k, 3) of the mean lines of clusters of `total` (k,) lines with mean
+    origins (k, 3).
+    """
+    count = len(total)
     direction = group_sums(cluster, lines.direction_ecef, count) / total[:, None]
     if np.count_nonzero(are_low_orbits(origin)):
         foot = points_near_ground(lines.origin_ecef_m, lines.direction_ecef)
@@ -470,8 +480,7 @@ def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
     """Return the sines (n,) of the angles at which lines meet the ground below positions (n, 3)."""
     a = WGS84.equatorial_radius_m
     up = position_m / np.array([a, a, WGS84.polar_radius_m]) ** 2
-    sine: FloatArray = -np.sum(up * direction, axis=1) / np.sqrt(np.sum(up * up, axis=1))
-    return sine
+    return -np.sum(up * direction, axis=1) / np.sqrt(np.sum(up * up, axis=1))
 
 
 def _sigma_with_motion(clusters: Clusters) -> FloatArray:

@@ -131,7 +131,7 @@ class FirstMotion(NamedTuple):
             + height_variance * gained * gained
         ) / determinant
         # Upwards height and velocity together; velocity along each axis of the ground alone.
-        return np.asarray(-0.5 * (np.log(determinant) + misfit) - np.log(speed_variance))
+        return -0.5 * (np.log(determinant) + misfit) - np.log(speed_variance)
 
     def _variances(self, noise: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the variances (n, cases) of height and velocity before the first detection, and
@@ -180,7 +180,7 @@ def delays_at_once(
     the ground.
 
     Sensors (s,) look every `period_s`, from a time between ignition and a period later, and detect
-    a launch with `detection_probability`; `seen` (n, s) are those that see each track.
+    a launch with `detection_probability`; `visible` (n, s) are those that see each track.
     Probabilities are those of the intervals.
     """
     looks = EDGES_S / period_s[:, None]
@@ -261,6 +261,19 @@ def _rest_likelihood(
     """
     count = len(predicted.root)
     place, velocity, covariance = path_moments(predicted, when, noise, biased)
+    points = _rest_rows(place, velocity, covariance)
+    points, place, spread = (_at_sites(rows, count) for rows in (points, place, covariance[:3, :3]))
+    points[0, -1] -= np.tile(_SITE_HEIGHT_M, count)
+    log = _whitened(points, np.tile(_SITE_M2, count))
+    white = points[:, 4:]
+    misfit = np.add.reduce(white[:, 3] * white[:, 3])
+    return _Starts(place, spread, white, misfit, log)
+
+
+def _rest_rows(place: FloatArray, velocity: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the rows [S | B] (4, 8, m) of `_whitened` of paths: the covariances of height and
+    velocity over the ground, those with the position, and height and velocity.
+    """
     height, up = height_and_up(place, 1.0 / np.sqrt(np.add.reduce(place * place)))
     state = np.concatenate([place, velocity])[:, None]
     crossed = _height_and_velocity(covariance, up)
@@ -269,14 +282,9 @@ def _rest_likelihood(
         crossed[:, :3],
         _height_and_velocity(state, up),
     )
-    points = np.concatenate(columns, axis=1)
-    points[0, -1] = height
-    points, place, spread = (_at_sites(rows, count) for rows in (points, place, covariance[:3, :3]))
-    points[0, -1] -= np.tile(_SITE_HEIGHT_M, count)
-    log = _whitened(points, np.tile(_SITE_M2, count))
-    white = points[:, 4:]
-    misfit = np.add.reduce(white[:, 3] * white[:, 3])
-    return _Starts(place, spread, white, misfit, log)
+    rows = np.concatenate(columns, axis=1)
+    rows[0, -1] = height
+    return rows
 
 
 def path_moments(
@@ -332,10 +340,10 @@ def _places(starts: _Starts, when: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _to_ecef(rows: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArray:
     """Return rows x, y, z (3, ..., m) rotated backwards about z."""
-    earth_rotated = rows.copy()
-    earth_rotated[0] = cosine * rows[0] + sine * rows[1]
-    earth_rotated[1] = cosine * rows[1] - sine * rows[0]
-    return earth_rotated
+    turned = rows.copy()
+    turned[0] = cosine * rows[0] + sine * rows[1]
+    turned[1] = cosine * rows[1] - sine * rows[0]
+    return turned
 
 
 def _height_and_velocity(rows: FloatArray, up: FloatArray) -> FloatArray:

@@ -55,6 +55,10 @@ class LinesOfSight(Columns):
             ),
         )
 
+    def ranges_m(self, point_m: FloatArray) -> FloatArray:
+        """Return the distances (n,), m, of points (n, 3), in ECEF, from the origins."""
+        return np.sqrt(np.sum((point_m - self.origin_ecef_m) ** 2, axis=1))
+
     def of_instants(self) -> "LinesOfSight":
         """Return the lines of sight with each instant of a sensor as a scan of its own."""
         scan = np.rint(self.time_s * 1e9).astype(np.int64)
@@ -68,8 +72,7 @@ def _least_sigma_rad(origin_ecef_m: FloatArray) -> FloatArray:
     height = (
         np.sqrt(np.add.reduce(origin_ecef_m * origin_ecef_m, axis=1)) - EARTH_EQUATORIAL_RADIUS_M
     )
-    least: FloatArray = LEAST_SIGMA_M / np.maximum(height, _LOWEST_M)
-    return least
+    return LEAST_SIGMA_M / np.maximum(height, _LOWEST_M)
 
 
 @frozen(eq=False, repr=False)
@@ -167,6 +170,12 @@ def earth_rotated(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
     plane.view(np.complex128)[:, 0] *= _rotation_factor(time_s)
     out[:, :2] = plane
     return out
+
+
+def ground_velocities(position: FloatArray) -> FloatArray:
+    """Return the inertial velocities (n, 3) of what turns with the Earth at positions (n, 3)."""
+    x, y, _ = position.T
+    return EARTH_ROTATION_RAD_S * np.stack([-y, x, np.zeros(len(x))], axis=1)
 
 
 def both_earth_rotated(origin: FloatArray, direction: FloatArray, time_s: FloatArray) -> FloatArray:

@@ -232,8 +232,7 @@ def _gains(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
 
 def first_instants(table: FloatArray) -> IntArray:
     """Return the instant (...) from which on each set is most likely of one target."""
-    instants: IntArray = np.argmin(_losses(table, fixes(table).misfit, LAW.reward), axis=-1)
-    return instants
+    return np.argmin(_losses(table, fixes(table).misfit, LAW.reward), axis=-1)
 
 
 def are_open(table: FloatArray, group: IntArray) -> BoolArray:
@@ -247,8 +246,7 @@ def are_open(table: FloatArray, group: IntArray) -> BoolArray:
     is_sure = (sums[:, 0, 10] >= LAW.certain) & (
         _losses(sums, fixes(sums).misfit, LAW.reward)[:, 0] < LAW.fitting * full_reward
     )
-    open_rows: BoolArray = ~is_sure[group]
-    return open_rows
+    return ~is_sure[group]
 
 
 def _is_settled(table: FloatArray, group: IntArray) -> bool:
@@ -264,10 +262,9 @@ def _losses(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
     excess = np.where(degrees > 0.0, 0.5 * (misfit - degrees), 0.0)
     misfits = np.cumsum(excess[..., ::-1], axis=-1)[..., ::-1]
     earlier_reward = np.cumsum(reward * degrees, axis=-1) - reward * degrees
-    loss: FloatArray = (misfits + earlier_reward + LAW.swapped * (earlier_reward > 0.0))[
+    return (misfits + earlier_reward + LAW.swapped * (earlier_reward > 0.0))[
         ..., : max(table.shape[-2] - LAW.recent, 1)
     ]
-    return loss
 
 
 def _degrees(lines: FloatArray) -> FloatArray:
@@ -314,8 +311,7 @@ class SetModel(NamedTuple):
         if self.begin:
             cost += np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
         gain = _gains(table, crossings.misfit, LAW.first_reward if self.begin else LAW.reward)
-        lawful: FloatArray = gain - np.where(newest[..., 11] > 1.5, cost, 0.0)
-        return lawful
+        return gain - np.where(newest[..., 11] > 1.5, cost, 0.0)
 
     def _heights(self, crossings: LineCrossings) -> tuple[FloatArray, FloatArray]:
         """Return heights (...) of crossings above the ellipsoid, m, to within 50 m, and their
@@ -352,14 +348,12 @@ class SetModel(NamedTuple):
         )
         misfit = np.where(met, crossings.misfit - fixes(sums).misfit, 0.0).sum(axis=-1)
         misfit = misfit / np.maximum(met.sum(axis=-1), 1)
-        possible: BoolArray = lawful.all(axis=-1) & (misfit < LAW.hopeless)
-        return possible
+        return lawful.all(axis=-1) & (misfit < LAW.hopeless)
 
 
 def _length(position: Sequence[FloatArray]) -> FloatArray:
     x, y, z = position
-    length: FloatArray = np.sqrt(x * x + y * y + z * z)
-    return length
+    return np.sqrt(x * x + y * y + z * z)
 
 
 class Candidates(NamedTuple):

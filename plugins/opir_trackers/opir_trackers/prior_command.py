@@ -198,10 +198,15 @@ def fitted(flights: list[RecordedFlight]) -> dict[str, Any]:
         law = data["families"][name]
         count = np.bincount([len(rows) - 1 for rows in stages], minlength=STAGES) + 0.5
         law["stages"] = (count / count.sum()).round(4).tolist()
-        _fit_part(law["first"], np.concatenate([rows[:1] for rows in stages]))
-        _fit_part(law["upper"], np.concatenate([rows[1:] for rows in stages]))
+        _fit_stages(law, stages)
     data["marginal"] = marginal_of(model_of(data), DRAWS, 1)
     return data
+
+
+def _fit_stages(law: dict[str, Any], stages: list[FloatArray]) -> None:
+    """Fit first and upper stages to those of flights, (stages, 4) each."""
+    _fit_part(law["first"], np.concatenate([rows[:1] for rows in stages]))
+    _fit_part(law["upper"], np.concatenate([rows[1:] for rows in stages]))
 
 
 def _fit_part(law: dict[str, list[float]], rows: FloatArray) -> None:

@@ -55,8 +55,8 @@ def clutter_per_sr(context: TrackerContext, assumed: float) -> FloatArray:
     if context.false_alarms_per_scan is None:
         return np.full(len(context.sensors), assumed)
     half_rad = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
-    return np.asarray(
-        np.array(context.false_alarms_per_scan) / (4.0 * np.pi * np.square(np.sin(0.5 * half_rad)))
+    return np.array(context.false_alarms_per_scan) / (
+        4.0 * np.pi * np.square(np.sin(0.5 * half_rad))
     )
 
 
@@ -94,7 +94,7 @@ class Biases:
         """
         offset = position_m[:, None] - self.geometry(time_s, visible)[0]
         distance = np.sqrt(np.sum(offset * offset, axis=2))
-        return np.asarray(np.sum(distance * visible, axis=1) / np.maximum(visible.sum(axis=1), 1))
+        return np.sum(distance * visible, axis=1) / np.maximum(visible.sum(axis=1), 1)
 
     def geometry(
         self, time_s: float, visible: BoolArray
@@ -112,8 +112,7 @@ class Biases:
         """
         noise = np.array([sensor.line_of_sight_sigma_rad for sensor in self.sensors])
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in self.sensors])
-        weight: FloatArray = 1.0 / (period_s * np.maximum(noise**2 + shared_rad**2, _LEAST_RAD**2))
-        return weight
+        return 1.0 / (period_s * np.maximum(noise**2 + shared_rad**2, _LEAST_RAD**2))
 
 
 def shifts_of_positions(
@@ -123,12 +122,11 @@ def shifts_of_positions(
     a position.
 
     Shifts along the line of sight have no effect. `origin_m` (s, 3) are the sensor positions,
-    `seen` (n, s) marks which sensor sees which target, and `weight` (s,) is that of a sensor's
+    `visible` (n, s) marks which sensor sees which target, and `weight` (s,) is that of a sensor's
     angles, 1/rad² per second: look rate over error variance.
     """
     across, weight_m2, total = _least_squares(position_m, origin_m, visible, weight)
-    shift: FloatArray = np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
-    return shift
+    return np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
 
 
 def _least_squares(

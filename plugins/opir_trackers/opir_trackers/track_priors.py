@@ -18,7 +18,7 @@ from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, STEADY_M_S2, TrackCandidates
 from opir_trackers.launch_points import FirstMotion
-from opir_trackers.lines_of_sight import earth_rotated
+from opir_trackers.lines_of_sight import earth_rotated, ground_velocities
 from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
 #: Prior specific force of a boost, upwards, m/s².
@@ -70,9 +70,8 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     switches = config.motion == "boost-coast"
     follows_bodies = any(sensor.follows_bodies for sensor in context.sensors)
     period_s = [sensor.scan.period_ns * 1e-9 for sensor in context.sensors]
-    tilt_rad = float(np.radians(thrust.tilt_deg))
     return ImmFilter(
-        boost=Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, free),
+        boost=_boost_of(thrust, free),
         coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if switches else np.inf,
         coast_s=config.coast_s if switches else np.inf,
@@ -91,6 +90,11 @@ def stage_of(thrust: ThrustConfig) -> NewStage:
     growth = (thrust.growth_per_s, thrust.growth_sigma_per_s)
     tilt = float(np.tan(np.radians(thrust.tilt_deg)))
     return NewStage(FIRST_FORCE_M_S2, force, *growth, thrust.stage_s, tilt)
+
+
+def _boost_of(thrust: ThrustConfig, forces: Forces) -> Thrust:
+    tilt_rad = float(np.radians(thrust.tilt_deg))
+    return Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, forces)
 
 
 def _free_of(thrust: ThrustConfig, forces: Forces) -> FreeBurn:
@@ -117,24 +121,25 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     position = earth_rotated(candidates.position_ecef_m, times_s)
     climb = np.maximum(FIRST_CLIMB_M_S, 0.5 * candidates.speed_m_s)
     climb = np.where(candidates.sensors == 1, climb, 0.0)
-    velocity = _ground_velocity(position) + climb[:, None] * up
+    velocity = ground_velocities(position) + climb[:, None] * up
     growth = np.full((count, 1), config.thrust.growth_per_s)
     mean = np.concatenate([position, velocity, FIRST_FORCE_M_S2 * up, growth], axis=1)
-    size = mean.shape[1]
-    sigmas = [config.thrust.force_sigma_m_s2] * 3 + [config.thrust.growth_sigma_per_s]
-    place, speed = prior_sigmas(candidates)
-    root = np.zeros((count, size, size))
-    root[:, :3, :3] = _information_roots(inertial, place)
-    root[:, 3:COAST, 3:COAST] = _information_roots(inertial, speed)
-    root[:, range(COAST, size), range(COAST, size)] = 1.0 / np.array(sigmas)
+    root = _prior_roots(candidates, inertial, config.thrust)
     return _in_both_modes(mean, root, np.zeros((count, 3)), config)
 
 
-def _ground_velocity(position: FloatArray) -> FloatArray:
-    """Return the inertial velocities (n, 3) of what turns with the Earth at positions (n, 3)."""
-    x, y, _ = position.T
-    velocity: FloatArray = EARTH_ROTATION_RAD_S * np.stack([-y, x, np.zeros(len(x))], axis=1)
-    return velocity
+def _prior_roots(candidates: TrackCandidates, axes: FloatArray, thrust: ThrustConfig) -> FloatArray:
+    """Return the information roots (n, 10, 10) of new tracks, with inertial axes (n, 3, 3), rows
+    east, north and up.
+    """
+    sigmas = [thrust.force_sigma_m_s2] * 3 + [thrust.growth_sigma_per_s]
+    size = COAST + len(sigmas)
+    place, speed = prior_sigmas(candidates)
+    root = np.zeros((len(axes), size, size))
+    root[:, :3, :3] = _information_roots(axes, place)
+    root[:, 3:COAST, 3:COAST] = _information_roots(axes, speed)
+    root[:, range(COAST, size), range(COAST, size)] = 1.0 / np.array(sigmas)
+    return root
 
 
 def _in_both_modes(
@@ -164,7 +169,7 @@ def standing_estimates(
     root = np.zeros((count, size, size))
     cubed = dot(position_m, position_m)[:, None] ** 1.5
     mean[:, :3] = position_m
-    mean[:, 3:6] = _ground_velocity(position_m)
+    mean[:, 3:6] = ground_velocities(position_m)
     mean[:, 6:9] = EARTH_MU_M3_S2 / cubed * position_m
     mean[:, 6:8] -= EARTH_ROTATION_RAD_S**2 * position_m[:, :2]
     root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
@@ -198,8 +203,7 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
 
 
 def _speed_sigmas(height_m: FloatArray) -> FloatArray:
-    speed: FloatArray = SPEED_SIGMA_M_S + 1.5 * np.sqrt(2.0 * STEADY_M_S2 * height_m)
-    return speed
+    return SPEED_SIGMA_M_S + 1.5 * np.sqrt(2.0 * STEADY_M_S2 * height_m)
 
 
 def first_motion(
@@ -227,8 +231,7 @@ def first_motion(
 
 def prior_axes(candidates: TrackCandidates) -> FloatArray:
     """Return the local axes (n, 3, 3), rows east, north and up, in ECEF."""
-    axes: FloatArray = local_axes(candidates.position_ecef_m)
-    return axes
+    return local_axes(candidates.position_ecef_m)
 
 
 def _information_roots(axes: FloatArray, sigma: FloatArray) -> FloatArray:

@@ -33,7 +33,7 @@ GRAZING_SINE = 0.02
 
 def are_low_orbits(origin_m: FloatArray) -> BoolArray:
     """Return which sensors at positions (n, 3) are in low orbits."""
-    return np.asarray(np.add.reduce(origin_m * origin_m, axis=1) < _LOW_M**2)
+    return np.add.reduce(origin_m * origin_m, axis=1) < _LOW_M**2
 
 
 def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
@@ -56,7 +56,7 @@ def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArra
 def geostationary_directions(
     lines: LinesOfSight, sensor_row: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return directions (n, 3) as from geostationary height, and their errors (n,), rad; `which`
+    """Return directions (n, 3) as from geostationary height, and their errors (n,), rad; `sensor_row`
     (n,) is the sensor.
 
     Lines of low sensors without a ground point keep their directions.
@@ -68,26 +68,28 @@ def geostationary_directions(
     met = np.isfinite(point[:, 0])
     low = low[met]
     point = point[met]
-    origin = lines.origin_ecef_m[low]
     first_row = np.unique(sensor_row, return_index=True)[1]
     station = _stations(lines.origin_ecef_m[first_row][sensor_row[low]])
     direction = lines.direction_ecef.copy()
     sigma_rad = lines.sigma_rad.copy()
     off = point - station
     direction[low] = off / np.sqrt(np.sum(off * off, axis=1))[:, None]
-    range_m = np.sqrt(np.sum((point - origin) ** 2, axis=1))
-    sine = -np.sum(local_axes(point)[:, 2] * lines.direction_ecef[low], axis=1)
-    sigma_rad[low] *= range_m / (FAR_M * np.maximum(sine, GRAZING_SINE))
+    sigma_rad[low] *= _error_factors(lines.take(low), point)
     return direction, sigma_rad
+
+
+def _error_factors(lines: LinesOfSight, point: FloatArray) -> FloatArray:
+    """Return the factors (n,) of the errors of lines to points on the ground (n, 3), as from
+    geostationary height.
+    """
+    sine = -np.sum(local_axes(point)[:, 2] * lines.direction_ecef, axis=1)
+    return lines.ranges_m(point) / (FAR_M * np.maximum(sine, GRAZING_SINE))
 
 
 def _stations(origin_m: FloatArray) -> FloatArray:
     """Return the positions (n, 3) at geostationary height above sensors (n, 3)."""
     height_m = FAR_M + EARTH_EQUATORIAL_RADIUS_M
-    station: FloatArray = (
-        height_m * origin_m / np.sqrt(np.sum(origin_m * origin_m, axis=1))[:, None]
-    )
-    return station
+    return height_m * origin_m / np.sqrt(np.sum(origin_m * origin_m, axis=1))[:, None]
 
 
 def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArray) -> FloatArray:
@@ -99,8 +101,7 @@ def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArr
     along = np.where(
         (are_low_orbits(origin_m) & np.isfinite(aim_m[:, 0]))[:, None], aim_m - origin_m, direction
     )
-    unit: FloatArray = along / np.sqrt(np.sum(along * along, axis=1))[:, None]
-    return unit
+    return along / np.sqrt(np.sum(along * along, axis=1))[:, None]
 
 
 def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:

@@ -50,8 +50,8 @@ def expected_looks(
     `elapsed_s` (n,), s, so far.
 
     The mean over the types, of which `share` (n, types) are the probabilities by reports: those
-    whose boosts would be over by now are the less likely. `seen` (n, sensors) are the sensors that
-    see each boost.
+    whose boosts would be over by now are the less likely. `visible` (n, sensors) are the sensors
+    that see each boost.
     """
     from scipy.special import log_ndtr
 
@@ -61,8 +61,7 @@ def expected_looks(
     weight = share * np.exp(log - log.max(axis=1, keepdims=True))
     rate = visible @ (schedule.detection_probability / schedule.period_s[:, None])
     looks = weight * rate * np.maximum(_BURN_S, elapsed)
-    expected: FloatArray = looks.sum(axis=1) / weight.sum(axis=1)
-    return expected
+    return looks.sum(axis=1) / weight.sum(axis=1)
 
 
 def launches(
@@ -118,7 +117,7 @@ def _first_lines(
 ) -> _FirstLines:
     """Return the first lines of tracks' sensors, without those that are later than expected."""
     ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
-    range_m = np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1))
+    range_m = lines.ranges_m(ground)
     emitted_s = emission_s(lines.time_s, range_m, light_time)
     begun_s = np.full(count, np.inf)
     np.fmin.at(begun_s, owner, emitted_s)
@@ -138,7 +137,7 @@ def _ground_equations(axes: FloatArray, firsts: _FirstLines) -> tuple[FloatArray
     spread_m = firsts.range_m * firsts.lines.sigma_rad
     flat, spread = _on_ground(axes, firsts.lines.direction_ecef, spread_m)
     moves = np.concatenate([np.broadcast_to(np.eye(2), spread.shape), flat[:, :, None]], axis=2)
-    information = np.linalg.inv(spread).astype(np.float64, copy=False)
+    information = np.linalg.inv(spread)
     return moves, moves.transpose(0, 2, 1) @ information
 
 
@@ -170,7 +169,7 @@ def _pooled(
     rows = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
     if not len(rows):
         return points
-    spread = np.linalg.inv(information[rows]).astype(np.float64, copy=False)
+    spread = np.linalg.inv(information[rows])
     spread = 0.5 * (spread + spread.transpose(0, 2, 1))
     shift = matvec(spread, pull[rows])[:, :2]
     axes = local_axes(about[rows])

@@ -137,8 +137,7 @@ class AssumedHeights(NamedTuple):
         since_s = emitted_s - self.launch_s[owner]
         height = 0.5 * self.climb_m_s2 * since_s * np.maximum(since_s, 0.0)
         point = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef, height)
-        range_m = np.sqrt(np.sum((point - lines.origin_ecef_m) ** 2, axis=1))
-        return np.where(since_s <= LONGEST_BURN_S, range_m, np.nan)
+        return np.where(since_s <= LONGEST_BURN_S, lines.ranges_m(point), np.nan)
 
 
 def initialised(
@@ -171,8 +170,7 @@ def _at_rest(
     origin = lines.origin_ecef_m
     ground = intersection_with_ellipsoid(origin, lines.direction_ecef)
     ground = np.where(np.isfinite(ground), ground, origin + 3.6e7 * lines.direction_ecef)
-    range_m = np.sqrt(np.sum((ground - origin) ** 2, axis=1))
-    emitted_s = emission_s(lines.time_s, range_m, light_time)
+    emitted_s = emission_s(lines.time_s, lines.ranges_m(ground), light_time)
     rows = np.unique(owner, return_index=True)[1]
     epoch_s = arcs.epoch_s.copy()
     epoch_s[owner[rows]] = emitted_s[rows]
@@ -310,21 +308,28 @@ def _positions_at(
     """Return positions (m, v, 3) at times (m,) on the arcs through all states (n, v, 6) of the rows
     `owner` (m,).
     """
-    start = np.full(len(trials), np.inf)
-    end = np.full(len(trials), -np.inf)
+    middle, half = _spans(epoch_s, owner, time_s)
+    knot_s = middle[:, None] + half[:, None] * np.cos(_ANGLES) - epoch_s[:, None]
+    values = _values_at(trials, knot_s)
+    place = np.clip((time_s - middle[owner]) / half[owner], -1.0, 1.0)
+    weights = np.cos(np.arange(_KNOTS) * np.arccos(place)[:, None])[:, None, :] @ _TO_SERIES
+    return (weights @ values[owner]).reshape(-1, trials.shape[1], 3)
+
+
+def _spans(
+    epoch_s: FloatArray, owner: IntArray, time_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the middles and half lengths (n,), s, of the spans of the times (m,) of rows `owner`;
+    without any, at their epochs.
+    """
+    start = np.full(len(epoch_s), np.inf)
+    end = np.full(len(epoch_s), -np.inf)
     np.fmin.at(start, owner, time_s)
     np.fmax.at(end, owner, time_s)
     idle = ~np.isfinite(start)
     start = np.where(idle, epoch_s, start)
     end = np.where(idle, epoch_s, end)
-    middle = 0.5 * (start + end)
-    half = np.maximum(0.5 * (end - start), 1e-3)
-    knot_s = middle[:, None] + half[:, None] * np.cos(_ANGLES) - epoch_s[:, None]
-    values = _values_at(trials, knot_s)
-    place = np.clip((time_s - middle[owner]) / half[owner], -1.0, 1.0)
-    weights = np.cos(np.arange(_KNOTS) * np.arccos(place)[:, None])[:, None, :] @ _TO_SERIES
-    positions: FloatArray = (weights @ values[owner]).reshape(-1, trials.shape[1], 3)
-    return positions
+    return 0.5 * (start + end), np.maximum(0.5 * (end - start), 1e-3)
 
 
 def _values_at(trials: FloatArray, since_s: FloatArray) -> FloatArray:

@@ -43,7 +43,7 @@ class LaunchHypotheses:
         shares = np.concatenate(
             [np.where(in_orbit[:, None], 0.0, types), in_orbit[:, None]], axis=1
         )
-        return np.asarray((shares[:, None, :] @ self.rows)[:, 0])
+        return (shares[:, None, :] @ self.rows)[:, 0]
 
 
 def _narrowed(prior: FloatArray, group: BoolArray, kind: BoolArray) -> FloatArray:

@@ -33,7 +33,6 @@ from opir_trackers.arc.launch_hypotheses import LaunchHypotheses
 from opir_trackers.arc.range_types import type_probabilities
 from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
-from opir_trackers.gating import candidates, gated
 from opir_trackers.imm.report import type_posterior
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.launch_points import site_height_m
@@ -172,12 +171,10 @@ class ArcTracker(Tracker):
         if not len(rows) or not len(lines):
             return owner
         models = self._tracking.models
-        gate = models.config.gate_sigma
         lines = self._state.registration.corrected(lines)
         estimates = self._state.estimates.take(rows)
         predicted = models.filter.predicted_measurements(estimates, self._state.time_s)
-        track, line = candidates(predicted, lines, span_s, gate, self._light_time)
-        pairs = gated(predicted, lines, track, line, gate, self._light_time)
+        pairs = models.gated_pairs(predicted, lines, span_s)
         row = associate_nearest(pairs, lines, models.association).owner
         number = self._state.table.number[rows]
         return np.where(row >= 0, np.searchsorted(self._arcs.number, number[row]), -1)
@@ -265,18 +262,17 @@ class ArcTracker(Tracker):
         expected = expected_looks(self._watch, arcs.seen, elapsed_s, kinds)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
         share = np.where(reported.estimates.weight[rows, 1] > 0.5, 1.0, share)
-        sigma_m: FloatArray = self._config.sigma_0_m * np.exp(-self._config.convergence * share)
-        return sigma_m
+        return self._config.sigma_0_m * np.exp(-self._config.convergence * share)
 
     def _with_end(self, covariance: FloatArray, arcs: ArcFits) -> FloatArray:
         """Return covariances (n, 7, 7) that include the uncertainty of burnout: one expected
         latency.
         """
         late_s = np.where(arcs.seen, latency_s(self._watch)[0], np.inf).min(axis=1)
-        covariance_ = np.zeros((len(arcs), 7, 7))
-        covariance_[:, :6, :6] = covariance
-        covariance_[:, 6, 6] = np.square(late_s)
-        return covariance_
+        bordered = np.zeros((len(arcs), 7, 7))
+        bordered[:, :6, :6] = covariance
+        bordered[:, 6, 6] = np.square(late_s)
+        return bordered
 
 
 def _launch_s(arcs: ArcFits) -> FloatArray:

@@ -138,8 +138,7 @@ class AtmosphericDescent:
     def _wind(self, state: FloatArray) -> FloatArray:
         """Return the velocity (n, 3) relative to the air."""
         spin = self.drag.air_rotation_rad_s
-        wind: FloatArray = state[:, 3:] - np.array([-spin, spin, 0.0]) * state[:, [1, 0, 2]]
-        return wind
+        return state[:, 3:] - np.array([-spin, spin, 0.0]) * state[:, [1, 0, 2]]
 
     def _air(self, state: FloatArray) -> _Air:
         """Return the air at states; below the lowest tabulated height, that at this height."""
@@ -180,8 +179,7 @@ class AtmosphericDescent:
             * wind[:, :, None]
             * wind[:, None, :]
         )
-        moved: FloatArray = half @ self.fall.transition(state, step_s) @ half
-        return moved
+        return half @ self.fall.transition(state, step_s) @ half
 
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
         """Return L (n, 6, 6) with L Lᵀ the process-noise covariance of steps (n,) from states."""
@@ -192,8 +190,7 @@ class AtmosphericDescent:
             self.fall.noise**2
             + ((_DRAG_UNCERTAINTY * air.rate) ** 2 + _RESIDUAL_TIME_S * air.residual**2) * square**2
         )
-        root: FloatArray = wander[:, None, None] * noise_roots(np.abs(step_s), COAST // 3)
-        return root
+        return wander[:, None, None] * noise_roots(np.abs(step_s), COAST // 3)
 
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the position derivatives (n, 5, 3) of order 0 to 4; drag is in the second."""

@@ -5,7 +5,7 @@ a time.
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from attrs import Factory, field, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import BOOST, COAST, taylor_positions, taylor_weights
@@ -84,8 +84,7 @@ class PredictedMeasurements(NamedTuple):
         scaled = self.root[:, : 3 * orders] * _SHARES[: 3 * orders]
         products = (scaled @ scaled.transpose(0, 2, 1)).reshape(count, orders, 3, orders, 3)
         blocks = products.transpose(0, 1, 3, 2, 4).reshape(count, orders * orders, 9)
-        terms: FloatArray = _SUMS[orders] @ blocks
-        return terms
+        return _SUMS[orders] @ blocks
 
     def position_bound_m(self, span_s: float) -> FloatArray:
         """Return bounds (n,) on the standard deviation of the position, all axes together, over a
@@ -140,7 +139,7 @@ class Burns(NamedTuple):
     @property
     def are_free(self) -> BoolArray:
         """Which burns (n,) have a free part that is computed."""
-        return np.asarray(self.share[:, 2] > 0.0)
+        return self.share[:, 2] > 0.0
 
     def part(self, number: int) -> Gaussian:
         """Return the estimates of one part."""
@@ -248,6 +247,14 @@ class ModeEstimates(Columns):
         return np.where(
             self.weight[:, 1:] > self.weight[:, :1], self.coast_mean, self.boost_mean[:, :COAST]
         )
+
+    def moved_by(self, shift: FloatArray) -> "ModeEstimates":
+        """Return the estimates with positions and velocities shifted by (n, 6)."""
+        boost = self.boost_mean.copy()
+        burn = self.burn_mean.copy()
+        boost[:, :COAST] += shift
+        burn[:, :, :COAST] += shift[:, None]
+        return evolve(self, boost_mean=boost, coast_mean=self.coast_mean + shift, burn_mean=burn)
 
     def put(self, rows: IntArray, values: "ModeEstimates") -> "ModeEstimates":
         """Return the estimates with rows (m,) replaced."""

@@ -66,8 +66,7 @@ def updated(
 
 def log_likelihoods(mode: Mode, update: Updated) -> FloatArray:
     """Return the log likelihoods (n,) of the measurements of an update."""
-    total: FloatArray = log_determinant_ratio(mode.root, update.root) - 0.5 * update.misfit
-    return total
+    return log_determinant_ratio(mode.root, update.root) - 0.5 * update.misfit
 
 
 class _Slice(NamedTuple):

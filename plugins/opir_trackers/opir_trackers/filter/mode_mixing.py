@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import COAST, Functions, Vector, arithmetic, matvec, scaled, square_root
 from opir_trackers.filter.burn_modes import LAW, BurnModes, resumed
 from opir_trackers.filter.estimates import Burns, ModeEstimates, with_rows
 from opir_trackers.filter.measurement_updates import Gaussian, measurement_update, moment_matched
+from opir_trackers.lines_of_sight import ground_velocities
 
 #: Prior standard deviation of a target's velocity over the ground on any axis, m/s: 1.5 times the
 #: root mean square of one component over the burns of the three classes' median profiles (1240
@@ -48,8 +48,7 @@ def have_uncertain_velocity(covariance: FloatArray) -> BoolArray:
     """Return which covariances (n, 6, 6) have a velocity variance above the prior in some
     direction.
     """
-    loose: BoolArray = np.linalg.eigvalsh(covariance[:, 3:, 3:])[:, -1] > SPEED_SIGMA_M_S**2
-    return loose
+    return np.linalg.eigvalsh(covariance[:, 3:, 3:])[:, -1] > SPEED_SIGMA_M_S**2
 
 
 def with_velocity_prior(estimates: Gaussian) -> Gaussian:
@@ -62,7 +61,7 @@ def with_velocity_prior(estimates: Gaussian) -> Gaussian:
     variance, axes = np.linalg.eigh(square_root.gram(square_root.inverse_root(root)[:, 3:6]))
     limit = SPEED_SIGMA_M_S**2
     inverse_sigma = np.sqrt(1.0 / limit - 1.0 / np.maximum(variance, limit))
-    ground = EARTH_ROTATION_RAD_S * np.stack([-mean[:, 1], mean[:, 0], np.zeros(len(mean))], axis=1)
+    ground = ground_velocities(mean[:, :3])
     rows = np.zeros((len(mean), 3, mean.shape[1] + 1))
     rows[:, :, 3:6] = axes.transpose(0, 2, 1) * inverse_sigma[:, :, None]
     rows[:, :, -1] = np.sum(rows[:, :, 3:6] * (ground - mean[:, 3:6])[:, None], axis=2)
@@ -210,8 +209,7 @@ def resting_rows(estimates: ModeEstimates) -> IntArray:
 
 
 def _are_resting(detection_rate: FloatArray, weight: FloatArray) -> BoolArray:
-    resting: BoolArray = (detection_rate[:, 2] > _RESTS_S) & (weight[:, 1] > _COASTS)
-    return resting
+    return (detection_rate[:, 2] > _RESTS_S) & (weight[:, 1] > _COASTS)
 
 
 def relit(estimates: ModeEstimates, coast: Gaussian, modes: BurnModes) -> tuple[Gaussian, Burns]:

@@ -20,6 +20,7 @@ from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import BOOST, COAST, dot, noise_roots, square_root
+from opir_trackers.assignment import group_minima
 from opir_trackers.filter import iterated_update, mode_mixing
 from opir_trackers.filter.burn_modes import (
     BurnModes,
@@ -232,8 +233,7 @@ class ImmFilter:
         resting = mode_mixing.resting_rows(estimates)
         if self.stage is None or not resting.size or not len(measurements):
             return estimates
-        first_s = np.full(len(estimates), np.inf)
-        np.minimum.at(first_s, measurements.track, measurements.time_s)
+        first_s = group_minima(measurements.track, measurements.time_s, len(estimates))
         rows = resting[first_s[resting] < np.inf]
         if not rows.size:
             return estimates

@@ -93,7 +93,7 @@ def across_share_at(steady: float, square_speed: Any) -> Any:
     """Return the process-noise density of the force across the velocity, as a share of the force,
     1/√s.
 
-    It is `late` for a fast boost, and more for one that pitches over: `PITCH_OVER_SHARE`.
+    It is `steady` for a fast boost, and more for one that pitches over: `PITCH_OVER_SHARE`.
     `square_speed` is the squared speed, m²/s².
     """
     return steady + PITCH_OVER_SHARE / (1.0 + (square_speed / PITCH_OVER_M_S**2) ** 2)
@@ -330,8 +330,7 @@ class Thrust:
 
 def air_velocity(state: FloatArray) -> FloatArray:
     """Return the velocity (n, 3) of states relative to the rotating air."""
-    velocity: FloatArray = state[:, 3:6] - _AIR * state[:, [1, 0, 2]]
-    return velocity
+    return state[:, 3:6] - _AIR * state[:, [1, 0, 2]]
 
 
 #: The velocity of the air at (x, y, z) is this times (y, x, z).

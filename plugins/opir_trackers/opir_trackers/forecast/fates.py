@@ -230,9 +230,13 @@ def _origins(particles: Particles, time_s: float) -> FloatArray:
     track.
     """
     _, row, track = np.unique(particles.track, return_index=True, return_inverse=True)
-    position = earth_rotated(particles.state[row, :3], np.full(len(row), -time_s))
-    point = ecef_to_geodetic(position)
-    return np.stack([point.latitude_rad, point.longitude_rad], axis=1)[track]
+    return _places(particles.state[row, :3], np.full(len(row), time_s))[track]
+
+
+def _places(position: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return the latitudes and longitudes (p, 2), rad, of inertial positions (p, 3) at times (p,)."""
+    point = ecef_to_geodetic(earth_rotated(position, -time_s))
+    return np.stack([point.latitude_rad, point.longitude_rad], axis=1)
 
 
 def local_radius_m(state: FloatArray) -> FloatArray:
@@ -257,8 +261,7 @@ def free_impacts(
     else:
         flight_s, end = impact(state[:, :3], state[:, 3:], forces=forces, tolerance_m=tolerance_m)
     when_s = time_s + flight_s
-    point = ecef_to_geodetic(earth_rotated(end, -when_s))
-    return np.stack([point.latitude_rad, point.longitude_rad], axis=1), when_s
+    return _places(end, when_s), when_s
 
 
 #: Steps of an even sequence in three dimensions: powers of the inverse root of x⁴ = x + 1
@@ -295,9 +298,8 @@ def glide_ends(
     angle = (range_m / EARTH_EQUATORIAL_RADIUS_M)[:, None]
     end = EARTH_EQUATORIAL_RADIUS_M * (np.cos(angle) * up + np.sin(angle) * course)
     # Courses are over the ground, which turns with it.
-    point = ecef_to_geodetic(earth_rotated(end, -out_s))
     time_s = out_s + range_m / np.maximum(0.6 * speed, 100.0)
-    return GlideEnds(np.stack([point.latitude_rad, point.longitude_rad], axis=1), time_s, weight)
+    return GlideEnds(_places(end, out_s), time_s, weight)
 
 
 def _courses(up: FloatArray, velocity: FloatArray, even: FloatArray) -> FloatArray:

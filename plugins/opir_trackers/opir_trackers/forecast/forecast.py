@@ -22,7 +22,7 @@ from opir_trackers.forecast.launch_forecasts import LaunchForecasts
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.particles import LAW, BurnState, Particles
 from opir_trackers.forecast.stage_history import StageHistory
-from opir_trackers.forecast.vehicles import FAMILIES, SPACE
+from opir_trackers.forecast.vehicles import FAMILIES, NONE, SPACE
 
 
 def forecasts(
@@ -104,7 +104,6 @@ def _hypotheses(
     failure = outcomes.model.data["failure_probability"]
     is_missile, is_launcher, is_broad = np.eye(len(FAMILIES))[particles.family].T
     ends = features(fates.burnt)
-    falls = np.isfinite(fates.when_s)
     reach = is_launcher * (1.0 - failure) + is_broad * (odd * orbit)
     densities = {
         "missile": (is_missile * share + is_broad * (odd * missile))[:, None]
@@ -116,8 +115,22 @@ def _hypotheses(
     for group, values in densities.items():
         columns = outcomes.columns(group)
         density[:, columns] = values / (1 if group == "missile" else max(len(columns), 1))
+    _put_unlike(density, outcomes, particles, np.isfinite(fates.when_s), relight)
+    return density
+
+
+def _put_unlike(
+    density: FloatArray,
+    outcomes: Outcomes,
+    particles: Particles,
+    falls: BoolArray,
+    relight: FloatArray,
+) -> None:
+    """Write the densities (p, H) of `none`, and those of space launches by particles in orbit."""
+    none = float(outcomes.groups[3])
+    is_launcher = particles.family == SPACE
     unlike = none / max(outcomes.odd + none, 1e-12) * np.where(falls, 1.0, LAW.none_orbits)
-    unlike = unlike * is_broad
+    unlike = unlike * (particles.family == NONE)
     is_dark = particles.lit == BurnState.DARK
     launchers = outcomes.columns("orbit")
     if launchers:
@@ -126,9 +139,9 @@ def _hypotheses(
         density[:, launchers] += (unlike * in_orbit / len(launchers))[:, None]
         # A stage that has gone out may have been the last one of a failure.
         lost = np.where(is_dark, np.where(falls, 1.0 + relight, 0.0), 1.0)
+        failure = outcomes.model.data["failure_probability"]
         unlike = is_launcher * failure * lost + unlike * ~in_orbit
     density[:, outcomes.columns("none")] = unlike[:, None]
-    return density
 
 
 def _missile_densities(outcomes: Outcomes, fates: Fates, angle_rad: FloatArray) -> FloatArray:
@@ -187,18 +200,8 @@ def _gathered(
     relights, comes_down, in_orbit = (
         _sums(particles.track, values, count) for values in (relit, down + glide, orbit * is_dark)
     )
-    result = LaunchForecasts(
-        _given_launch(outcomes, particles.track, weight, count),
-        np.full((count, 3), np.nan),
-        np.full((count, 3, 3), np.nan),
-        np.full((count, 3), np.nan),
-        np.empty(count, dtype=np.object_),
-        burning,
-        relights,
-        comes_down,
-        in_orbit,
-        np.zeros(count, dtype=np.int64),
-    )
+    given_launch = _given_launch(outcomes, particles.track, weight, count)
+    result = LaunchForecasts.without_impacts(given_launch, burning, relights, comes_down, in_orbit)
     falls = np.where(particles.is_free, 0.0, down)
     descents = _descents(outcomes, particles, fates, falls, glide)
     for number, track in enumerate(descents):

@@ -72,13 +72,17 @@ class Forecaster:
         self._latest = {
             number: self._latest[number] for number in numbers if number in self._latest
         }
+        latest = self._of(numbers, is_launch)
+        end = _ends(latest, tick_s, silent_s > LAW.longest_gap_s)
+        return evolve(latest, probability_burning=estimates.weight[:, 0], end=end)
+
+    def _of(self, numbers: list[int], is_launch: BoolArray) -> LaunchForecasts:
+        """Return the latest forecasts of tracks with numbers; without a launch, that of none."""
         rows = [
             self._latest[number].forecast if launched else self._nothing
             for number, launched in zip(numbers, is_launch.tolist(), strict=True)
         ]
-        latest = LaunchForecasts.concatenate([self._nothing.take(slice(0)), *rows])
-        end = _ends(latest, tick_s, silent_s > LAW.longest_gap_s)
-        return evolve(latest, probability_burning=estimates.weight[:, 0], end=end)
+        return LaunchForecasts.concatenate([self._nothing.take(slice(0)), *rows])
 
     def _due_rows(
         self, numbers: list[int], tick_s: float, estimates: ModeEstimates, is_launch: BoolArray
@@ -153,17 +157,5 @@ def _ends(latest: LaunchForecasts, tick_s: float, is_silent: BoolArray) -> IntAr
 
 def _without_impact(prior: FloatArray) -> LaunchForecasts:
     """Return the forecast of a track without any: the prior (H,) of hypotheses."""
-    regions = np.empty(1, dtype=np.object_)
-    regions[0] = ()
-    return LaunchForecasts(
-        prior[None],
-        np.full((1, 3), np.nan),
-        np.full((1, 3, 3), np.nan),
-        np.full((1, 3), np.nan),
-        regions,
-        np.zeros(1),
-        np.zeros(1),
-        np.full(1, np.nan),
-        np.zeros(1),
-        np.zeros(1, dtype=np.int64),
-    )
+    zero = np.zeros(1)
+    return LaunchForecasts.without_impacts(prior[None], zero, zero, np.full(1, np.nan), zero)

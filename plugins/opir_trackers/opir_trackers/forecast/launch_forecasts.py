@@ -1,5 +1,8 @@
 """Forecasts of launched tracks, in columns."""
 
+from typing import Self
+
+import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray, ObjectArray
@@ -27,3 +30,31 @@ class LaunchForecasts(Columns):
     probability_comes_down: FloatArray
     in_orbit: FloatArray
     end: IntArray
+
+    @classmethod
+    def without_impacts(
+        cls,
+        given_launch: FloatArray,
+        burning: FloatArray,
+        relights: FloatArray,
+        comes_down: FloatArray,
+        in_orbit: FloatArray,
+    ) -> Self:
+        """Return forecasts without impacts, with the probabilities (n,) of a present burn, of another
+        one later, of coming down, and of an orbit.
+        """
+        count = len(given_launch)
+        regions = np.empty(count, dtype=np.object_)
+        regions.fill(())
+        return cls(
+            given_launch,
+            np.full((count, 3), np.nan),
+            np.full((count, 3, 3), np.nan),
+            np.full((count, 3), np.nan),
+            regions,
+            burning,
+            relights,
+            comes_down,
+            in_orbit,
+            np.zeros(count, dtype=np.int64),
+        )

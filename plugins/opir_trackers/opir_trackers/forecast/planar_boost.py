@@ -97,10 +97,7 @@ class PlanarBoost:
         steering = self.steering.take(rows)
         rising = (time_s < steering.rise_s) | (speed < 1.0)
         x, y = np.where(rising, [[0.0], [1.0]], state[2:] / np.maximum(speed, 1.0))
-        lead = steering.leads(np.full(len(speed), time_s))
-        cosine = np.cos(lead)
-        sine = np.sin(lead)
-        unit = np.array([x * cosine + y * sine, y * cosine - x * sine])
+        unit = _turned_down(x, y, steering.leads(np.full(len(speed), time_s)))
         steered = np.flatnonzero(np.isfinite(self.orbit_m[rows]) & ~rising)
         if len(steered):
             unit[:, steered], cut_off = self._to_orbit(
@@ -139,6 +136,13 @@ class PlanarBoost:
         needed = lift + MU / radius**2 - speed**2 / radius
         sine = np.clip(needed / push, *LAW.thrust_sines)
         return sine * up + np.sqrt(1.0 - sine**2) * level, speed > circular
+
+
+def _turned_down(x: FloatArray, y: FloatArray, lead: FloatArray) -> FloatArray:
+    """Return directions (2, n) turned downwards by angles (n,), rad."""
+    cosine = np.cos(lead)
+    sine = np.sin(lead)
+    return np.array([x * cosine + y * sine, y * cosine - x * sine])
 
 
 def ranges_m(state: FloatArray) -> FloatArray:

@@ -163,16 +163,24 @@ def _log_prior(
     """
     interval = np.clip(np.searchsorted(EDGES_S, first_s) - 1, 0, len(target.at_once) - 1)
     clear = np.where(first_s < EDGES_S[-1], (target.at_once / np.diff(EDGES_S))[interval], 0.0)
+    cloudy = _cloud_exits(ascents, first_s, scan, target)
+    any_time = 1.0 / np.maximum(ascents.burning_s, 1.0)
+    delayed = LAW.cloudy * cloudy + (1.0 - LAW.cloudy) * any_time
+    with np.errstate(divide="ignore"):
+        return np.log(np.where(first_s > 0.0, AT_ONCE * clear + (1.0 - AT_ONCE) * delayed, 0.0))
+
+
+def _cloud_exits(
+    ascents: BoostAscents, first_s: FloatArray, scan: FloatArray, target: InFlight
+) -> FloatArray:
+    """Return the rates (n,), 1/s, at which ascents climb out of cloud, before the wait for a look
+    that ends at times since ignition (n,)."""
     chance = np.concatenate([[0.0], np.cumsum(target.at_once)])
     wait_s = np.interp(scan * chance[-1], chance, EDGES_S)
     edge, _ = ascents.at(np.maximum(first_s - wait_s, 0.0))
     cleared = AscentRows(*edge)
     leaving = np.maximum(cleared.climb, 0.0) / LAW.cloud_top_m
-    cloudy = np.where(cleared.height < LAW.cloud_top_m, leaving, 0.0)
-    any_time = 1.0 / np.maximum(ascents.burning_s, 1.0)
-    delayed = LAW.cloudy * cloudy + (1.0 - LAW.cloudy) * any_time
-    with np.errstate(divide="ignore"):
-        return np.log(np.where(first_s > 0.0, AT_ONCE * clear + (1.0 - AT_ONCE) * delayed, 0.0))
+    return np.where(cleared.height < LAW.cloud_top_m, leaving, 0.0)
 
 
 def _starts(passes: _Passes, motion: _Motion, position_m: FloatArray) -> FloatArray:

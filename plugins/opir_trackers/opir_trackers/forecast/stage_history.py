@@ -136,14 +136,20 @@ class StageHistory(Columns):
         force = force_along(estimates.burn_mean[:, 0])
         history = self._with_launches(burning, launch_s, launch_sigma_s)
         history = history._relit(burning & history.is_dark, tick_s, pause_s)
-        has_staged = burning & (self.staging > LAW.staged) & (staging < LAW.steady)
-        is_long = history.steady_s - history.ignition_s > LAW.least_burn_s
-        history = history._staged(has_staged & is_long & (force < LAW.drop * self.force))
+        history = history._with_hot_ends(burning, staging, force)
         is_recent = silent_s < np.maximum(LAW.recent_s, 3.0 * pause_s)
         steady = burning & (staging < LAW.steady) & is_recent
         history = history._with_burn(steady, force, estimates, tick_s)
         burnout_s = tick_s - np.maximum(silent_s - pause_s, 0.0)
         return history._dark_since(np.flatnonzero(~burning & ~history.is_dark), burnout_s)
+
+    def _with_hot_ends(
+        self, burning: BoolArray, staging: FloatArray, force: FloatArray
+    ) -> "StageHistory":
+        """Return the histories with another stage where staging is over, and the force has dropped."""
+        has_staged = burning & (self.staging > LAW.staged) & (staging < LAW.steady)
+        is_long = self.steady_s - self.ignition_s > LAW.least_burn_s
+        return self._staged(has_staged & is_long & (force < LAW.drop * self.force))
 
     def _with_burn(
         self, steady: BoolArray, force: FloatArray, estimates: ModeEstimates, tick_s: float

@@ -16,7 +16,7 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation import BOOST, matvec
 from opir_core.plugin import Sensor
-from opir_trackers.assignment import group_sums
+from opir_trackers.assignment import group_maxima, group_sums
 from opir_trackers.association import AssociationModel, connected_tracks
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import GatedPairs, gated
@@ -144,19 +144,26 @@ def contested_tracks(
     So two tracks that share lines are contested where fewer than two sensors resolve both.
     """
     order = np.lexsort((track, line))
-    track = track[order]
-    line = line[order]
-    sensor = sensor[order]
-    keys = [np.empty(0, dtype=np.int64)]
-    count, sensors = seen.shape
-    for lag in range(1, LAW.compared + 1):
-        shared = np.flatnonzero(line[lag:] == line[:-lag])
-        keys.append((track[shared] * count + track[shared + lag]) * sensors + sensor[shared])
-    pair, shared_in = np.unique(np.unique(np.concatenate(keys)) // sensors, return_counts=True)
-    row, neighbour = divmod(pair, max(count, 1))
+    keys = _shared_keys(track[order], line[order], sensor[order], seen.shape)
+    pair, shared_in = np.unique(keys // seen.shape[1], return_counts=True)
+    row, neighbour = divmod(pair, max(len(seen), 1))
     resolved_in = np.count_nonzero(seen[row] & seen[neighbour], axis=1) - shared_in
     is_open = resolved_in < LAW.fixing
     return np.unique(np.concatenate([row[is_open], neighbour[is_open]]))
+
+
+def _shared_keys(
+    track: IntArray, line: IntArray, sensor: IndexArray, shape: tuple[int, ...]
+) -> IntArray:
+    """Return the distinct keys of two tracks and a sensor in which they share a line, of pairs (m,)
+    in order of lines.
+    """
+    count, sensors = shape
+    keys = [np.empty(0, dtype=np.int64)]
+    for lag in range(1, LAW.compared + 1):
+        shared = np.flatnonzero(line[lag:] == line[:-lag])
+        keys.append((track[shared] * count + track[shared + lag]) * sensors + sensor[shared])
+    return np.unique(np.concatenate(keys))
 
 
 class CrowdPairs(NamedTuple):
@@ -307,10 +314,8 @@ def joined(
     begun = focal_plane.begun(number[row], sensor, time_s, motion, roots, noise)
     if crowds.are_there:
         # A sensor more does not contest a track anew.
-        contested_s = np.full(len(number), -np.inf)
         known_rows = np.searchsorted(number, crowds.tracks.number)
-        np.maximum.at(contested_s, known_rows, crowds.tracks.contested_s)
-        last_s = contested_s[row]
+        last_s = group_maxima(known_rows, crowds.tracks.contested_s, len(number))[row]
         begun = evolve(begun, contested_s=np.where(np.isfinite(last_s), last_s, time_s))
     return evolve(crowds, tracks=FocalPlaneTracks.concatenate([crowds.tracks, begun]))
 
@@ -333,11 +338,11 @@ def _motion(
 
 
 def begun_near(position_m: FloatArray, new_count: int, visible: BoolArray) -> IntArray:
-    """Return the rows of tracks, at positions (n, 3) of which the last `fresh` are new, that are
-    near a new one.
+    """Return the rows of tracks, at positions (n, 3) of which the last `new_count` are new,
+    that are near a new one.
 
-    Only tracks that at most two sensors see, by `seen` (n, sensors), count: lines of three do not
-    cross by chance.
+    Only tracks that at most two sensors see, by `visible` (n, sensors), count: lines of three do
+    not cross by chance.
     """
     from scipy.spatial import cKDTree
 
@@ -391,8 +396,7 @@ def pruned(crowds: Crowds, time_s: float, period_s: FloatArray) -> Crowds:
         LAW.silent_s, LAW.silent_scans * period_s[tracks.sensor]
     )
     number, track_row = np.unique(tracks.number, return_inverse=True)
-    last_s = np.full(len(number), -np.inf)
-    np.maximum.at(last_s, track_row, tracks.contested_s)
+    last_s = group_maxima(track_row, tracks.contested_s, len(number))
     gone = time_s - last_s > np.where(
         np.bincount(track_row) > LAW.fixing, LAW.decided_s, PAIRING.kept_s
     )

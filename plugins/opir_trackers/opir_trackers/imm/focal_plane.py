@@ -22,11 +22,13 @@ from opir_core.interfaces import Columns
 from opir_trackers.assignment import (
     belief_propagation,
     cheapest_assignment,
+    group_minima,
     group_sums,
     ranks,
     unambiguous,
 )
 from opir_trackers.association import AssociationModel, scan_numbers
+from opir_trackers.gating import neighbour_pairs
 from opir_trackers.lines_of_sight import LinesOfSight
 
 
@@ -122,12 +124,16 @@ class FocalPlaneTracks(Columns):
         variance += noise * np.abs(step) ** 5 / 20.0
         return variance
 
+    @property
+    def speeds(self) -> FloatArray:
+        """Return the rates (n,) of angles, rad/s."""
+        return np.sqrt(dot(self.mean[:, 1], self.mean[:, 1]))
+
     def directions(self, row: IntArray, place: FloatArray) -> FloatArray:
         """Return unit vectors (m, 3), in ECEF, of angles (m, 2) in the planes of rows (m,)."""
         local = np.concatenate([place, np.ones((len(row), 1))], axis=1)
         along = matvec(self.axes.take(row, axis=0).transpose(0, 2, 1), local)
-        unit: FloatArray = along / np.sqrt(dot(along, along))[:, None]
-        return unit
+        return along / np.sqrt(dot(along, along))[:, None]
 
 
 def _transition(step: FloatArray) -> FloatArray:
@@ -197,17 +203,13 @@ def candidate_pairs(
     if not len(row) or not len(lines):
         return row[:0], row[:0]
     middle = tracks.predicted(tracks.time_s + 0.5 * span_s)
-    speed = np.sqrt(dot(middle.mean[:, 1], middle.mean[:, 1]))
     sigma = np.sqrt(tracks.predicted(tracks.time_s + span_s).covariance[:, 0, 0])
-    reach = gate * (sigma + lines.sigma_rad.max()) + 0.5 * span_s * speed
+    reach = gate * (sigma + lines.sigma_rad.max()) + 0.5 * span_s * middle.speeds
     # Other sensors are far off along a fourth axis.
     separation = 8.0 * np.maximum(reach.max(), 1.0)
     place = np.column_stack([middle.directions(row, middle.mean[:, 0]), separation * tracks.sensor])
     tree = cKDTree(np.column_stack([lines.direction_ecef, separation * lines.sensor]))
-    neighbours = tree.query_ball_point(place, 1.5 * reach, return_sorted=True)
-    count = np.array([len(group) for group in neighbours], dtype=np.int64)
-    line = np.concatenate([np.asarray(group, dtype=np.int64) for group in neighbours])
-    return np.repeat(row, count), line
+    return neighbour_pairs(tree, place, 1.5 * reach)
 
 
 class FocalPlaneUpdate(NamedTuple):
@@ -276,8 +278,7 @@ def _are_shared(pairs: FocalPlanePairs, scan: IntArray, count: int) -> BoolArray
     key = pairs.row * (int(scan.max(initial=0)) + 1) + scan[pairs.line]
     is_shared = np.zeros(count, dtype=bool)
     is_shared[pairs.row[~unambiguous(key, pairs.line)]] = True
-    shared: BoolArray = is_shared[pairs.row]
-    return shared
+    return is_shared[pairs.row]
 
 
 def _with_times_seen(
@@ -319,8 +320,7 @@ def _batches(scan: IntArray, time_s: FloatArray) -> IntArray:
     """Return for each line (m,) the number of the part of the slice in which its scan, by
     `scan_numbers`, begins.
     """
-    first_s = np.full(int(scan.max(initial=-1)) + 1, np.inf)
-    np.minimum.at(first_s, scan, time_s)
+    first_s = group_minima(scan, time_s, int(scan.max(initial=-1)) + 1)
     return ((first_s - first_s.min(initial=np.inf)) / LAW.batch_s).astype(np.int64)[scan]
 
 
@@ -449,12 +449,21 @@ def begun(
     """
     range_m = np.sqrt(dot(apart_m[0], apart_m[0]))
     axes = tangent_axes(apart_m[0] / range_m[:, None])
-    # Derivatives of x / z in the plane; across it x is 0 at this moment.
-    angle, rate, bend = (matvec(axes, vector) / range_m[:, None] for vector in apart_m)
-    bend = bend[:, :2] - 2.0 * rate[:, 2:] * rate[:, :2]
-    mean = np.stack([angle[:, :2], rate[:, :2], bend], axis=1)
+    mean = _plane_motion(axes, range_m, apart_m)
     side = (axes[:, None, :2] @ roots_m).reshape(len(number), 3, -1)
     covariance = side @ side.transpose(0, 2, 1) / (2.0 * range_m * range_m)[:, None, None]
     covariance[:, 0, 0] += np.square(noise_rad)
     times_s = [np.full(len(number), time_s) for _ in range(3)]
     return FocalPlaneTracks(number, sensor, axes, range_m, mean, covariance, *times_s)
+
+
+def _plane_motion(
+    axes: FloatArray, range_m: FloatArray, apart_m: tuple[FloatArray, FloatArray, FloatArray]
+) -> FloatArray:
+    """Return angles, rates and accelerations (n, 3, 2) in tangent planes, of vectors as `begun` has
+    them.
+    """
+    # Derivatives of x / z in the plane; across it x is 0 at this moment.
+    angle, rate, bend = (matvec(axes, vector) / range_m[:, None] for vector in apart_m)
+    bend = bend[:, :2] - 2.0 * rate[:, 2:] * rate[:, :2]
+    return np.stack([angle[:, :2], rate[:, :2], bend], axis=1)

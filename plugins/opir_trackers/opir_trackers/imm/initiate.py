@@ -154,7 +154,7 @@ def _new_table(
 
 
 def _with_neighbours(models: TrackingModels, state: TrackerState, count: int) -> TrackerState:
-    """Return the state with the last `fresh` tracks, and those near them, in a crowd, where several
+    """Return the state with the last `count` tracks, and those near them, in a crowd, where several
     are near.
     """
     visible = state.table.reports >= 0

@@ -126,7 +126,7 @@ def _are_due(
     table = state.table.take(rows)
     is_time = state.time_s // LAW.every_s > (state.time_s - span_s) // LAW.every_s
     is_slow = models.longest(models.period_s, table) >= LAW.every_s
-    return np.asarray((state.time_s - table.seen_s < span_s) & (is_slow | is_time))
+    return (state.time_s - table.seen_s < span_s) & (is_slow | is_time)
 
 
 def _young(models: TrackingModels, state: TrackerState, rows: IntArray) -> _Young:

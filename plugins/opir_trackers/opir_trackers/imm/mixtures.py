@@ -6,7 +6,7 @@ two pairings its parts keep their velocities.
 """
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation import COAST, square_root
@@ -44,7 +44,7 @@ class Mixtures(Columns):
         probability: FloatArray,
         offset: FloatArray,
     ) -> "Mixtures":
-        """Return the mixtures of tracks `number` (n,) with rivals (m,), `apart` (m, 6) from the
+        """Return the mixtures of tracks `number` (n,) with rivals (m,), `offset` (m, 6) from the
         tracks' own states.
         """
         count = len(number)
@@ -77,13 +77,7 @@ class Mixtures(Columns):
         shift = (move @ self.shift[present][:, :, None])[:, :, 0]
         selected = estimates.take(rows)
         spread = move @ self.spread[present] @ move.transpose(0, 2, 1)
-        boost = selected.boost_mean.copy()
-        coast = selected.coast_mean.copy()
-        boost[:, :COAST] += shift
-        coast[:, :COAST] += shift
-        return estimates.put(
-            rows, widened(evolve(selected, boost_mean=boost, coast_mean=coast), spread)
-        )
+        return estimates.put(rows, widened(selected.moved_by(shift), spread))
 
 
 def widened(estimates: ModeEstimates, added: FloatArray) -> ModeEstimates:

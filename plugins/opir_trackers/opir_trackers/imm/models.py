@@ -54,8 +54,7 @@ class Memo:
         if result is None or result[0] != arguments:
             result = (arguments, function(*arguments))
             self._results[name] = result
-        answer: _Answer = result[1]
-        return answer
+        return result[1]
 
 
 @frozen(eq=False)
@@ -90,7 +89,6 @@ class TrackingModels:
         outcomes = Outcomes(vehicle_model(config.boost_prior), context.hypotheses)
         clutter = clutter_per_sr(context, config.false_alarms_per_sr)
         site_m = site_height_m(config.hypotheses.inland_share)
-        slice_s = min(config.slice_s, config.cadence_s)
         return cls(
             config=config,
             needed_scans=config.needed_scans or needed_scans(period_s),
@@ -99,7 +97,9 @@ class TrackingModels:
             light_time=context.light_time,
             biases=biases,
             period_s=period_s,
-            memory_s=sighting_memory_s(period_s, slice_s, config.recent_scans),
+            memory_s=sighting_memory_s(
+                period_s, min(config.slice_s, config.cadence_s), config.recent_scans
+            ),
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
             groups=GroupPosterior.of(config.hypotheses, clutter, detection_probability),
             single=SingleSensor(outcomes, filter_, biases, period_s, site_m),
@@ -145,16 +145,13 @@ class TrackingModels:
 
     def longest(self, time_s: FloatArray, table: TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
-        longest_s: FloatArray = np.max(
-            np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0
-        )
-        return longest_s
+        return np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
 
     def confirmed(self, state: TrackerState) -> BoolArray:
         """Return which tracks (n,) are reported: those with enough detections that are probably no
         false alarms.
         """
-        return np.asarray((state.table.hits >= 2 * self.needed_scans) & ~state.motion.are_noise)
+        return (state.table.hits >= 2 * self.needed_scans) & ~state.motion.are_noise
 
     def shared_covariance(
         self, state: TrackerState, estimates: ModeEstimates, table: TrackTable

@@ -51,16 +51,10 @@ class OutlierLaw:
 LAW = OutlierLaw()
 
 
-def predicted_directions(
-    path: PredictedMeasurements, measurements: AngleMeasurements
-) -> FloatArray:
-    """Return the predicted directions (n, 2) of measurements, each in its tangent plane."""
-    local = matvec(
-        measurements.axes,
-        path.positions(measurements.track, measurements.time_s) - measurements.origin_m,
-    )
-    projected: FloatArray = local[:, :2] / local[:, 2:]
-    return projected
+def predicted_directions(path: PredictedMeasurements, pairs: GatedPairs) -> FloatArray:
+    """Return the predicted directions (n, 2) of pairs, each in its tangent plane."""
+    local = matvec(pairs.axes, path.positions(pairs.track, pairs.time_s) - pairs.origin_m)
+    return local[:, :2] / local[:, 2:]
 
 
 #: Outlier fractions, evenly spaced in log odds: 0, and from 0.01 to 0.9.
@@ -87,7 +81,7 @@ def _prior_log() -> FloatArray:
     """
     lines = LAW.prior_lines
     prior = LAW.prior_share * lines * 0.2 * (1.0 - FRACTIONS[1:]) ** lines
-    return np.asarray(np.log(np.append(1.0 - prior.sum(), prior)))
+    return np.log(np.append(1.0 - prior.sum(), prior))
 
 
 _LOG_PRIOR = _prior_log()
@@ -103,10 +97,7 @@ class OutlierFractions(NamedTuple):
     def share(self) -> FloatArray:
         """Return the posterior mean (n,)."""
         chance = np.exp(self.log + _LOG_PRIOR)
-        share: FloatArray = np.add.reduce(chance * FRACTIONS, axis=1) / np.add.reduce(
-            chance, axis=1
-        )
-        return share
+        return np.add.reduce(chance * FRACTIONS, axis=1) / np.add.reduce(chance, axis=1)
 
     def take(self, rows: IntArray) -> "OutlierFractions":
         """Return those of some tracks."""
@@ -144,11 +135,10 @@ def clean_log_likelihood(
     within = (
         LAW.improbable / gate**2 * np.exp(0.5 * assigned.log_volume) / np.square(assigned.sigma_rad)
     )
-    clean: FloatArray = (
+    return (
         np.bincount(assigned.track, np.maximum(1.0 - within, 0.0), outlier.log.shape[0])[:, None]
         * _CLEAN
     )
-    return clean
 
 
 def reweighted(
@@ -253,8 +243,7 @@ def _weights(
     distances (m,).
     """
     path = filter_.predicted_measurements(estimates, span.end_s)
-    measurements = assigned.measurements(assigned.measured, np.zeros((len(assigned), 2, 2)))
-    place = predicted_directions(path, measurements)
+    place = predicted_directions(path, assigned)
     sharp = 1.0 / np.square(assigned.sigma_rad)
     outlier = share[assigned.track]
     square = np.sum(np.square(assigned.measured - place), axis=1) * sharp

@@ -68,11 +68,12 @@ def _predicted(
         path = path._replace(
             bias_covariance=registration.gate_covariance(state, table.reports >= 0, vantages)
         )
-    if not crowds.are_there:
+    crowd_pairs = None
+    if crowds.are_there:
+        pairs = _lone_pairs(models, path, lines, span_s, table, crowds)
+        crowd_pairs = crowd.paired(crowds.tracks, start_s, lines, span_s, models.config.gate_sigma)
+    else:
         pairs = models.gated_pairs(path, lines, span_s)
-        return SlicePrediction(estimates, path, pairs, None, lines, end_s, span_s)
-    pairs = _lone_pairs(models, path, lines, span_s, table, crowds)
-    crowd_pairs = crowd.paired(crowds.tracks, start_s, lines, span_s, models.config.gate_sigma)
     return SlicePrediction(estimates, path, pairs, crowd_pairs, lines, end_s, span_s)
 
 

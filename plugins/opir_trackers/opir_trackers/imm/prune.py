@@ -13,6 +13,7 @@ from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import TRACK_ENDS
 from opir_trackers.association import scan_numbers
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, have_uncertain_velocity
+from opir_trackers.gating import neighbour_pairs
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.state import EndedTracks, TrackerState
@@ -181,10 +182,9 @@ def _are_spared(
     """
     row, other_row = pairs.T
     crowded = np.maximum(beside[row], beside[other_row]) > 1
-    spared: BoolArray = crowded & (
+    return crowded & (
         is_new[row] | is_new[other_row] | ~np.any(visible[row] & visible[other_row], axis=1)
     )
-    return spared
 
 
 def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
@@ -199,15 +199,10 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
     wide = np.flatnonzero(reach_m > LAW.near_m)
     if len(wide):
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
-        neighbours = tree.query_ball_point(position[wide], reach_m[wide], return_sorted=True)
-        neighbour = np.concatenate([np.array(rows, dtype=np.int64) for rows in neighbours])
-        pairs = np.sort(
-            np.stack([np.repeat(wide, [len(rows) for rows in neighbours]), neighbour], axis=1),
-            axis=1,
-        )
+        row, neighbour = neighbour_pairs(tree, position[wide], reach_m[wide])
+        pairs = np.sort(np.stack([wide[row], neighbour], axis=1), axis=1)
         close = np.unique(np.concatenate([close, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
-    ordered: IntArray = close[np.lexsort((close[:, 1], close[:, 0]))]
-    return ordered
+    return close[np.lexsort((close[:, 1], close[:, 0]))]
 
 
 def _never_seen_together(
@@ -234,14 +229,12 @@ def are_uncertain(covariance: FloatArray, sigma_m: float) -> BoolArray:
     the ground.
     """
     variance = covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2]
-    vague: BoolArray = variance > sigma_m * sigma_m
-    return vague
+    return variance > sigma_m * sigma_m
 
 
 def are_below_ground(position: FloatArray) -> BoolArray:
     """Return which positions (n, 3) may be below the lowest height."""
-    low: BoolArray = dot(position, position) < (WGS84.equatorial_radius_m + LOWEST_M) ** 2
-    return low
+    return dot(position, position) < (WGS84.equatorial_radius_m + LOWEST_M) ** 2
 
 
 def have_come_down(position: FloatArray, covariance: FloatArray, unseen: BoolArray) -> BoolArray:
@@ -251,5 +244,4 @@ def have_come_down(position: FloatArray, covariance: FloatArray, unseen: BoolArr
     """
     sigma = np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2])
     lowest = LOWEST_M - np.where(unseen, 0.0, LAW.sure_sigmas * sigma)
-    down: BoolArray = ecef_to_geodetic(position).height_m < lowest
-    return down
+    return ecef_to_geodetic(position).height_m < lowest

@@ -14,11 +14,10 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
 from opir_core.estimation import COAST
 from opir_trackers.association import hard_measurements
-from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.measurement_updates import Gaussian
-from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import gated
+from opir_trackers.imm.models import TrackingModels
 from opir_trackers.initiation import TrackCandidates
 from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.pairing import Directions, intersections
@@ -51,14 +50,6 @@ class RefilteringLaw:
 LAW = RefilteringLaw()
 
 
-class FilterModels(NamedTuple):
-    """The filter, the settings of the tracker, and whether light takes time."""
-
-    filter: ImmFilter
-    config: ImmConfig
-    light_time: bool
-
-
 class DirectionSums(NamedTuple):
     """Normal equations (n, instants, 12) of tracks' directions about a point `centre` (3,)."""
 
@@ -67,7 +58,7 @@ class DirectionSums(NamedTuple):
 
 
 def refiltered(
-    models: FilterModels,
+    models: TrackingModels,
     directions: Directions,
     track: IntArray,
     crossings: DirectionSums,
@@ -125,12 +116,12 @@ class _Priors(NamedTuple):
     instants: FloatArray
     first_s: FloatArray
     begun_s: FloatArray
-    models: FilterModels
+    models: TrackingModels
 
     @classmethod
     def of(
         cls,
-        models: FilterModels,
+        models: TrackingModels,
         instants: FloatArray,
         crossings: DirectionSums,
         begun_s: FloatArray,
@@ -165,8 +156,7 @@ class _Priors(NamedTuple):
         emitted_s = (self.instants - delay_s)[selected]
         path = earth_rotated(self.crossing_m[row, selected], emitted_s)
         powers = np.vander(emitted_s - time_s, 4, increasing=True)
-        cubic: FloatArray = np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
-        return cubic
+        return np.linalg.lstsq(powers, path, rcond=None)[0].astype(np.float64)
 
 
 def _about(cubic: FloatArray, prior: ModeEstimates) -> ModeEstimates:

@@ -12,7 +12,8 @@ from opir_trackers.assignment import ranks
 from opir_trackers.imm.crowds import Crowds, SensorView, directions_at
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures, widened
-from opir_trackers.imm.refiltering import DirectionSums, FilterModels, refiltered
+from opir_trackers.imm.models import TrackingModels
+from opir_trackers.imm.refiltering import DirectionSums, refiltered
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.pairing import (
@@ -74,7 +75,7 @@ class _Stretch(NamedTuple):
         )
 
 
-def renewed(state: TrackerState, view: SensorView, models: FilterModels) -> TrackerState:
+def renewed(state: TrackerState, view: SensorView, models: TrackingModels) -> TrackerState:
     """Return the state with the crowd's focal-plane tracks paired anew, if that is due."""
     tracks = state.crowds.tracks
     if state.time_s - state.crowds.paired_s < PAIRING.renewed_s - 1e-6 or not _are_several(tracks):
@@ -99,7 +100,7 @@ def _paired(
     stretch: _Stretch,
     ready: IntArray,
     view: SensorView,
-    models: FilterModels,
+    models: TrackingModels,
 ) -> tuple[TrackerState, Mixtures]:
     """Return the state with the focal-plane tracks `ready` paired anew, and what stays
     undecided.
@@ -161,7 +162,7 @@ def _numbers(group: IntArray, tracks: FocalPlaneTracks) -> IntArray:
 
 
 def _repaired(
-    state: TrackerState, number: IntArray, stretch: _Stretch, models: FilterModels
+    state: TrackerState, number: IntArray, stretch: _Stretch, models: TrackingModels
 ) -> TrackerState:
     """Return the state with focal-plane tracks given to the tracks `number` (n,), and the states
     that follow.
@@ -185,7 +186,7 @@ def _repaired(
 
 
 def _filtered_anew(
-    state: TrackerState, shared: IntArray, stretch: _Stretch, models: FilterModels
+    state: TrackerState, shared: IntArray, stretch: _Stretch, models: TrackingModels
 ) -> TrackerState:
     """Return the state with tracks `shared` (k,) by several sensors filtered anew, where their
     directions cross at a definite place.
@@ -222,8 +223,7 @@ def _filtered_anew(
 def _places(numbers: IntArray, number: IntArray) -> IntArray:
     """Return the index of each number (n,) in `numbers`, ascending; -1 for none."""
     place = np.searchsorted(numbers, number)
-    places: IntArray = np.where(np.append(numbers, -1)[place] == number, place, -1)
-    return places
+    return np.where(np.append(numbers, -1)[place] == number, place, -1)
 
 
 def _without_range(state: TrackerState, number: IntArray) -> TrackerState:
@@ -247,7 +247,7 @@ def _are_fixed(sums: FloatArray) -> BoolArray:
         :, None
     ]
     least = np.linalg.eigvalsh(mean[:, _SQUARE].reshape(-1, 3, 3))[:, 0]
-    return np.asarray(crossing.any(axis=1) & (least > LAW.least_fix_m**-2))
+    return crossing.any(axis=1) & (least > LAW.least_fix_m**-2)
 
 
 #: The elements of a symmetric matrix (9) among its six.

@@ -171,8 +171,7 @@ def type_evidence(reports: IntArray, evidence: FloatArray) -> FloatArray:
     """Return log likelihoods (n, types) of the last report of each sensor, (n, sensors), by
     `type_log_likelihoods`.
     """
-    log: FloatArray = evidence[np.arange(len(evidence)), reports].sum(axis=1)
-    return log
+    return evidence[np.arange(len(evidence)), reports].sum(axis=1)
 
 
 def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:

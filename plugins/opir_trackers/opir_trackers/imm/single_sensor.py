@@ -121,7 +121,7 @@ class SingleSensor:
         interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
         burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < LAW.free)
         is_launch = motion.probability[:, LAUNCH] > 0.5
-        return np.asarray((interval[0] > interval[1]) & is_single & burns & is_launch)
+        return (interval[0] > interval[1]) & is_single & burns & is_launch
 
     def _are_far(
         self, table: TrackTable, motion: MotionStatistics, rows: IntArray, time_s: float
@@ -139,7 +139,7 @@ class SingleSensor:
         place = motion.reference_m[rows]
         line = origin[number] - place
         sine = dot(line, place) / np.sqrt(dot(line, line) * dot(place, place))
-        return np.asarray(~are_low_orbits(origin)[number] & (sine > LAW.least_sine))
+        return ~are_low_orbits(origin)[number] & (sine > LAW.least_sine)
 
     def _view(
         self,

@@ -71,22 +71,29 @@ class TrackerState:
         motion: MotionStatistics | None = None,
     ) -> "TrackerState":
         """Return the state at a time with its tracks updated."""
-        columns = (
+        return TrackerState(
+            time_s,
+            estimates,
+            table,
+            self.unclaimed,
+            self.reported,
             self.crowds,
             self.next_number,
             self.sightings,
             self.motion if motion is None else motion,
+            self.ended,
+            registration=self.registration,
         )
-        columns_ = self.unclaimed, self.reported, *columns, self.ended
-        return TrackerState(time_s, estimates, table, *columns_, registration=self.registration)
 
     def without(self, drop: BoolArray) -> "TrackerState":
         """Return the state without some tracks (n,)."""
         keep = np.flatnonzero(~drop)
-        crowds = self.crowds.without(self.table.number[drop])
-        columns_ = self.estimates.take(keep), self.table.take(keep), self.motion.take(keep)
         return evolve(
-            self, estimates=columns_[0], table=columns_[1], motion=columns_[2], crowds=crowds
+            self,
+            estimates=self.estimates.take(keep),
+            table=self.table.take(keep),
+            motion=self.motion.take(keep),
+            crowds=self.crowds.without(self.table.number[drop]),
         )
 
     @property

@@ -62,8 +62,7 @@ def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> Float
     """Return how long (sensors,) detections are kept: for `scans` scans of sensors with few scans
     per slice.
     """
-    long_s: FloatArray = np.where(ENOUGH_SCANS * period_s > slice_s, scans * period_s, 0.0)
-    return long_s
+    return np.where(ENOUGH_SCANS * period_s > slice_s, scans * period_s, 0.0)
 
 
 #: Detection probability of sensors that state none.
@@ -166,4 +165,4 @@ def longest_silence_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
     period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
     # So many consecutive misses have a probability of 1e-4.
     misses = np.log(1e-4) / np.log1p(-chance)
-    return np.asarray(np.maximum(scans, misses) * period_s)
+    return np.maximum(scans, misses) * period_s

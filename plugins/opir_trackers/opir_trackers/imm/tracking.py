@@ -22,7 +22,6 @@ from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
 from opir_trackers.imm.prune import prune
-from opir_trackers.imm.refiltering import FilterModels
 from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
@@ -113,8 +112,7 @@ class ImmTracking:
         state = prune(models, state, lines, association.owner)
         if not state.crowds.are_there:
             return state
-        filter_models = FilterModels(models.filter, models.config, models.light_time)
-        return renewed(state, models.view(state.registration), filter_models)
+        return renewed(state, models.view(state.registration), models)
 
     def _assessed(self, state: TrackerState, step_s: float) -> TrackerState:
         """Return the state with the probabilities of what each track is, a tick of a length after

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import matvec
+from opir_trackers.assignment import group_maxima, group_minima
 from opir_trackers.association import hard_measurements, merged
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.gating import FEW_PAIRS, GatedPairs
@@ -18,6 +18,7 @@ from opir_trackers.imm.outliers import (
     OutlierFractions,
     SliceSpan,
     clean_log_likelihood,
+    predicted_directions,
     reweighted,
     suspect_tracks,
 )
@@ -90,9 +91,8 @@ def _relit_motion(
     if motion.is_decided.all():
         return motion
     count = len(state.table)
-    rows = owner >= 0
-    first_s = np.full(count, np.inf)
-    np.minimum.at(first_s, owner[rows], time_s[rows])
+    owned = owner >= 0
+    first_s = group_minima(owner[owned], time_s[owned], count)
     silent_s = first_s - state.table.seen_s
     limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, state.table))
     rows = (np.isfinite(first_s) & ~motion.is_decided & (silent_s > limit_s)).nonzero()[0]
@@ -144,16 +144,26 @@ def _updated(
         means = GatedPairs.concatenate([means, pairs.take(np.flatnonzero(was_silent))])
     looks = hard_measurements(means)
     posterior = models.filter.updated(estimates, end_s, looks, prediction.span_s)
-    count = len(estimates)
+    rate = _with_all_looks(posterior.detection_rate, association, means.track, end_s)
+    return evolve(posterior, detection_rate=rate)
+
+
+def _with_all_looks(
+    detection_rate: FloatArray, association: Associated, counted: IntArray, end_s: float
+) -> FloatArray:
+    """Return detection rates (n, 3) in which all looks of a slice are detections, in place of those
+    of tracks `counted` (m,).
+    """
+    count = len(detection_rate)
     owner = association.owner
-    last_s = np.full(count, -np.inf)
-    np.maximum.at(last_s, pairs.track, pairs.time_s)
-    rate = posterior.detection_rate.copy()
+    pairs = association.updating
+    last_s = group_maxima(pairs.track, pairs.time_s, count)
+    rate = detection_rate.copy()
     rate[:, 0] += np.bincount(owner[owner >= 0], minlength=count) - np.bincount(
-        means.track, minlength=count
+        counted, minlength=count
     )
     rate[:, 2] = np.minimum(rate[:, 2], end_s - last_s)
-    return evolve(posterior, detection_rate=rate)
+    return rate
 
 
 def _with_outliers(
@@ -181,19 +191,25 @@ def _with_outliers(
     outliers = clean_log_likelihood(assigned, fractions, gate)
     if not suspects.size:
         return posterior, log + outliers
-    number = np.full(len(posterior), -1, dtype=np.int64)
-    number[suspects] = np.arange(len(suspects))
-    pairs = assigned.take(np.flatnonzero(number[assigned.track] >= 0))
+    span = SliceSpan(prediction.end_s, prediction.span_s, gate)
     weighted = reweighted(
         models.filter,
         prediction.estimates.take(suspects),
         posterior.take(suspects),
-        SliceSpan(prediction.end_s, prediction.span_s, gate),
-        evolve(pairs, track=number[pairs.track]),
+        span,
+        _of_tracks(assigned, suspects, len(posterior)),
         fractions.take(suspects),
     )
     outliers[suspects] = weighted.outliers
     return posterior.put(suspects, weighted.estimates), fractions.after(outliers).log
+
+
+def _of_tracks(pairs: GatedPairs, rows: IntArray, count: int) -> GatedPairs:
+    """Return the pairs of some of the tracks (count,), renumbered."""
+    number = np.full(count, -1, dtype=np.int64)
+    number[rows] = np.arange(len(rows))
+    pairs = pairs.take(np.flatnonzero(number[pairs.track] >= 0))
+    return evolve(pairs, track=number[pairs.track])
 
 
 def _registered(
@@ -246,10 +262,7 @@ def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedP
     A prediction may be tens of kilometres off along the line of the only sensor so far: misfits
     would not be linear.
     """
-    local = matvec(
-        assigned.axes, path.positions(assigned.track, assigned.time_s) - assigned.origin_m
-    )
-    return evolve(assigned, measured=assigned.measured - local[:, :2] / local[:, 2:])
+    return evolve(assigned, measured=assigned.measured - predicted_directions(path, assigned))
 
 
 def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:

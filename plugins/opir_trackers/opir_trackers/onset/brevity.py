@@ -26,4 +26,4 @@ def are_brief(statistics: MotionStatistics, first_s: FloatArray, last_s: FloatAr
     are_open = (statistics.probability[:, LAUNCH] < SURE) & (statistics.epoch_s <= last_s)
     # Odds of 20 to 1 are strong evidence (Kass and Raftery, Journal of the American Statistical
     # Association, 1995).
-    return np.asarray((log_odds < np.log(20.0)) & are_open)
+    return (log_odds < np.log(20.0)) & are_open

@@ -76,4 +76,4 @@ class Composition:
 
 def _products(rows: FloatArray, matrix: FloatArray) -> FloatArray:
     """Return the products (n, k) of rows with a matrix, each row on its own."""
-    return np.asarray((rows[:, None, :] @ matrix)[:, 0])
+    return (rows[:, None, :] @ matrix)[:, 0]

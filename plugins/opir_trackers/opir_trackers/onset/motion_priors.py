@@ -189,9 +189,7 @@ class MotionPriors:
         uniform = np.diff(self.edges_s) / BEFORE_S
         since = np.log(AT_ONCE * soon + (1.0 - AT_ONCE) * uniform)
         intervals = np.concatenate([since, np.zeros((len(pause_s), 1))], axis=1)
-        return np.asarray(
-            self.log_weight + intervals[:, self.interval] - age_s[:, None] / self.fades_s
-        )
+        return self.log_weight + intervals[:, self.interval] - age_s[:, None] / self.fades_s
 
 
 def _others(kinds: Sequence[Ground]) -> list[_Component]:
@@ -260,15 +258,22 @@ def _lifted(weight: float, lift_m_s2: float, interval: int, ground: Ground) -> _
     mean = np.zeros((ORDERS, 3))
     mean[:, 2] = upwards
     mean[0, 2] += ground.mean_m
-    axes = range(3)
-    force_m_s2 = lift_m_s2 + 9.8
-    lift_sigmas = lift_m_s2 * np.array([LAW.aside_sigma, LAW.aside_sigma, LAW.lift_sigma])
-    root = np.zeros((ORDERS, 3, 3 * ORDERS))
-    root[0, axes, axes] = WIDE_M, WIDE_M, ground.sigma_m
-    root[:, axes, range(3, 6)] = of_lift[:, None] * lift_sigmas
-    root[:, axes, range(6, 9)] = (LAW.turn_per_s * force_m_s2) * of_jerk[:, None]
+    root = _lift_root(lift_m_s2, of_lift, of_jerk, ground.sigma_m)
     root[:-1, 2, 9] = (end_s - start_s) / np.sqrt(12.0) * upwards[1:]
     return _Component(LAUNCH, weight, mean.ravel(), root.reshape(3 * ORDERS, -1), interval)
+
+
+def _lift_root(
+    lift_m_s2: float, of_lift: FloatArray, of_jerk: FloatArray, height_sigma_m: float
+) -> FloatArray:
+    """Return the root (4, 3, 12) of a launch whose place, acceleration and jerk vary."""
+    axes = range(3)
+    lift_sigmas = lift_m_s2 * np.array([LAW.aside_sigma, LAW.aside_sigma, LAW.lift_sigma])
+    root = np.zeros((ORDERS, 3, 3 * ORDERS))
+    root[0, axes, axes] = WIDE_M, WIDE_M, height_sigma_m
+    root[:, axes, range(3, 6)] = of_lift[:, None] * lift_sigmas
+    root[:, axes, range(6, 9)] = (LAW.turn_per_s * (lift_m_s2 + 9.8)) * of_jerk[:, None]
+    return root
 
 
 def _in_flight(share: float) -> list[_Component]:

@@ -113,19 +113,19 @@ class MotionStatistics(Columns):
     @property
     def stands(self) -> BoolArray:
         """Return for which tracks (n,) a ground source is the likeliest."""
-        return np.asarray(self.probability.argmax(axis=1) == GROUND)
+        return self.probability.argmax(axis=1) == GROUND
 
     @property
     def are_noise(self) -> BoolArray:
         """Return which tracks (n,) are probably false alarms."""
-        return np.asarray(self.probability[:, NOISE] > 0.5)
+        return self.probability[:, NOISE] > 0.5
 
     def horizon_s(self) -> FloatArray:
         """Return the time (n,), s, up to which a cubic describes a boost to within the error of the
         lines' mean.
         """
         sharp = 0.5 * np.trace(self.static_information, axis1=1, axis2=2)
-        return np.asarray((_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25)
+        return (_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25
 
     def with_lines(
         self, owner: IntArray, lines: LinesOfSight, log_clutter: FloatArray
@@ -198,7 +198,7 @@ class MotionStatistics(Columns):
         information, pull, misfit = self.of_motion()
         fitted = np.linalg.solve(information + _ANY_MOTION, pull[:, :, None])[:, :, 0]
         least = misfit - np.sum(pull * fitted, axis=1)
-        return np.asarray(least > 6.0 * self.lines + 30.0)
+        return least > 6.0 * self.lines + 30.0
 
     def of_motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return information (n, 12, 12), pull (n, 12) and misfit (n,) of the coefficients of a
@@ -295,4 +295,4 @@ def _noise_log(lines: LinesOfSight, log_clutter: FloatArray) -> FloatArray:
     """Return the log likelihood (m,) of lines as false alarms over that of detections without
     error.
     """
-    return np.asarray(log_clutter[lines.sensor] + np.log(2.0 * np.pi * np.square(lines.sigma_rad)))
+    return log_clutter[lines.sensor] + np.log(2.0 * np.pi * np.square(lines.sigma_rad))

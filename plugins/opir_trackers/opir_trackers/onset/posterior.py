@@ -110,12 +110,10 @@ class GroupPosterior:
         Lines that are not of one motion say nothing of it: these statistics begin anew. So do those
         of a source that is still seen and likeliest stands, but may be a launch.
         """
-        age_s = time_s - first_s
         is_seen = time_s - seen_s < pause_s + step_s
-        steady = (age_s > LAW.young_s) & is_seen
-        steady &= statistics.probability[:, LAUNCH] < self.prior[LAUNCH]
-        rests = np.floor(age_s / LAW.again_s) == np.floor((time_s - step_s - first_s) / LAW.again_s)
-        rows = (~statistics.is_decided & ~(steady & rests)).nonzero()[0]
+        improbable = is_seen & (statistics.probability[:, LAUNCH] < self.prior[LAUNCH])
+        waits = improbable & _wait(time_s - first_s, time_s - step_s - first_s)
+        rows = (~statistics.is_decided & ~waits).nonzero()[0]
         if not len(rows):
             return statistics
         open_tracks = statistics.part(rows)
@@ -147,7 +145,13 @@ class GroupPosterior:
             log[:, group] = np.logaddexp.reduce(of_group, axis=1) + self.log_rate[group - GROUND]
         log[gone, LAUNCH] += min(np.log(self.bolide_s / LAW.burn_s), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
-        return np.asarray(share / share.sum(axis=1, keepdims=True))
+        return share / share.sum(axis=1, keepdims=True)
+
+
+def _wait(age_s: FloatArray, age_before_s: FloatArray) -> BoolArray:
+    """Return which ages (n,), s, are not those of a new assessment of what is improbable."""
+    same = np.floor(age_s / LAW.again_s) == np.floor(age_before_s / LAW.again_s)
+    return (age_s > LAW.young_s) & same
 
 
 def _decisions(
@@ -186,7 +190,7 @@ def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArr
     factor = np.linalg.cholesky(_bordered(priors.root, information, off, least))
     pivots = np.diagonal(factor, axis1=2, axis2=3)
     log_determinant = -np.log(pivots[:, :, :size]).sum(axis=2)
-    return np.asarray(log_determinant - 0.5 * (np.square(pivots[:, :, size]) - 1.0))
+    return log_determinant - 0.5 * (np.square(pivots[:, :, size]) - 1.0)
 
 
 def _bordered(

@@ -10,7 +10,6 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import COAST
 from opir_core.plugin import Sensor
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
@@ -319,10 +318,5 @@ def shifted(
     """
     if not len(estimates) or not change.any():
         return estimates
-    moved = state_shifts(tracks.state, tracks.is_seen, vantages) @ change
-    boost = estimates.boost_mean.copy()
-    coast = estimates.coast_mean - moved
-    burn = estimates.burn_mean.copy()
-    boost[:, :COAST] -= moved
-    burn[:, :, :COAST] -= moved[:, None]
-    return evolve(estimates, boost_mean=boost, coast_mean=coast, burn_mean=burn)
+    shift = state_shifts(tracks.state, tracks.is_seen, vantages) @ change
+    return estimates.moved_by(-shift)
