@@ -24,7 +24,7 @@ LISTENERS = ("SSL", "MUTUAL", "SASL_PLAINTEXT")
 ADDRESS = "127.0.0.1"
 
 
-class Stand(NamedTuple):
+class BrokerWithTls(NamedTuple):
     """A broker, and the files that clients may have: PEM."""
 
     cluster: Cluster
@@ -39,20 +39,20 @@ def stand(tmp_path_factory):
     if why := kafka_cluster.why_absent() or WHY_ABSENT:
         pytest.skip(why)
     folder = tmp_path_factory.mktemp("tls")
-    result = Authority(folder, "ours")
-    strangers = Authority(folder, "others")
-    certificate, key = result.signed("broker", f"IP:{ADDRESS}")
+    trusted = Authority(folder, "trusted")
+    untrusted = Authority(folder, "untrusted")
+    certificate, key = trusted.signed("broker", f"IP:{ADDRESS}")
     store = folder / "store.pem"
     store.write_text(key.read_text() + certificate.read_text())
-    settings = _settings(store, result.certificate)
+    settings = _settings(store, trusted.certificate)
     with kafka_cluster.cluster(folder / "nodes", listeners=LISTENERS, settings=settings) as cluster:
         files = [
             dict(
                 zip(("certificate_file", "key_file"), map(str, authority.signed("me")), strict=True)
             )
-            for authority in (result, strangers)
+            for authority in (trusted, untrusted)
         ]
-        yield Stand(cluster, str(result.certificate), str(strangers.certificate), *files)
+        yield BrokerWithTls(cluster, str(trusted.certificate), str(untrusted.certificate), *files)
 
 
 def _settings(store, trusted):

@@ -56,7 +56,7 @@ class Answer:
 
 
 @define
-class Stand:
+class RunningService:
     """A running service."""
 
     port: int
@@ -119,7 +119,7 @@ def serving(
         thread.start()
         try:
             assert begun.wait(60.0), "the server does not start"
-            yield Stand(listening.getsockname()[1], service, servers[0])
+            yield RunningService(listening.getsockname()[1], service, servers[0])
         finally:
             for server in servers:
                 server.should_exit = True

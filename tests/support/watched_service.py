@@ -328,10 +328,10 @@ class WatchedService:
             connection.request("GET", "/stream")
             response = connection.getresponse()
             while chunk := response.read1(1 << 16):
-                *total, remainder = (remainder + chunk).split(b"\n")
-                for line in total:
-                    result = re.findall(rb'"detection_id":"([0-9a-f-]{36})"', line)
-                    self.seen[life].update(identifier.decode() for identifier in result)
+                *lines, remainder = (remainder + chunk).split(b"\n")
+                for line in lines:
+                    identifiers = re.findall(rb'"detection_id":"([0-9a-f-]{36})"', line)
+                    self.seen[life].update(identifier.decode() for identifier in identifiers)
         except (OSError, http.client.HTTPException):
             return
         finally:
@@ -347,11 +347,11 @@ def hold_order(name, times):
 
 def by_life(events):
     """Return the first arrivals by life and sensor; a second one must be the same."""
-    offsets = {}
+    arrivals = {}
     for event in events:
-        assert offsets.setdefault(event["detection_id"], event) == event
+        assert arrivals.setdefault(event["detection_id"], event) == event
     lives = defaultdict(lambda: defaultdict(list))
-    for event in offsets.values():
+    for event in arrivals.values():
         lives[life_of(event)][event["sensor_id"]].append(event)
     return lives
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from http_service import LAUNCH, Stand, serving
+from http_service import LAUNCH, RunningService, serving
 from opir_http import server
 from opir_http.log import RequestLog
 from opir_http.problems import ProblemError
@@ -63,14 +63,14 @@ def test_a_client_that_reads_nothing_is_disconnected(
 @pytest.mark.parametrize(
     "path", ["/", "/status", "/config", "/health/live", "/metrics", "/stream", "/openapi.json"]
 )
-def test_head_and_options_are_answered(stand: Stand, path: str) -> None:
+def test_head_and_options_are_answered(stand: RunningService, path: str) -> None:
     answer = stand.ask("HEAD", path)
     assert (answer.status, answer.body) == (200, b"")
     allowed = stand.ask("OPTIONS", path).headers["allow"]
     assert {"GET", "HEAD", "OPTIONS"} <= set(allowed.split(", "))
 
 
-def test_writes_are_logged_and_refusals_at_a_limited_rate(stand: Stand) -> None:
+def test_writes_are_logged_and_refusals_at_a_limited_rate(stand: RunningService) -> None:
     lines: list[str] = []
     gate: Any = stand.server.config.app
     old_log = gate._log

@@ -6,7 +6,7 @@ import socket
 from pathlib import Path
 
 import pytest
-from http_service import LAUNCH, Stand, serving
+from http_service import LAUNCH, RunningService, serving
 
 TOKEN = "correct-horse-battery"
 
@@ -14,14 +14,16 @@ TOKEN = "correct-horse-battery"
 @pytest.mark.parametrize(
     "host", ["[::1].evil.example", "[::1", "localhost.evil.example", "::1", "[::1]x:80", ""]
 )
-def test_a_name_that_only_looks_like_this_machine_is_refused(stand: Stand, host: str) -> None:
+def test_a_name_that_only_looks_like_this_machine_is_refused(
+    stand: RunningService, host: str
+) -> None:
     assert stand.ask("GET", "/status", headers={"Host": host}).status == 421
 
 
 @pytest.mark.parametrize(
     "host", ["localhost", "localhost:8000", "127.0.0.1:9", "[::1]", "[::1]:8000"]
 )
-def test_a_name_of_this_machine_is_served(stand: Stand, host: str) -> None:
+def test_a_name_of_this_machine_is_served(stand: RunningService, host: str) -> None:
     assert stand.ask("GET", "/status", headers={"Host": host}).status == 200
 
 
@@ -38,14 +40,14 @@ def test_a_name_of_this_machine_is_served(stand: Stand, host: str) -> None:
     ("method", "path"), [("POST", "/outputs/x/retry"), ("POST", "/trigger"), ("PUT", "/config")]
 )
 def test_a_page_of_another_site_writes_nothing(
-    stand: Stand, method: str, path: str, headers: dict[str, str]
+    stand: RunningService, method: str, path: str, headers: dict[str, str]
 ) -> None:
     answer = stand.ask(method, path, LAUNCH, {"If-Match": "*", **headers})
     assert answer.status == 403
     assert "other sites" in answer.json["detail"]
 
 
-def test_the_own_page_writes(stand: Stand) -> None:
+def test_the_own_page_writes(stand: RunningService) -> None:
     headers = {
         "Host": f"127.0.0.1:{stand.port}",
         "Origin": f"http://127.0.0.1:{stand.port}",
@@ -68,7 +70,7 @@ def test_wrong_tokens_wait_and_the_right_one_does_not(tmp_path: Path) -> None:
         assert running.ask("GET", "/status").status == 401
 
 
-def test_a_body_with_two_lengths_closes_the_connection(stand: Stand) -> None:
+def test_a_body_with_two_lengths_closes_the_connection(stand: RunningService) -> None:
     head = b"POST /trigger HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
     lengths = b"Content-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n2\r\n{}\r\n0\r\n\r\n"
     with socket.create_connection(("127.0.0.1", stand.port), timeout=20) as client:

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import jsonschema
 import numpy as np
 import pytest
-from http_service import LAUNCH, SCENE, Stand, conforms, serving
+from http_service import LAUNCH, SCENE, RunningService, conforms, serving
 from opir_http.feed import Client
 from opir_http.gate import in_origin_form
 from opir_http.history import History
@@ -62,7 +62,7 @@ def raw(stand, target, host="localhost", more=""):
     return int(head.split()[1]), head.decode("latin-1").lower(), body
 
 
-def test_an_absolute_target_is_that_of_its_path(stand: Stand) -> None:
+def test_an_absolute_target_is_that_of_its_path(stand: RunningService) -> None:
     status, _, body = raw(stand, f"http://localhost:{stand.port}/health/live")
     assert (status, json.loads(body)["state"]) == (200, "running")
     assert raw(stand, f"http://localhost:{stand.port}")[0] == 200
@@ -79,7 +79,7 @@ def test_other_targets_stay_as_they_are():
 
 
 @pytest.mark.parametrize("encoding", ["gzip", "br", "identity, gzip"])
-def test_an_encoded_body_is_refused(stand: Stand, encoding: str) -> None:
+def test_an_encoded_body_is_refused(stand: RunningService, encoding: str) -> None:
     body = gzip.compress(json.dumps(LAUNCH).encode())
     headers = {"Content-Type": "application/json", "Content-Encoding": encoding}
     answer = stand.ask("POST", "/trigger", body, headers)
@@ -94,7 +94,7 @@ def test_an_encoded_body_is_refused(stand: Stand, encoding: str) -> None:
 @pytest.mark.parametrize(
     "target", ["/", "/metrics", "/page/table.js", "/health/live", "/openapi.json"]
 )
-def test_every_answer_has_one_charset(stand: Stand, target: str) -> None:
+def test_every_answer_has_one_charset(stand: RunningService, target: str) -> None:
     status, head, _ = raw(stand, target)
     (kind,) = [line for line in head.split("\r\n") if line.startswith("content-type:")]
     assert status == 200

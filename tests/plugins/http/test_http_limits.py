@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
-from http_service import LAUNCH, Stand, serving
+from http_service import LAUNCH, RunningService, serving
 from opir_http import gate, server
 from opir_http.feed import QUEUED_FRAMES, Client, LossyQueue
 from waiting import until
@@ -120,7 +120,7 @@ def test_whoever_sends_a_letter_at_a_time_is_let_go(
 
 
 def test_only_a_configuration_of_too_much_work_is_refused(
-    stand: Stand,
+    stand: RunningService,
 ) -> None:
     answer = stand.ask("GET", "/config")
     config = answer.json

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from http_service import LAUNCH, SCENE, Stand, conforms, serving
+from http_service import LAUNCH, SCENE, RunningService, conforms, serving
 from opir_http.routes import document
 
 
@@ -28,7 +28,7 @@ from opir_http.routes import document
         ("/stream?view=all", "view"),
     ],
 )
-def test_a_parameter_that_is_wrong_is_named(stand: Stand, path: str, word: str) -> None:
+def test_a_parameter_that_is_wrong_is_named(stand: RunningService, path: str, word: str) -> None:
     answer = stand.ask("GET", path)
     assert (answer.status, answer.headers["content-type"]) == (400, "application/problem+json")
     assert word in answer.json["detail"]
@@ -62,7 +62,7 @@ BAD_BODIES = {
 
 @pytest.mark.parametrize(("body", "status"), BAD_BODIES.values(), ids=BAD_BODIES)
 def test_a_body_that_is_wrong_is_refused_and_changes_nothing(
-    stand: Stand, body: bytes, status: int
+    stand: RunningService, body: bytes, status: int
 ) -> None:
     for method, path in (("POST", "/trigger"), ("PUT", "/config")):
         answer = stand.ask(method, path, body, {"If-Match": "*"})
@@ -82,7 +82,7 @@ SECRETS = {
 
 
 @pytest.mark.parametrize("body", SECRETS.values(), ids=SECRETS)
-def test_no_launch_has_a_file_of_the_machine_read(stand: Stand, body: Any) -> None:
+def test_no_launch_has_a_file_of_the_machine_read(stand: RunningService, body: Any) -> None:
     answer = stand.ask("POST", "/trigger", body)
     assert answer.status == 422
     assert b"root:" not in answer.body
@@ -130,7 +130,7 @@ def test_no_configuration_names_another_file_or_secret(
         assert not list(tmp_path.glob("evil*"))
 
 
-def test_a_launch_that_is_past_is_reported_the_clock(stand: Stand) -> None:
+def test_a_launch_that_is_past_is_reported_the_clock(stand: RunningService) -> None:
     answer = stand.ask("POST", "/trigger", LAUNCH | {"launch": LAUNCH["launch"] | {"time_s": 0.0}})
     assert (answer.status, "scene time is" in answer.json["detail"]) == (409, True)
 
@@ -141,14 +141,14 @@ FORM = "application/x-www-form-urlencoded"
 @pytest.mark.parametrize(
     "kind", ["text/plain", f"{FORM}; charset=utf-8", "application/json; charset=latin-1", ""]
 )
-def test_other_content_types_are_refused(stand: Stand, kind: str) -> None:
+def test_other_content_types_are_refused(stand: RunningService, kind: str) -> None:
     assert (
         stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": kind}).status
         == 415
     )
 
 
-def test_what_curl_posts_by_default_is_read_as_json(stand: Stand) -> None:
+def test_what_curl_posts_by_default_is_read_as_json(stand: RunningService) -> None:
     assert (
         stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM}).status
         == 202
@@ -160,13 +160,13 @@ def test_what_curl_posts_by_default_is_read_as_json(stand: Stand) -> None:
     ("method", "path"),
     [("DELETE", "/config"), ("POST", "/status"), ("PATCH", "/config"), ("PUT", "/trigger")],
 )
-def test_other_methods_are_refused(stand: Stand, method: str, path: str) -> None:
+def test_other_methods_are_refused(stand: RunningService, method: str, path: str) -> None:
     answer = stand.ask(method, path, b"{}")
     assert answer.status == 405
     assert answer.headers["allow"]
 
 
-def test_no_other_origin_reads_an_answer(stand: Stand) -> None:
+def test_no_other_origin_reads_an_answer(stand: RunningService) -> None:
     answer = stand.ask("GET", "/status", headers={"Origin": "https://elsewhere.example"})
     assert not [name for name in answer.headers if name.startswith("access-control")]
 
@@ -187,14 +187,16 @@ SECURITY_HEADERS = {
     ("method", "path"),
     [("GET", "/status"), ("GET", "/"), ("GET", "/missing"), ("DELETE", "/config"), ("HEAD", "/")],
 )
-def test_every_answer_has_the_security_headers(stand: Stand, method: str, path: str) -> None:
+def test_every_answer_has_the_security_headers(
+    stand: RunningService, method: str, path: str
+) -> None:
     answer = stand.ask(method, path)
     assert SECURITY_HEADERS.items() <= dict(answer.headers).items()
     for words in ("default-src 'none'", "frame-ancestors 'none'"):
         assert words in answer.headers["content-security-policy"]
 
 
-def test_options_name_the_methods_of_each_path(stand: Stand) -> None:
+def test_options_name_the_methods_of_each_path(stand: RunningService) -> None:
     for path, item in document()["paths"].items():
         answer = stand.ask("OPTIONS", path)
         assert answer.status == 204

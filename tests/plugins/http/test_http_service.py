@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from http_service import LAUNCH, Stand, conforms, serving
+from http_service import LAUNCH, RunningService, conforms, serving
 from hypothesis import HealthCheck, given, settings, strategies as st
 from opir_http import health
 from opir_http.routes import document
@@ -22,7 +22,7 @@ from opir_core.plugin import EncoderContext
 from opir_core.reading import scene_mapping
 
 
-def test_every_answer_is_what_the_document_says(stand: Stand) -> None:
+def test_every_answer_is_what_the_document_says(stand: RunningService) -> None:
     conforms(stand.ask("GET", "/status").json, "Status")
     conforms(stand.ask("GET", "/config").json, "Config")
     conforms(stand.ask("GET", "/detections?limit=20").json, "Detections")
@@ -31,7 +31,7 @@ def test_every_answer_is_what_the_document_says(stand: Stand) -> None:
     conforms(LAUNCH, "Trigger")
 
 
-def test_the_document_has_every_route_and_no_other(stand: Stand) -> None:
+def test_the_document_has_every_route_and_no_other(stand: RunningService) -> None:
     routes = stand.server.config.app._app.routes
     paths = [
         (route.path.replace("{output:str}", "{output}"), route.methods - {"OPTIONS"})
@@ -47,7 +47,7 @@ def test_the_document_has_every_route_and_no_other(stand: Stand) -> None:
     assert stand.ask("GET", "/openapi.json").json == json.loads(json.dumps(document()))
 
 
-def test_a_launch_is_in_the_run_and_seen(stand: Stand) -> None:
+def test_a_launch_is_in_the_run_and_seen(stand: RunningService) -> None:
     answer = stand.ask("POST", "/trigger", LAUNCH | {"id": "SEEN"})
     assert answer.status == 202
     conforms(answer.json, "Launched")
@@ -81,7 +81,7 @@ def test_a_launch_gives_the_events_of_a_batch(tmp_path: Path) -> None:
     assert lines.startswith(b'{"detections":[' + b",".join(batch[:1000]))
 
 
-def test_an_idempotency_key_launches_once(stand: Stand) -> None:
+def test_an_idempotency_key_launches_once(stand: RunningService) -> None:
     key = {"Idempotency-Key": "once"}
     answer, replay = (stand.ask("POST", "/trigger", LAUNCH, key) for _ in range(2))
     assert (answer.status, replay.status, replay.json) == (202, 202, answer.json)
@@ -95,7 +95,7 @@ def test_an_idempotency_key_launches_once(stand: Stand) -> None:
     assert refused == [422, 422]
 
 
-def test_a_configuration_changes_as_a_whole_or_not_at_all(stand: Stand) -> None:
+def test_a_configuration_changes_as_a_whole_or_not_at_all(stand: RunningService) -> None:
     response = stand.ask("GET", "/config")
     tag = {"If-Match": response.headers["etag"]}
     config = response.json
@@ -125,7 +125,7 @@ def test_a_configuration_changes_as_a_whole_or_not_at_all(stand: Stand) -> None:
     assert stand.ask("GET", "/config").json == later.json
 
 
-def test_settings_that_need_a_restart_are_refused_by_name(stand: Stand) -> None:
+def test_settings_that_need_a_restart_are_refused_by_name(stand: RunningService) -> None:
     config = stand.ask("GET", "/config").json
     scene = stand.ask(
         "PUT", "/config", config | {"seed": 99, "tracker": "none", "outputs": []}, {"If-Match": "*"}
@@ -141,7 +141,7 @@ def test_settings_that_need_a_restart_are_refused_by_name(stand: Stand) -> None:
     )
 
 
-def test_pages_of_detections_are_in_order_and_filtered(stand: Stand) -> None:
+def test_pages_of_detections_are_in_order_and_filtered(stand: RunningService) -> None:
     total = stand.service.feed.history.total
     ids = []
     cursor = ""
@@ -164,7 +164,7 @@ def test_pages_of_detections_are_in_order_and_filtered(stand: Stand) -> None:
     assert not stand.ask("GET", "/detections?sensor_id=NOBODY").json["detections"]
 
 
-def test_metrics_are_prometheus_text_with_bounded_labels(stand: Stand) -> None:
+def test_metrics_are_prometheus_text_with_bounded_labels(stand: RunningService) -> None:
     answer = stand.ask("GET", "/metrics")
     assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
     sample = re.compile(r'([a-z_]+)(\{(sensor_id|sink|le)="[^"\\\n]*"\})? [-+0-9.e]+(Inf)?')
@@ -174,7 +174,7 @@ def test_metrics_are_prometheus_text_with_bounded_labels(stand: Stand) -> None:
 
 
 def test_unbalanced_figures_of_a_sink_are_in_the_metrics(
-    stand: Stand, monkeypatch: pytest.MonkeyPatch
+    stand: RunningService, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stand.service.run._sinks[0], "unbalanced", 7)
 
@@ -187,7 +187,7 @@ def test_unbalanced_figures_of_a_sink_are_in_the_metrics(
     )  # an answer is kept for a moment
 
 
-def test_health_tells_life_from_readiness(stand: Stand) -> None:
+def test_health_tells_life_from_readiness(stand: RunningService) -> None:
     assert stand.ask("GET", "/health/live").json == {"state": "running", "reasons": []}
     assert stand.ask("GET", "/health/ready").json == {"ready": True, "reasons": []}
 
@@ -211,7 +211,7 @@ def test_a_sink_that_falls_behind_makes_the_service_not_ready(
         gate_.set()
 
 
-def test_the_stream_brings_detections_and_status(stand: Stand) -> None:
+def test_the_stream_brings_detections_and_status(stand: RunningService) -> None:
     events = streamed(stand, "/stream?view=brief", 12)
     kinds = {kind for kind, _ in events}
     assert {"detections", "status"} <= kinds
@@ -222,7 +222,7 @@ def test_the_stream_brings_detections_and_status(stand: Stand) -> None:
             conforms(data, "Status")
 
 
-def streamed(stand: Stand, path: str, count: int) -> list[tuple[str, Any]]:
+def streamed(stand: RunningService, path: str, count: int) -> list[tuple[str, Any]]:
     connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=60)
 
     def events() -> list[tuple[str, Any]]:
@@ -277,7 +277,7 @@ QUICK = settings(
 @pytest.mark.slow
 @QUICK
 @given(triggers)
-def test_no_launch_breaks_the_service(stand: Stand, body: Any) -> None:
+def test_no_launch_breaks_the_service(stand: RunningService, body: Any) -> None:
     answer = stand.ask("POST", "/trigger", body)
     assert answer.status in {202, 400, 409, 422, 429}, answer.body
     conforms(answer.json, "Launched" if answer.status == 202 else "Problem")
@@ -287,7 +287,7 @@ def test_no_launch_breaks_the_service(stand: Stand, body: Any) -> None:
 @pytest.mark.slow
 @QUICK
 @given(st.data())
-def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) -> None:
+def test_no_configuration_breaks_the_service(stand: RunningService, data: st.DataObject) -> None:
     config = stand.ask("GET", "/config").json
     key = data.draw(st.sampled_from(sorted(config)))
     block = config[key]

@@ -9,7 +9,7 @@ from typing import Any
 
 import jsonschema
 import pytest
-from http_service import SCENE, Stand
+from http_service import SCENE, RunningService
 from opir_http.replay import Replay
 from opir_http.viewing import view_document
 from page_browser import viewing
@@ -39,12 +39,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def stand(folder: Path) -> Iterator[Stand]:
+def stand(folder: Path) -> Iterator[RunningService]:
     with viewing(Replay(load_run(folder))) as port:
-        yield Stand(port, None, None)  # type: ignore[arg-type]
+        yield RunningService(port, None, None)  # type: ignore[arg-type]
 
 
-def part(stand: Stand, since: str, until: str, step_s: float = 1.0) -> Any:
+def part(stand: RunningService, since: str, until: str, step_s: float = 1.0) -> Any:
     answer = stand.ask("GET", f"/replay?since={since}&until={until}&step_s={step_s}")
     assert answer.status == 200, answer.body
     return answer.json
@@ -55,7 +55,7 @@ def lines(path: Path) -> list[Any]:
 
 
 @pytest.mark.slow
-def test_parts_have_every_event_of_the_file_once(stand: Stand, folder: Path) -> None:
+def test_parts_have_every_event_of_the_file_once(stand: RunningService, folder: Path) -> None:
     saved = lines(folder / "events.jsonl")
     seconds = [f"2026-04-01T12:{second // 60:02}:{second % 60:02}Z" for second in range(0, 241, 20)]
     events = [
@@ -72,7 +72,7 @@ def test_parts_have_every_event_of_the_file_once(stand: Stand, folder: Path) -> 
 
 
 @pytest.mark.slow
-def test_counts_and_estimates_are_those_of_the_files(stand: Stand, folder: Path) -> None:
+def test_counts_and_estimates_are_those_of_the_files(stand: RunningService, folder: Path) -> None:
     answer = part(stand, START, END, 600.0)
     counted = {name: sum(counts) for name, counts in answer["activity"]["sensors"].items()}
     events = lines(folder / "events.jsonl")
@@ -95,7 +95,7 @@ def test_counts_and_estimates_are_those_of_the_files(stand: Stand, folder: Path)
 
 
 @pytest.mark.slow
-def test_answers_conform_to_the_document(stand: Stand) -> None:
+def test_answers_conform_to_the_document(stand: RunningService) -> None:
     components = view_document()["components"]
     for value, name in (
         (stand.ask("GET", "/status").json, "Status"),
@@ -123,12 +123,12 @@ def test_answers_conform_to_the_document(stand: Stand) -> None:
         f"since={START}&until={END}&speed=2",
     ],
 )
-def test_requests_that_make_no_sense_are_rejected(stand: Stand, query: str) -> None:
+def test_requests_that_make_no_sense_are_rejected(stand: RunningService, query: str) -> None:
     assert stand.ask("GET", f"/replay?{query}").status == 400
 
 
 @pytest.mark.slow
-def test_a_saved_run_cannot_be_changed(stand: Stand) -> None:
+def test_a_saved_run_cannot_be_changed(stand: RunningService) -> None:
     assert stand.ask("POST", "/trigger", {}).status == 404
     assert stand.ask("PUT", "/config", {}).status == 404
 
