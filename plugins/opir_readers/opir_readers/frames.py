@@ -84,6 +84,11 @@ def along_axes(vectors: FloatArray, axes: FloatArray) -> FloatArray:
     return (vectors[:, :, None] * axes).sum(axis=1)
 
 
+def lengths(vectors: FloatArray) -> FloatArray:
+    """Return the lengths (n,) of vectors (n, 3)."""
+    return np.sqrt(dot(vectors, vectors))
+
+
 def axes_at(position_m: FloatArray) -> FloatArray:
     """Return the axes (n, 3, 3) towards east, north and up at positions (n, 3), as rows in ECEF."""
     where = ecef_to_geodetic(position_m)

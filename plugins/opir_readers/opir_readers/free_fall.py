@@ -12,10 +12,12 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S, GEOSTATIONARY_RADIUS_M
+from opir_core.geometry import dot, ecef_to_geodetic, geodetic_to_ecef
 from opir_core.plugin import StateTable
-from opir_readers.interpolation import runs
+from opir_readers.celestial_frames import turned
+from opir_readers.frames import axes_at, lengths
+from opir_readers.interpolation import rows_apart, runs
 from opir_readers.states import LEAST_RADIUS_M, MOST_RADIUS_M
 
 #: The largest acceleration beyond central gravity of a free fall: this share of gravity, and this, m/s². The oblate
@@ -40,8 +42,13 @@ MIN_STATES = 5
 MIN_SHARE = 0.2
 DOUBTFUL_SHARE = 0.25
 
-#: A flight that begins below this height, m, begins at rest on its pad: its velocity over the ground is within this,
-#: m/s, of 0 or, along other axes, of the ground's own.
+#: States whose median distance from the Earth's centre is within this share of the geosynchronous
+#: radius show no slip of times: there, what stands over one place falls freely at any scale of
+#: time, and a longer scale hides noise.
+GEOSYNCHRONOUS_SHARE = 0.05
+
+#: A flight from below this height, m, to above it begins at rest on its pad: its velocity over the
+#: ground is within this, m/s, of 0 or, along other axes, of the ground's own.
 PAD_HEIGHT_M = 5000.0
 PAD_SPEED_M_S = 15.0
 
@@ -139,10 +146,20 @@ def _other_units(given: Reading) -> Iterator[Reading]:
     feet = tuple((f"{axis}_{frame}", f"{axis}_{frame}_ft") for frame in frames for axis in "xyz")
     place_m = 0.3048 * given.position_m
     yield evolve(given, slip="with positions in ft", position_m=place_m, quantities=feet)
+    if _is_geosynchronous(given.position_m):
+        return
     for unit, seconds in (("ms", 1e-3), ("min", 60.0), ("h", 3600.0)):
         names = (("time", f"time_{unit}"),)
         slip = f"with times in {unit}"
         yield evolve(given, slip=slip, time_s=seconds * given.time_s, quantities=names)
+
+
+def _is_geosynchronous(position_m: FloatArray) -> bool:
+    """Return whether half of the states are as far from the Earth's centre as geosynchronous
+    satellites.
+    """
+    radius_m = float(np.median(lengths(position_m)))
+    return abs(radius_m / GEOSTATIONARY_RADIUS_M - 1.0) < GEOSYNCHRONOUS_SHARE
 
 
 def _other_heights(given: Reading) -> Iterator[Reading]:
@@ -153,7 +170,7 @@ def _other_heights(given: Reading) -> Iterator[Reading]:
         quantities = (("height", f"height_{unit}"), ("altitude", f"altitude_{unit}"))
         yield Reading(f"with heights in {unit}", given.time_s, high_m, 1.0, quantities)
     ground_m = geodetic_to_ecef(where.latitude_rad, where.longitude_rad, 0.0 * where.height_m)
-    outward = ground_m / _length(ground_m)[:, None]
+    outward = ground_m / lengths(ground_m)[:, None]
     yield Reading(
         "with distances from the Earth's centre as heights",
         given.time_s,
@@ -171,36 +188,22 @@ def _renamed(frame: str, right: str) -> tuple[tuple[str, str], ...]:
 
 def fall_of(reading: Reading) -> Fall:
     """Return how a reading falls."""
-    rows = _spaced(reading.time_s)
-    radius_m = _length(reading.position_m)
+    duration_s = float(reading.time_s[-1] - reading.time_s[0])
+    rows = rows_apart(reading.time_s, min(STEP_S, duration_s / PARTS))
+    radius_m = lengths(reading.position_m)
     if len(rows) < 3 or radius_m.min() < LEAST_RADIUS_M or radius_m.max() > MOST_RADIUS_M:
         return Fall(0, 0.0, float("nan"))
     time_s = reading.time_s[rows]
     turned_rad = reading.turns * EARTH_ROTATION_RAD_S * (time_s - time_s[0])
-    position_m = _turned(reading.position_m[rows], turned_rad)
-    gravity_m_s2 = -EARTH_MU_M3_S2 * position_m / _length(position_m)[:, None] ** 3
+    position_m = turned(reading.position_m[rows], [("z", -turned_rad)])
+    gravity_m_s2 = -EARTH_MU_M3_S2 * position_m / lengths(position_m)[:, None] ** 3
     excess = _excess(time_s, position_m, gravity_m_s2)
     is_airless = ecef_to_geodetic(position_m[1:-1]).height_m > AIRLESS_M
-    limit = EXCESS_SHARE * _length(gravity_m_s2[1:-1]) + EXCESS_M_S2
+    limit = EXCESS_SHARE * lengths(gravity_m_s2[1:-1]) + EXCESS_M_S2
     falls = is_airless & (excess < limit)
     count = int(np.count_nonzero(falls))
     shown = excess[falls if count else is_airless]
     return Fall(count, count / len(falls), float(np.median(shown)) if len(shown) else float("nan"))
-
-
-def _spaced(time_s: FloatArray) -> np.ndarray:
-    """Return rows that are at least `STEP_S` apart, or a twelfth of the table."""
-    step_s = min(STEP_S, float(time_s[-1] - time_s[0]) / PARTS)
-    steps = np.floor((time_s - time_s[0]) / max(step_s, 1e-9) + 1e-6)
-    return np.flatnonzero(np.diff(steps, prepend=-1.0) > 0.0)
-
-
-def _turned(position_m: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    """Return positions (n, 3) turned about the Earth's axis by angles (n,)."""
-    cosine = np.cos(angle_rad)
-    sine = np.sin(angle_rad)
-    x, y, z = position_m.T
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
 
 
 def _excess(time_s: FloatArray, position_m: FloatArray, gravity_m_s2: FloatArray) -> FloatArray:
@@ -217,7 +220,7 @@ def _excess(time_s: FloatArray, position_m: FloatArray, gravity_m_s2: FloatArray
     late = (after**2 + before * after - before**2) / (6.0 * after * both)
     early = (before**2 + before * after - after**2) / (6.0 * before * both)
     mean = early * gravity_m_s2[:-2] + late * gravity_m_s2[2:]
-    return _length(acceleration - mean - (1.0 - early - late) * gravity_m_s2[1:-1])
+    return lengths(acceleration - mean - (1.0 - early - late) * gravity_m_s2[1:-1])
 
 
 def _rests(reading: Reading) -> bool:
@@ -227,20 +230,19 @@ def _rests(reading: Reading) -> bool:
 
 
 def _first_velocity(reading: Reading) -> FloatArray | None:
-    """Return the first velocity (3,) towards east, north and up, m/s, None where a flight does not begin on the ground.
+    """Return the first velocity (3,) towards east, north and up, m/s.
 
-    Of axes that turn more or less than the Earth, the ground's own is subtracted.
+    None where a flight does not climb from the ground. Of axes that turn more or less than the
+    Earth, the ground's own velocity is subtracted.
     """
     place_m = reading.position_m[:1]
-    where = ecef_to_geodetic(place_m)
-    if float(where.height_m[0]) > PAD_HEIGHT_M:
+    height_m = ecef_to_geodetic(reading.position_m).height_m
+    if not height_m[0] < PAD_HEIGHT_M < height_m.max():
         return None
-    axes = east_north_up_axes(where.latitude_rad, where.longitude_rad)[0]
     rate = (reading.position_m[1] - reading.position_m[0]) / (reading.time_s[1] - reading.time_s[0])
     x, y = place_m[0, :2].tolist()
     ground = (1.0 - reading.turns) * EARTH_ROTATION_RAD_S * np.array([-y, x, 0.0])
-    local: FloatArray = np.add.reduce(axes * (rate - ground), axis=1)
-    return local
+    return dot(axes_at(place_m)[0], rate - ground)
 
 
 def _misreading(table: StateTable, reading: Reading, evidence: str) -> Misreading:
@@ -269,7 +271,3 @@ def _evidence_on_pad(given: Reading) -> str:
         f"so read, it begins at rest; as given, its first state moves {toward} with"
         f" {abs(east):.0f} m/s, as the ground does"
     )
-
-
-def _length(vectors: FloatArray) -> FloatArray:
-    return np.sqrt((vectors * vectors).sum(axis=1))

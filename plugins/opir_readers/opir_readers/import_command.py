@@ -14,7 +14,6 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
-from opir_core.geometry import dot
 from opir_core.orbits import omm_complaint, omm_name
 from opir_core.output import OutputFiles
 from opir_core.plugin import BadFileError, Host, StateTable
@@ -22,6 +21,7 @@ from opir_readers.column_maps import columns_of_text, site_of_text
 from opir_readers.columns import map_complaint
 from opir_readers.detections.numbers import Row, Rows
 from opir_readers.flights.refining import refined
+from opir_readers.frames import lengths
 from opir_readers.interpolation import largest_doubt_m, runs
 from opir_readers.orbits.element_files import number_of
 from opir_readers.orbits.fleet import (
@@ -145,8 +145,8 @@ def _fastest(table: StateTable) -> tuple[float, float]:
         step_s = np.diff(table.time_s[rows])
         chord = np.diff(table.position_m[rows], axis=0) / step_s[:, None]
         bend = np.diff(chord, axis=0) / (0.5 * (step_s[1:] + step_s[:-1]))[:, None]
-        speed = max(speed, float(np.sqrt(dot(chord, chord)).max(initial=0.0)))
-        acceleration = max(acceleration, float(np.sqrt(dot(bend, bend)).max(initial=0.0)))
+        speed = max(speed, float(lengths(chord).max(initial=0.0)))
+        acceleration = max(acceleration, float(lengths(bend).max(initial=0.0)))
     return speed, acceleration
 
 

@@ -77,6 +77,12 @@ class Interpolant:
         return self.state(np.zeros(len(time_s), dtype=np.intp), time_s)
 
 
+def rows_apart(time_s: FloatArray, step_s: float) -> RowArray:
+    """Return the first row of each step of times (n,), s."""
+    steps = np.floor((time_s - time_s[0]) / max(step_s, 1e-9) + 1e-6)
+    return np.flatnonzero(np.diff(steps, prepend=-1.0) > 0.0)
+
+
 def interpolant(tables: Sequence[StateTable]) -> Interpolant:
     """Return the polynomials of tables."""
     intervals = [_intervals(table) for table in tables]

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import dot, ecef_to_geodetic
 from opir_core.plugin import StateTable
+from opir_readers.frames import lengths
 from opir_readers.free_fall import misreading_of
 from opir_readers.interpolation import interpolant, runs
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
@@ -42,12 +42,18 @@ class PlausibleLimits:
     step_rad: float = 1.0
     #: those of positions alone some 500 m, and ten times more at 1.3 times.
     step_without_velocities_rad: float = 0.5
+    #: In steps longer than this, s, a path may go around the Earth-fixed axes unseen; only
+    long_step_s: float = 21_600.0
+    #: what moves less than this, rad, in such a step, a geostationary satellite, can be interpolated.
+    long_step_rad: float = 0.1
     #: Heights below this, m, are below the ground everywhere: the Dead Sea's shore is at -430 m.
     least_height_m: float = -1000.0
     #: Two places of one time are nearer than this, m, where motion is not smooth there;
     jump_m: float = 1.0
-    #: farther at so many times, times are rounded.
+    #: farther at so many times and at this share of all, times are rounded. Segments of an ephemeris
+    #: meet at fewer.
     jumps: int = 3
+    jump_share: float = 0.05
 
 
 _LIMITS = PlausibleLimits()
@@ -104,9 +110,12 @@ def findings_of(
     # States that cannot be interpolated say nothing of gravity.
     misread = [] if coarse else _misread(table)
     (warnings if as_given else refused).extend(misread)
-    # Differences of positions that are far apart say nothing of velocities.
-    slip = None if coarse else velocity_slip(table)
+    # Steps are too long only if times are right.
+    coarse = coarse or ([] if misread else _long_steps(table))
     refused += coarse
+    # Differences of positions that are far apart say nothing of velocities.
+    is_sparse = coarse or np.diff(table.time_s).max() > _LIMITS.long_step_s
+    slip = None if is_sparse else velocity_slip(table)
     if slip is not None:
         is_refused = slip.is_systematic and slip.difference_m_s >= _LIMITS.refused_m_s
         (refused if is_refused else warnings).append(_slip_text(slip))
@@ -129,9 +138,9 @@ def _misread(table: StateTable) -> list[str]:
 def _two_places(table: StateTable) -> list[str]:
     """Return the reason to refuse several times with two places each."""
     rows = np.flatnonzero(np.diff(table.time_s) == 0.0)
-    apart_m = _length(table.position_m[rows + 1] - table.position_m[rows])
+    apart_m = lengths(table.position_m[rows + 1] - table.position_m[rows])
     jumps = np.flatnonzero(apart_m > _LIMITS.jump_m)
-    if len(jumps) < _LIMITS.jumps:
+    if len(jumps) < max(_LIMITS.jumps, _LIMITS.jump_share * len(table.time_s)):
         return []
     row = int(rows[jumps[0]])
     words = (
@@ -146,7 +155,7 @@ def _coarse_steps(table: StateTable) -> list[str]:
     """Return the reason to refuse steps that are too long to interpolate."""
     has_velocity = table.velocity_m_s is not None
     widest_rad = _LIMITS.step_rad if has_velocity else _LIMITS.step_without_velocities_rad
-    direction = table.position_m / _length(table.position_m)[:, None]
+    direction = table.position_m / lengths(table.position_m)[:, None]
     swept_rad = np.arccos(np.clip(dot(direction[:-1], direction[1:]), -1.0, 1.0))
     swept_rad[np.diff(table.run) != 0] = 0.0
     row = int(swept_rad.argmax())
@@ -158,6 +167,31 @@ def _coarse_steps(table: StateTable) -> list[str]:
         f"line {table.line_of(row + 1)}: {swept_deg:.3g}° around the Earth from the state before"
         f" it, in a step of {step_s:g} s; that cannot be interpolated: take states at most"
         f" {np.degrees(widest_rad):.0f}° apart"
+    )
+    return [words]
+
+
+def _long_steps(table: StateTable) -> list[str]:
+    """Return the reason to refuse steps in which the Earth turns too far.
+
+    Geostationary satellites may have them. The angle of a step is that of a circular orbit over
+    the turning Earth, or that of the velocity.
+    """
+    step_s = np.diff(table.time_s)
+    step_s[np.diff(table.run) != 0] = 0.0
+    radius_m = lengths(table.position_m[:-1])
+    rate_rad_s = np.abs(np.sqrt(EARTH_MU_M3_S2 / radius_m**3) - EARTH_ROTATION_RAD_S)
+    if table.velocity_m_s is not None:
+        rate_rad_s = np.maximum(rate_rad_s, lengths(table.velocity_m_s[:-1]) / radius_m)
+    is_unseen = (step_s > _LIMITS.long_step_s) & (rate_rad_s * step_s > _LIMITS.long_step_rad)
+    if not is_unseen.any():
+        return []
+    row = int(is_unseen.argmax())
+    turned_deg = float(np.degrees(EARTH_ROTATION_RAD_S * step_s[row]))
+    words = (
+        f"line {table.line_of(row + 1)}: a step of {step_s[row]:g} s, in which the Earth turns by"
+        f" {turned_deg:.0f}°; the path over the turning Earth cannot be interpolated: take states"
+        " at most an hour apart"
     )
     return [words]
 
@@ -242,7 +276,7 @@ def _doubts_of_motion(table: StateTable) -> Iterator[str]:
             f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the"
             " Earth; are times or lengths in other units?"
         )
-    if speed < _LIMITS.slowest_m_s and _length(table.position_m).min() < _LIMITS.still_above_m:
+    if speed < _LIMITS.slowest_m_s and lengths(table.position_m).min() < _LIMITS.still_above_m:
         yield (
             f"line {table.line_of(row)}: nothing moves faster than {speed:.3g} m/s; are its times"
             " in other units?"
@@ -262,7 +296,7 @@ def _fastest(table: StateTable) -> tuple[int, float]:
     for rows in runs(table):
         if len(rows) > 1:
             chord = np.diff(table.position_m[rows], axis=0) / np.diff(table.time_s[rows])[:, None]
-            speeds = _length(chord)
+            speeds = lengths(chord)
             reached.append((float(speeds.max()), int(rows[1:][speeds.argmax()])))
     speed, row = max(reached)
     return row, speed
@@ -282,7 +316,7 @@ def _hardest(table: StateTable) -> tuple[int, float]:
     _, velocity = interpolant([table]).at(time_s.ravel())
     spans_s = np.diff(time_s, axis=1)[..., None]
     turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / spans_s
-    hardest = _length(turn).max(axis=1)
+    hardest = lengths(turn).max(axis=1)
     hardest[hardest * length_s**2 < _LIMITS.least_bend_m] = 0.0
     row = hardest.argmax()
     return int(rows[row]), float(hardest[row])
@@ -296,7 +330,3 @@ def _doubts_of_heights(table: StateTable) -> Iterator[str]:
             f"line {table.line_of(row)}: {-height_m[row]:.6g} m below the WGS 84 ellipsoid; are"
             " latitudes geocentric, or heights above something else?"
         )
-
-
-def _length(vectors: FloatArray) -> FloatArray:
-    return np.sqrt(dot(vectors, vectors))

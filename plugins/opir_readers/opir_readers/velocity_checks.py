@@ -18,11 +18,10 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry import dot
 from opir_core.plugin import StateTable
 from opir_readers.celestial_frames import earth_rotation_m_s, turned
 from opir_readers.columns import INERTIAL_VELOCITY, LOCAL_VELOCITY, SPEEDS, VELOCITIES, xyz
-from opir_readers.frames import along_axes, axes_at
+from opir_readers.frames import along_axes, axes_at, lengths
 from opir_readers.interpolation import runs
 
 
@@ -97,7 +96,7 @@ def velocity_slip(table: StateTable) -> VelocitySlip | None:
     rows, rates, turns = _rates(table)
     if len(rows) < 2:
         return None
-    difference = _length(table.velocity_m_s[rows] - rates)
+    difference = lengths(table.velocity_m_s[rows] - rates)
 
     def slip_at(row: np.intp, **described: Any) -> VelocitySlip:
         return VelocitySlip(table.line_of(int(rows[row])), float(difference[row]), **described)
@@ -108,7 +107,7 @@ def velocity_slip(table: StateTable) -> VelocitySlip | None:
         slip, residual = _best(table, rows, rates, _LIMITS.alike * median)
         if residual <= _LIMITS.explained * median:
             return slip_at(worst, cause=slip.cause, remedy=slip.remedy, residual_m_s=residual)
-    share_m_s = _LIMITS.unexplained * float(np.median(_length(rates)))
+    share_m_s = _LIMITS.unexplained * float(np.median(lengths(rates)))
     if median > max(share_m_s, float(np.median(turns)), _LIMITS.least_outlier_m_s):
         return slip_at(worst)
     excess = difference - np.maximum(_LIMITS.outlier * turns, _LIMITS.least_outlier_m_s)
@@ -129,7 +128,7 @@ def _rates_of_run(table: StateTable, rows: RowArray) -> _Rates:
     step = np.diff(table.time_s[rows])[:, None]
     chord = np.diff(table.position_m[rows], axis=0) / step
     rates = (chord[:-1] * step[1:] + chord[1:] * step[:-1]) / (step[:-1] + step[1:])
-    return _Rates(rows[1:-1], rates, _length(np.diff(chord, axis=0)))
+    return _Rates(rows[1:-1], rates, lengths(np.diff(chord, axis=0)))
 
 
 def _thinned(time_s: FloatArray, rows: RowArray) -> RowArray:
@@ -148,7 +147,7 @@ def _best(
     Slips whose differences are within `alike_m_s` fit alike.
     """
     slips = list(_mended(table, rows, rates))
-    residuals = [float(np.median(_length(slip.velocity_m_s - rates))) for slip in slips]
+    residuals = [float(np.median(lengths(slip.velocity_m_s - rates))) for slip in slips]
     # Of slips that fit alike the plainest counts, which comes first: an axis of a flat flight may
     # have either sign.
     limit = 1.2 * min(residuals) + alike_m_s
@@ -249,7 +248,3 @@ def _renamed(table: StateTable, quantities: tuple[str, ...], unit: str) -> str:
     pairs = zip(quantities, names, strict=False)
     mapped = ", ".join(f"{quantity}_{unit}: {name}" for quantity, name in pairs)
     return f"set columns: {{{mapped}}}" if mapped else ""
-
-
-def _length(vectors: FloatArray) -> FloatArray:
-    return np.sqrt(dot(vectors, vectors))

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from astropy.coordinates import EarthLocation
+from scipy.integrate import solve_ivp
 
 import opir_core as opir
 from opir_core.simulation import plan_warnings
@@ -16,35 +18,9 @@ MU_M3_S2 = 3.986004418e14
 EARTH_RAD_S = 7.292115e-5
 MEAN_RADIUS_M = 6_371_000.0
 EPOCH = "2026-04-01T12:00:00Z"
-PAD = np.radians([34.7, -120.6])
+GEOSYNCHRONOUS_M = 42_164_172.0
 
 Columns = Mapping[str, np.ndarray]
-
-
-def gravity(place: np.ndarray) -> np.ndarray:
-    return -MU_M3_S2 * place / np.linalg.norm(place) ** 3
-
-
-def flown(
-    place: np.ndarray, velocity: np.ndarray, push: Callable[..., np.ndarray], last_s: float
-) -> np.ndarray:
-    """Return inertial positions (n, 3) each 0.5 s, by the classical Runge-Kutta rule."""
-    step = 0.5
-    state = np.concatenate([place, velocity])
-    places = [state[:3]]
-
-    def rate(time_s: float, now: np.ndarray) -> np.ndarray:
-        return np.concatenate([now[3:], gravity(now[:3]) + push(time_s, now)])
-
-    for number in range(int(last_s / step)):
-        time_s = number * step
-        first = rate(time_s, state)
-        second = rate(time_s + step / 2, state + step / 2 * first)
-        third = rate(time_s + step / 2, state + step / 2 * second)
-        fourth = rate(time_s + step, state + step * third)
-        state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
-        places.append(state[:3])
-    return np.array(places)
 
 
 @cache
@@ -53,36 +29,46 @@ def suborbital() -> tuple[np.ndarray, np.ndarray]:
 
     The Earth is a sphere of the radius of the pad.
     """
-    latitude, longitude = PAD
-    up = np.array(
-        [
-            np.cos(latitude) * np.cos(longitude),
-            np.cos(latitude) * np.sin(longitude),
-            np.sin(latitude),
-        ]
-    )
-    west = np.array([np.sin(longitude), -np.cos(longitude), 0.0])
+    up = geodetic_place(34.7, -120.6, 0.0) / 6.371e6
+    west = np.cross(up, [0.0, 0.0, 1.0]) / -np.hypot(*up[:2])
     place = 6_371_200.0 * up
-    ground = EARTH_RAD_S * np.array([-place[1], place[0], 0.0])
+    ground = np.cross([0.0, 0.0, EARTH_RAD_S], place)
 
-    def push(time_s: float, _: np.ndarray) -> np.ndarray:
+    def rate(time_s: float, state: np.ndarray) -> np.ndarray:
         tilt = np.radians(0.5 * time_s)
-        force = 15.0 + 0.25 * time_s
-        return force * (np.cos(tilt) * up + np.sin(tilt) * west) if time_s < 90.0 else np.zeros(3)
+        push = (15.0 + 0.25 * time_s) * (time_s < 90.0)
+        gravity = -MU_M3_S2 * state[:3] / np.linalg.norm(state[:3]) ** 3
+        return np.concatenate(
+            [state[3:], gravity + push * (np.cos(tilt) * up + np.sin(tilt) * west)]
+        )
 
-    places = flown(place, ground, push, 270.0)
-    return 0.5 * np.arange(len(places)), places
+    time_s = np.arange(0.0, 270.5, 0.5)
+    flown = solve_ivp(rate, (0.0, 270.0), [*place, *ground], t_eval=time_s, max_step=0.5, rtol=1e-9)
+    return time_s, flown.y[:3].T
 
 
-@cache
-def orbit() -> tuple[np.ndarray, np.ndarray]:
-    """Return times (n,), s, and inertial positions (n, 3), m, of a circular orbit, 60 s apart."""
-    rate = np.sqrt(MU_M3_S2 / 7.6e6**3)
-    time_s = 60.0 * np.arange(40)
-    phase = rate * time_s
-    tilt = np.radians(60.0)
-    across = np.cos(tilt) * np.sin(phase)
-    return time_s, 7.6e6 * np.stack([np.cos(phase), across, np.sin(tilt) * np.sin(phase)], axis=1)
+def satellite(
+    radius_m: float = 7.6e6,
+    inclination_deg: float = 60.0,
+    step_s: float = 60.0,
+    sigma_m: float = 0.0,
+    states: int = 40,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (n,), s, and inertial positions (n, 3), m, of a circular orbit, with noise."""
+    time_s = step_s * np.arange(states)
+    phase = np.sqrt(MU_M3_S2 / radius_m**3) * time_s
+    tilt = np.radians(inclination_deg)
+    across = np.sin(phase)
+    place = np.stack([np.cos(phase), np.cos(tilt) * across, np.sin(tilt) * across], axis=1)
+    return time_s, radius_m * place + sigma_m * noise(place)
+
+
+def noise(place: np.ndarray) -> np.ndarray:
+    return np.random.Generator(np.random.Philox(19)).standard_normal(place.shape)
+
+
+def on_ground(time_s: np.ndarray, place: np.ndarray) -> dict[str, np.ndarray]:
+    return {"time_s": time_s, **xyz(fixed(time_s, place), "ecef")}
 
 
 def turned(place: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -102,18 +88,9 @@ def fixed(time_s: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 
 def geodetic(place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return latitude and longitude, deg, and height, m, on WGS 84 (Bowring's rule)."""
-    a = 6_378_137.0
-    b = 6_356_752.314245
-    x, y, z = place.T
-    p = np.hypot(x, y)
-    beta = np.arctan2(a * z, b * p)
-    latitude = np.arctan2(
-        z + (a**2 / b - b) * np.sin(beta) ** 3, p - (a - b**2 / a) * np.cos(beta) ** 3
-    )
-    normal = a / np.sqrt(1 - (1 - b**2 / a**2) * np.sin(latitude) ** 2)
-    height = p * np.cos(latitude) + z * np.sin(latitude) - a**2 / normal
-    return np.degrees(latitude), np.degrees(np.arctan2(y, x)), height
+    """Return latitude and longitude, deg, and height, m, on WGS 84."""
+    where = EarthLocation.from_geocentric(*place.T, unit="m").to_geodetic("WGS84")
+    return where.lat.deg, where.lon.deg, where.height.to_value("m")
 
 
 def table(path: Path, columns: Columns, decimals: int = 6) -> Path:
@@ -132,7 +109,7 @@ def table(path: Path, columns: Columns, decimals: int = 6) -> Path:
 
 def planned(path: Path, **settings: Any) -> opir.Plan:
     target = {"id": "T1", "model": "table", "type": "SRBM", "file": str(path), **settings}
-    if "start_s" not in settings and "timestamp" not in path.read_text(encoding="utf-8")[:200]:
+    if "timestamp" not in path.read_text(encoding="utf-8")[:200]:
         target["start_s"] = 0.0
     return opir.compile_plan(
         opir.scene_from_mapping(
@@ -194,25 +171,30 @@ SLIPS: dict[str, tuple[Callable[[], Columns], str, str]] = {
         "subtract the Earth's radius",
     ),
     "times in milliseconds": (
-        lambda: {"time_s": 1e3 * flight_columns()[0], **xyz(flight_columns()[2], "ecef")},
+        lambda: rescaled(1e3, 1.0),
         "with times in ms",
         "{time_ms: time_s}",
     ),
     "times in minutes": (
-        lambda: {"time_s": flight_columns()[0] / 60.0, **xyz(flight_columns()[2], "ecef")},
+        lambda: rescaled(1.0 / 60.0, 1.0),
         "with times in min",
         "{time_min: time_s}",
     ),
     "positions in feet": (
-        lambda: {"time_s": flight_columns()[0], **xyz(flight_columns()[2] / 0.3048, "ecef")},
+        lambda: rescaled(1.0, 1.0 / 0.3048),
         "with positions in ft",
         "{x_ecef_ft: x_ecef_m, y_ecef_ft: y_ecef_m, z_ecef_ft: z_ecef_m}",
     ),
 }
 
 
+def rescaled(times: float, lengths: float) -> Columns:
+    time_s, _, place = flight_columns()
+    return {"time_s": times * time_s, **xyz(lengths * place, "ecef")}
+
+
 @pytest.mark.parametrize("slip", SLIPS)
-def test_slips_of_units_are_named_with_their_remedy(tmp_path: Path, slip: str) -> None:
+def test_slips_of_units_are_named_with_their_remedy(tmp_path, slip):
     columns, cause, remedy = SLIPS[slip]
     message = complaint(table(tmp_path / "flight.csv", columns()))
     assert cause in message
@@ -221,14 +203,14 @@ def test_slips_of_units_are_named_with_their_remedy(tmp_path: Path, slip: str) -
     assert message.count("targets[0].file") == 1
 
 
-def test_remedies_of_messages_mend_the_table(tmp_path: Path) -> None:
+def test_remedies_of_messages_mend_the_table(tmp_path):
     path = table(tmp_path / "flight.csv", heights(1e3))
     (target,) = planned(path, columns={"height_km": "height_m"}).targets.truth()
     assert target["file"] == str(path)
 
 
 @pytest.mark.parametrize("frame", ["teme", "ecef"])
-def test_axes_of_flights_are_told_apart(tmp_path: Path, frame: str) -> None:
+def test_axes_of_flights_are_told_apart(tmp_path, frame):
     time_s, inertial, on_ground = flight_columns()
     place = inertial if frame == "ecef" else on_ground
     path = with_dates(tmp_path / "flight.csv", {"time_s": time_s, **xyz(place, frame)})
@@ -244,7 +226,7 @@ def test_axes_of_flights_are_told_apart(tmp_path: Path, frame: str) -> None:
 
 
 @pytest.mark.parametrize("frame", ["teme", "ecef"])
-def test_a_flight_that_ends_burning_is_told_by_its_pad(tmp_path: Path, frame: str) -> None:
+def test_a_flight_that_ends_burning_is_told_by_its_pad(tmp_path, frame):
     time_s, inertial, on_ground = (column[:18] for column in flight_columns())
     place = inertial if frame == "ecef" else on_ground
     message = complaint(
@@ -255,27 +237,26 @@ def test_a_flight_that_ends_burning_is_told_by_its_pad(tmp_path: Path, frame: st
 
 
 def oem(path: Path, frame: str, time_s: np.ndarray, place: np.ndarray) -> Path:
-    head = [
-        "CCSDS_OEM_VERS = 2.0",
-        "CREATION_DATE = 2026-04-01T00:00:00",
-        "ORIGINATOR = TEST",
-        "META_START",
-        "OBJECT_NAME = ONE",
-        "OBJECT_ID = 2026-001A",
-        "CENTER_NAME = EARTH",
-        f"REF_FRAME = {frame}",
-        "TIME_SYSTEM = UTC",
-        f"START_TIME = {dated(time_s[:1] - 600.0)[0][:-1]}",
-        f"STOP_TIME = {dated(time_s[-1:] - 600.0)[0][:-1]}",
-        "META_STOP",
-    ]
+    start, stop = (date[:-1] for date in dated(time_s[[0, -1]] - 600.0))
+    head = f"""CCSDS_OEM_VERS = 2.0
+CREATION_DATE = 2026-04-01T00:00:00
+ORIGINATOR = TEST
+META_START
+OBJECT_NAME = ONE
+OBJECT_ID = 2026-001A
+CENTER_NAME = EARTH
+REF_FRAME = {frame}
+TIME_SYSTEM = UTC
+START_TIME = {start}
+STOP_TIME = {stop}
+META_STOP"""
     velocity = np.gradient(place, time_s, axis=0, edge_order=2)
     rows = np.concatenate([place, velocity], axis=1) / 1e3
     lines = [
         " ".join([date[:-1], *(f"{value:.6f}" for value in row)])
         for date, row in zip(dated(time_s - 600.0), rows.tolist(), strict=True)
     ]
-    path.write_text("\n".join([*head, *lines, ""]), encoding="utf-8")
+    path.write_text("\n".join([head, *lines, ""]), encoding="utf-8")
     return path
 
 
@@ -300,8 +281,8 @@ def sensor_planned(path: Path, **settings: Any) -> opir.Plan:
     ("frame", "axes"),
     [("ITRF2000", "inertial"), ("EME2000", "Earth-fixed"), ("TEME", "Earth-fixed")],
 )
-def test_axes_of_ephemerides_are_told_apart(tmp_path: Path, frame: str, axes: str) -> None:
-    time_s, inertial = orbit()
+def test_axes_of_ephemerides_are_told_apart(tmp_path, frame, axes):
+    time_s, inertial = satellite()
     place = inertial if axes == "inertial" else fixed(time_s, inertial)
     path = oem(tmp_path / "orbit.oem", frame, time_s, place)
     with pytest.raises(opir.SceneError) as refused:
@@ -312,8 +293,8 @@ def test_axes_of_ephemerides_are_told_apart(tmp_path: Path, frame: str, axes: st
     assert any(axes in warning for warning in warnings)
 
 
-def test_an_ephemeris_covers_the_scene(tmp_path: Path) -> None:
-    time_s, inertial = orbit()
+def test_an_ephemeris_covers_the_scene(tmp_path):
+    time_s, inertial = satellite()
     path = oem(tmp_path / "orbit.oem", "TEME", time_s[:11], inertial[:11])
     with pytest.raises(
         opir.SceneError, match=r"no state at 2026-04-01T12:01:00Z.*the scene lasts 60 s"
@@ -322,19 +303,21 @@ def test_an_ephemeris_covers_the_scene(tmp_path: Path) -> None:
 
 
 def noisy(step: int, sigma_m: float) -> Columns:
-    time_s, place = suborbital()
-    generator = np.random.Generator(np.random.Philox(19))
-    some = fixed(time_s, place)[::step]
-    return {
-        "time_s": time_s[::step],
-        **xyz(some + sigma_m * generator.standard_normal(some.shape), "ecef"),
-    }
+    time_s, place = (column[::step] for column in suborbital())
+    return on_ground(time_s, place + sigma_m * noise(place))
 
 
 def hover() -> Columns:
     time_s = np.arange(0.0, 250.0, 2.0)
     place = np.repeat(geodetic_place(34.7, -120.6, 30_000.0)[None], len(time_s), axis=0)
     return {"time_s": time_s, **xyz(place + 12.0 * time_s[:, None] * [0.0, 0.0, 1.0], "ecef")}
+
+
+def cruise(side: float) -> Columns:
+    """Return a flight along 59° N near the ground, as fast as it, towards the east or the west."""
+    time_s = np.arange(0.0, 250.0)
+    place = np.repeat(geodetic_place(59.0, 0.0, -8600.0)[None], len(time_s), axis=0)
+    return {"time_s": time_s, **xyz(turned(place, -side * EARTH_RAD_S * time_s), "ecef")}
 
 
 def geodetic_place(latitude_deg: float, longitude_deg: float, height_m: float) -> np.ndarray:
@@ -355,18 +338,50 @@ HEALTHY: dict[str, Callable[[], Columns]] = {
     "states each 0.5 s, 5 m of noise": lambda: noisy(1, 5.0),
     "a burn alone": lambda: {name: column[:18] for name, column in noisy(10, 0.0).items()},
     "a climb without free fall": hover,
+    "a cruise as fast as the ground": lambda: cruise(1.0),
+    "a cruise against the ground": lambda: cruise(-1.0),
+    "100 m of noise each minute": lambda: on_ground(
+        *satellite(GEOSYNCHRONOUS_M, 0.05, 60.0, 100.0)
+    ),
+    "5 km of noise": lambda: on_ground(*satellite(GEOSYNCHRONOUS_M, 5.0, 300.0, 5000.0)),
+    "the Moon": lambda: on_ground(*satellite(3.844e8, 28.0, 900.0)),
 }
 
 
 @pytest.mark.parametrize("case", HEALTHY)
-def test_right_tables_are_taken_without_a_word(tmp_path: Path, case: str) -> None:
+def test_right_tables_are_taken_without_a_word(tmp_path, case):
     plan = planned(table(tmp_path / "flight.csv", HEALTHY[case](), decimals=3))
     assert not [each for each in plan_warnings(plan) if "seem" in each]
 
 
-def test_two_places_at_one_time_are_refused_by_line(tmp_path: Path) -> None:
+def test_two_places_at_one_time_are_refused_by_line(tmp_path):
     time_s, _, place = flight_columns()
     whole = {"time_s": np.floor(time_s / 10.0) * 10.0, **xyz(place, "ecef")}
     message = complaint(table(tmp_path / "flight.csv", whole))
     assert "line 3: the same time as line 2, and a place" in message
     assert "give times with more decimals" in message
+
+
+@pytest.mark.parametrize("radius_m", [26.56e6, 3.844e8])
+def test_daily_states_are_too_far_apart(tmp_path, radius_m):
+    columns = on_ground(*satellite(radius_m, 28.0, 86_400.0))
+    message = complaint(table(tmp_path / "orbit.csv", columns))
+    assert "a step of 86400 s, in which the Earth turns by 361°" in message
+    assert "seem" not in message
+
+
+def test_daily_states_of_a_geostationary_satellite_are_taken(tmp_path):
+    columns = on_ground(*satellite(GEOSYNCHRONOUS_M, 0.05, 86_400.0))
+    assert not plan_warnings(sensor_planned(with_dates(tmp_path / "orbit.csv", columns)))
+
+
+def test_segments_that_meet_with_jumps_are_taken(tmp_path):
+    time_s, place = satellite(states=121)
+    path = tmp_path / "orbit.oem"
+    segments = [
+        oem(path, "TEME", time_s[row : row + 31], place[row : row + 31] + row).read_text("utf-8")
+        for row in (0, 30, 60, 90)
+    ]
+    others = [text[text.index("META_START") :] for text in segments[1:]]
+    path.write_text("".join([segments[0], *others]), encoding="utf-8")
+    assert not plan_warnings(sensor_planned(path))

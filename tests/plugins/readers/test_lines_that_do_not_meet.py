@@ -1,11 +1,10 @@
 """Lines of sight that contradict each other, or begin no track: the reason is named."""
 
 import csv
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from opir_readers.detections.meeting import Lines, slips_of_pair
 
 from opir_core.cli.main import main
 
@@ -17,10 +16,8 @@ SENSORS = "sensors:\n" + "".join(
     for name, slot in SLOTS_DEG.items()
 )
 
-Row = dict[str, Any]
 
-
-def source_m(time_s: float) -> np.ndarray:
+def source_m(time_s):
     """Return the place of a source that climbs from 34° N 120° W, m in ECEF.
 
     It is pushed by 20 m/s² upwards, and flies north with 2 km/s.
@@ -32,7 +29,7 @@ def source_m(time_s: float) -> np.ndarray:
     return radius * np.array([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)])
 
 
-def angles_deg(slot_deg: float, place: np.ndarray) -> tuple[float, float]:
+def angles_deg(slot_deg, place):
     """Return azimuth from north over east and elevation of a place from a geostationary sensor, deg."""
     slot = np.radians(slot_deg)
     up = np.array([np.cos(slot), np.sin(slot), 0.0])
@@ -44,7 +41,7 @@ def angles_deg(slot_deg: float, place: np.ndarray) -> tuple[float, float]:
     )
 
 
-def rows(step_s: float = 1.0, last_s: float = 20.0, late_s: float = 0.0) -> list[Row]:
+def rows(step_s=1.0, last_s=20.0, late_s=0.0):
     """Return lines of both sensors; those of EAST have a clock that is late."""
     found = []
     for number, (name, slot) in enumerate(SLOTS_DEG.items()):
@@ -63,7 +60,7 @@ def rows(step_s: float = 1.0, last_s: float = 20.0, late_s: float = 0.0) -> list
     return sorted(found, key=lambda row: str(row["timestamp"]))
 
 
-def answer(folder: Path, capsys: pytest.CaptureFixture[str], table: list[Row], *words: str) -> str:
+def answer(folder, capsys, table, *words):
     """Return what `opir track` prints of a table."""
     with (folder / "lines.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(table[0]))
@@ -76,7 +73,7 @@ def answer(folder: Path, capsys: pytest.CaptureFixture[str], table: list[Row], *
     return printed.err + printed.out
 
 
-def changed(azimuth: Any = lambda a: a, elevation: Any = lambda e: e) -> list[Row]:
+def changed(azimuth=lambda a: a, elevation=lambda e: e):
     return [
         row
         | {
@@ -87,7 +84,7 @@ def changed(azimuth: Any = lambda a: a, elevation: Any = lambda e: e) -> list[Ro
     ]
 
 
-def exchanged() -> list[Row]:
+def exchanged():
     other = {"WEST": "EAST", "EAST": "WEST"}
     return [row | {"sensor_id": other[row["sensor_id"]]} for row in rows()]
 
@@ -117,27 +114,21 @@ SLIPS = {
 
 
 @pytest.mark.parametrize("slip", SLIPS)
-def test_slips_of_lines_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], slip: str
-) -> None:
+def test_slips_of_lines_are_named(tmp_path, capsys, slip):
     table, words = SLIPS[slip]
     text = answer(tmp_path, capsys, table)
     assert "lines of WEST and EAST within 0.5 s pass each other at" in text
     assert words in " ".join(text.split())
 
 
-def test_lines_that_meet_are_taken_without_a_word(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_lines_that_meet_are_taken_without_a_word(tmp_path, capsys):
     text = answer(tmp_path, capsys, rows())
     assert "pass each other" not in text
     assert "warning" not in text
     assert "no track" not in text
 
 
-def test_sensors_that_see_different_sources_have_made_no_slip(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sensors_that_see_different_sources_have_made_no_slip(tmp_path, capsys):
     table = rows()
     for row in table:
         if row["sensor_id"] == "EAST":
@@ -148,9 +139,7 @@ def test_sensors_that_see_different_sources_have_made_no_slip(
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e3])
-def test_standard_deviations_that_no_sensor_has_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: float
-) -> None:
+def test_standard_deviations_that_no_sensor_has_are_named(tmp_path, capsys, unit):
     table = [row | {"line_of_sight_sigma_urad": 20.0 * unit} for row in rows()]
     text = answer(tmp_path, capsys, table)
     assert (
@@ -159,25 +148,19 @@ def test_standard_deviations_that_no_sensor_has_are_named(
     )
 
 
-def test_whole_seconds_are_the_reason_for_no_track(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_whole_seconds_are_the_reason_for_no_track(tmp_path, capsys):
     table = [row | {"timestamp": f"{str(row['timestamp'])[:19]}Z"} for row in rows(step_s=0.125)]
     text = answer(tmp_path, capsys, table, "--set", "sensors[*].scan_period_ms=100")
     assert "no track from 319 detections: 160 of 160 lines of WEST share 20 whole seconds" in text
     assert "give times with more decimals" in text
 
 
-def test_few_scans_are_the_reason_for_no_track(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_few_scans_are_the_reason_for_no_track(tmp_path, capsys):
     text = answer(tmp_path, capsys, rows(last_s=2.0))
     assert "WEST has 2 detections, and a track takes 4 scans" in text
 
 
-def test_lines_rarer_than_scans_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_lines_rarer_than_scans_are_named(tmp_path, capsys):
     text = answer(tmp_path, capsys, rows(step_s=4.0, last_s=60.0))
     assert "lines of WEST are 4 s apart in the median, and its scans in the scene 1 s" in text
     assert "set scan_period_ms: 4000" in text
@@ -188,3 +171,14 @@ def test_a_line_at_the_end_of_the_scene_begins_no_track(
 ) -> None:
     text = answer(tmp_path, capsys, rows(last_s=0.1)[:1])
     assert "WEST has 1 detection, and a track takes 4 scans" in text
+
+
+def test_sensors_at_one_place_show_no_slip():
+    """Two sensors of one satellite in a low orbit see a source that stays."""
+    time_s = np.arange(0.0, 60.0)
+    phase = 1e-3 * time_s[:, None]
+    origin = 7.4e6 * (np.cos(phase) * [1.0, 0.0, 0.0] + np.sin(phase) * [0.0, 0.5, 0.8660254])
+    offset = [6.3e6, 0.8e6, 0.6e6] - origin
+    direction = offset / np.linalg.norm(offset, axis=1)[:, None]
+    lines = Lines(time_s, origin, direction, np.full(60, 20e-6))
+    assert not list(slips_of_pair((lines, lines), ("ONE", "TWO")))

@@ -284,7 +284,7 @@ def test_speeds_in_other_units_are_refused_by_name(ascent, unit, metres_a_second
     assert unit in words
 
 
-def suborbital(metres_a_second):
+def suborbital(metres_a_second, sideways_m_s=0.0):
     """Return telemetry of 70 s of thrust and a coast, that of a vertical flight in closed form.
 
     Thrust is 20 m/s² beyond gravity, which is that of a sphere in the coast.
@@ -304,7 +304,7 @@ def suborbital(metres_a_second):
         json.dumps(
             {
                 "time": time,
-                "velocity": round(abs(speed) / metres_a_second),
+                "velocity": round(math.hypot(speed, sideways_m_s) / metres_a_second),
                 "altitude": round(up / 1e3, 1),
             }
         )
@@ -316,3 +316,9 @@ def test_a_coast_names_the_unit_of_speeds():
     words = refusal("webcast", suborbital(1 / 3.6), site=SITE)
     assert re.search(r"in km/h: so read, \d\d % .* multiply them by 0.277778", words)
     assert len(flight_of(suborbital(1.0)).time_s) == 241
+
+
+def test_speeds_with_the_earths_rotation_are_named():
+    burn = suborbital(1.0, 408.0).split("\n")[:70]
+    words = refusal("webcast", "\n".join(burn), site=SITE)
+    assert "408 m/s on the pad: do they contain the Earth's rotation?" in words

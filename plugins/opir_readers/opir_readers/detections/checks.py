@@ -16,6 +16,7 @@ from opir_readers.detections.line_doubts import odd_sigmas, rare_lines
 from opir_readers.detections.meeting import slips_of_lines
 from opir_readers.detections.numbers import Rows, place_of
 from opir_readers.detections.times import NS_PER_S
+from opir_readers.frames import lengths
 from opir_readers.table_checks import SceneTimes, scale_text
 
 #: Lines of sight that pass the Earth's centre farther away than this, m, meet no launch: 1 600 km
@@ -51,7 +52,7 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
     direction = detections.line_of_sight_ecef
     along_m = -dot(origin_m, direction)
     beside_m = origin_m + along_m[:, None] * direction
-    misses = np.sqrt(dot(beside_m, beside_m)) > _FARTHEST_M
+    misses = lengths(beside_m) > _FARTHEST_M
     yield from _many(
         columns,
         plan,
@@ -59,7 +60,7 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
         "leads past the Earth; are angles in other units, from other axes, or counted from"
         " elsewhere?",
     )
-    nadir_rad = np.arccos(np.clip(along_m / np.sqrt(dot(origin_m, origin_m)), -1.0, 1.0))
+    nadir_rad = np.arccos(np.clip(along_m / lengths(origin_m), -1.0, 1.0))
     half_angles = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])
     is_outside = nadir_rad > half_angles[detections.sensor] + 1e-3
     yield from _many(columns, plan, is_outside, "is outside of the sensor's field of regard")
@@ -69,7 +70,7 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
     for number, sensor in enumerate(plan.sensors):
         rows = np.flatnonzero(detections.sensor == number)
         offset = origin_m[rows] - sensor.orbit.position_ecef_m(detections.time_s[rows])
-        astray_m = np.sqrt(dot(offset, offset))
+        astray_m = lengths(offset)
         if astray_m.max(initial=0.0) > _ASTRAY_M:
             worst = int(astray_m.argmax())
             yield (

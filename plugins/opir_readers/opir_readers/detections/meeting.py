@@ -14,8 +14,9 @@ from attrs import evolve, frozen
 from opir_core import Plan
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.geometry import dot, east_north_up_axes, ecef_to_geodetic
+from opir_core.geometry import dot
 from opir_core.plugin import Detections
+from opir_readers.frames import along_axes, axes_at, lengths
 
 #: Lines within this time, s, are taken for simultaneous: so far a target of this speed, m/s, moves at most.
 TOGETHER_S = 0.5
@@ -34,6 +35,10 @@ FARTHEST_M = 8.5e6
 MIN_LINES = 8
 FEW = 0.1
 MOST = 0.5
+
+#: Sensors nearer to each other than so many errors of their lines at their distance from the Earth's
+#: centre are at one place: their lines do not show where they meet.
+MIN_BASE = 2.0
 
 #: Slips fit alike whose lines pass each other this many times as far: two geostationary sensors see
 #: mirror images of a source under several.
@@ -109,31 +114,42 @@ Pair = tuple[Lines, Lines]
 
 def slips_of_lines(detections: Detections, plan: Plan) -> Iterator[str]:
     """Yield the slips that explain why lines of two sensors do not meet, for each pair with one."""
-    for numbers in combinations(np.unique(detections.sensor).tolist(), 2):
-        first, second = numbers
+    for first, second in combinations(np.unique(detections.sensor).tolist(), 2):
         pair = Lines.of(detections, first), Lines.of(detections, second)
-        given = meeting(pair)
-        if len(given.meets) < MIN_LINES or given.share > FEW:
-            continue
-        names = [plan.sensors[number].id for number in numbers]
-        slips = {slip: lines for slip, lines in _mended(pair) if lines.share >= MOST}
-        if slips:
-            nearest_m = min(lines.typical_m for lines in slips.values())
-            ways = [
-                f"{slip} ({REMEDIES[slip].format(*names)})"
-                for slip, lines in slips.items()
-                if lines.typical_m <= ALIKE * nearest_m
-            ]
-            yield (
-                f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s pass each other at"
-                f" {given.typical_m * 1e-3:.3g} km, and at {nearest_m * 1e-3:.2g} km"
-                f" {' or '.join(ways)}"
-            )
+        names = plan.sensors[first].id, plan.sensors[second].id
+        yield from slips_of_pair(pair, names)
+
+
+def slips_of_pair(pair: Pair, names: tuple[str, str]) -> Iterator[str]:
+    """Yield the slips of lines of two sensors, of these names, if there are any."""
+    given = meeting(pair)
+    if len(given.meets) < MIN_LINES or given.share > FEW or _at_one_place(pair):
+        return
+    slips = {slip: lines for slip, lines in _mended(pair) if lines.share >= MOST}
+    if slips:
+        nearest_m = min(lines.typical_m for lines in slips.values())
+        ways = [
+            f"{slip} ({MENDS[slip][1].format(*names)})"
+            for slip, lines in slips.items()
+            if lines.typical_m <= ALIKE * nearest_m
+        ]
+        yield (
+            f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s pass each other at"
+            f" {given.typical_m * 1e-3:.3g} km, and at {nearest_m * 1e-3:.2g} km"
+            f" {' or '.join(ways)}"
+        )
+
+
+def _at_one_place(pair: Pair) -> bool:
+    """Return whether half of the lines of one sensor come from where the other is."""
+    line, other = pair
+    base_m = lengths(_next_places(line, other) - line.origin_m)
+    return bool(np.median(base_m / (line.error_rad * lengths(line.origin_m))) < MIN_BASE)
 
 
 def _mended(pair: Pair) -> Iterator[tuple[str, Meeting]]:
     """Yield the slips and how lines pass without each, where enough are simultaneous."""
-    for slip, mend in MENDS.items():
+    for slip, (mend, _) in MENDS.items():
         lines = meeting(mend(pair))
         if len(lines.meets) >= MIN_LINES:
             yield slip, lines
@@ -173,8 +189,8 @@ def _passes(line: Lines, other: Lines) -> tuple[FloatArray, BoolArray]:
     other_range_m = (cosine * along - other_along) / sine_square
     place_m = line.at(range_m)
     other_place_m = other.at(other_range_m)
-    distance_m = _length(other_place_m - place_m)
-    radius_m = _length(0.5 * (place_m + other_place_m))
+    distance_m = lengths(other_place_m - place_m)
+    radius_m = lengths(0.5 * (place_m + other_place_m))
     blur_m = line.error_rad * range_m + other.error_rad * other_range_m
     motion_m = SPEED_M_S * np.abs(line.time_s - other.time_s)
     is_ahead = (range_m > 0.0) & (other_range_m > 0.0)
@@ -193,10 +209,13 @@ def _both(change: Callable[[FloatArray], FloatArray]) -> Callable[[Pair], Pair]:
 
 
 def _turned(lines: Lines, change: Callable[[FloatArray], FloatArray]) -> Lines:
-    where = ecef_to_geodetic(lines.origin_m)
-    axes = east_north_up_axes(where.latitude_rad, where.longitude_rad)
-    local = (axes * lines.direction[:, None, :]).sum(axis=2)
-    return evolve(lines, direction=(axes * change(local)[:, :, None]).sum(axis=1))
+    local = dot(axes_at(lines.origin_m), lines.direction[:, None])
+    return _along_local(lines, change(local), lines.origin_m)
+
+
+def _along_local(lines: Lines, local: FloatArray, origin_m: FloatArray) -> Lines:
+    """Return lines from places (n, 3) in directions towards east, north and up there."""
+    return evolve(lines, origin_m=origin_m, direction=along_axes(local, axes_at(origin_m)))
 
 
 def _exchanged(pair: Pair) -> Pair:
@@ -206,15 +225,14 @@ def _exchanged(pair: Pair) -> Pair:
 
 
 def _seen_from(lines: Lines, other: Lines) -> Lines:
-    rows = np.clip(np.searchsorted(other.time_s, lines.time_s), 0, len(other.time_s) - 1)
-    origin_m = other.origin_m[rows]
-    own = ecef_to_geodetic(lines.origin_m)
-    there = ecef_to_geodetic(origin_m)
-    local = (
-        east_north_up_axes(own.latitude_rad, own.longitude_rad) * lines.direction[:, None, :]
-    ).sum(axis=2)
-    axes = east_north_up_axes(there.latitude_rad, there.longitude_rad)
-    return Lines(lines.time_s, origin_m, (axes * local[:, :, None]).sum(axis=1), lines.sigma_rad)
+    local = dot(axes_at(lines.origin_m), lines.direction[:, None])
+    return _along_local(lines, local, _next_places(lines, other))
+
+
+def _next_places(lines: Lines, other: Lines) -> FloatArray:
+    """Return the places (n, 3) of another sensor at its next lines after lines (n,)."""
+    rows = np.searchsorted(other.time_s, lines.time_s)
+    return other.origin_m[np.minimum(rows, len(other.time_s) - 1)]
 
 
 def _later(clock_s: float) -> Callable[[Pair], Pair]:
@@ -225,32 +243,30 @@ def _clock_text(clock_s: float) -> str:
     return f"with the second's times {abs(clock_s):g} s {'later' if clock_s > 0.0 else 'earlier'}"
 
 
-#: What mends a pair, and what mends the file; {0} and {1} are the sensors' ids.
-MENDS: Mapping[str, Callable[[Pair], Pair]] = {
-    "with azimuths from south": _both(lambda enu: enu * np.array([-1.0, -1.0, 1.0])),
-    "with azimuths counted to the west": _both(lambda enu: enu * np.array([-1.0, 1.0, 1.0])),
-    "with azimuths from east, counted to the north": _both(lambda enu: enu[:, [1, 0, 2]]),
-    "with elevations counted downwards": _both(lambda enu: enu * np.array([1.0, 1.0, -1.0])),
-    "with the sensors' ids exchanged": _exchanged,
-    **{
-        _clock_text(sign * clock): _later(sign * clock)
-        for clock in CLOCKS_S
-        for sign in (1.0, -1.0)
-    },
-}
-REMEDIES: Mapping[str, str] = {
-    **{
-        _clock_text(sign * clock): "mend the clock of {1}"
-        for clock in CLOCKS_S
-        for sign in (1.0, -1.0)
-    },
-    "with azimuths from south": "--columns azimuth_from_south_deg=NAME",
-    "with azimuths counted to the west": "change the sign of azimuths",
-    "with azimuths from east, counted to the north": "give 90° less them",
-    "with elevations counted downwards": "change the sign of elevations",
-    "with the sensors' ids exchanged": "--rename {0}={1} --rename {1}={0}",
+_CLOCKS = {
+    _clock_text(clock): (_later(clock), "mend the clock of {1}")
+    for size in CLOCKS_S
+    for clock in (size, -size)
 }
 
-
-def _length(vectors: FloatArray) -> FloatArray:
-    return np.sqrt((vectors * vectors).sum(axis=1))
+#: What mends a pair by each slip, and what mends the file; {0} and {1} are the sensors' ids.
+MENDS: Mapping[str, tuple[Callable[[Pair], Pair], str]] = {
+    "with azimuths from south": (
+        _both(lambda enu: enu * (-1.0, -1.0, 1.0)),
+        "--columns azimuth_from_south_deg=NAME",
+    ),
+    "with azimuths counted to the west": (
+        _both(lambda enu: enu * (-1.0, 1.0, 1.0)),
+        "change the sign of azimuths",
+    ),
+    "with azimuths from east, counted to the north": (
+        _both(lambda enu: enu[:, [1, 0, 2]]),
+        "give 90° less them",
+    ),
+    "with elevations counted downwards": (
+        _both(lambda enu: enu * (1.0, 1.0, -1.0)),
+        "change the sign of elevations",
+    ),
+    "with the sensors' ids exchanged": (_exchanged, "--rename {0}={1} --rename {1}={0}"),
+    **_CLOCKS,
+}

@@ -7,8 +7,8 @@ import numpy as np
 from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import FloatArray, IndexArray, RowArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.geometry import dot
 from opir_readers.detections.numbers import Rows
+from opir_readers.frames import lengths
 
 #: A line of sight is of the target that it is nearest to, within this number of standard deviations
 #: of noise and bias.
@@ -83,8 +83,8 @@ def _lines(detections: Detections, plan: Plan, rows: RowArray, target: IndexArra
     speed_m_s = SPEED_OF_LIGHT_M_S if plan.scene.light_time else np.inf
     for _ in range(2 if plan.scene.light_time else 1):
         offset = plan.targets.position_ecef_m(target, emission_s) - origin
-        range_m = np.sqrt(dot(offset, offset))
+        range_m = lengths(offset)
         emission_s = np.clip(time_s - range_m / speed_m_s, ignition_s, end_s)
     miss = offset / range_m[:, None] - detections.line_of_sight_ecef[rows]
-    angle = np.sqrt(dot(miss, miss))
+    angle = lengths(miss)
     return _Lines(range_m, emission_s, np.where(np.isfinite(angle), angle, np.inf))

@@ -9,6 +9,7 @@ from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import components, dot, ecef_to_geodetic, vector
 from opir_core.plugin import BadFileError, StateTable
+from opir_readers.frames import lengths
 from opir_readers.interpolation import interpolant, runs
 from opir_readers.states import MOST_BURNS
 
@@ -57,7 +58,7 @@ def is_thrusting(table: StateTable) -> BoolArray:
     force, speed_axis = _specific_force(table)
     along = dot(force, speed_axis)
     is_high = ecef_to_geodetic(table.position_m).height_m > AIRLESS_M
-    is_strong = np.sqrt(dot(force, force)) > LEAST_THRUST_M_S2
+    is_strong = lengths(force) > LEAST_THRUST_M_S2
     return (along > LEAST_THRUST_M_S2) | (is_high & is_strong)
 
 
@@ -80,7 +81,7 @@ def _specific_force(table: StateTable) -> tuple[FloatArray, FloatArray]:
         acceleration = (after - 2.0 * middle + before) / half_s**2
         velocity = (after - before) / (2.0 * half_s)
         force[rows] = acceleration + _rotating(middle, velocity) - _gravity(middle)
-        axis[rows] = velocity / np.maximum(np.sqrt(dot(velocity, velocity)), 1e-9)[:, None]
+        axis[rows] = velocity / np.maximum(lengths(velocity), 1e-9)[:, None]
     return force, axis
 
 
@@ -102,7 +103,7 @@ def _rotating(position_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
 
 def _gravity(position_m: FloatArray) -> FloatArray:
     """Return gravitation with the Earth's flattening (J2), m/s²."""
-    radius = np.sqrt(dot(position_m, position_m))
+    radius = lengths(position_m)
     sine2 = (position_m[:, 2] / radius) ** 2
     scale = 1.5 * _J2 * (EARTH_EQUATORIAL_RADIUS_M / radius) ** 2
     level = 1.0 + scale * (1.0 - 5.0 * sine2)

@@ -4,8 +4,9 @@ flies, and a coast keeps its energy.
 
 import numpy as np
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_readers.interpolation import rows_apart
 
 #: Units of speed that telemetry is published in, m/s, and how one goes to m/s.
 SPEED_UNITS = {"km/h": 1.0 / 3.6, "mph": 0.44704, "ft/s": 0.3048, "knots": 1852.0 / 3600.0}
@@ -21,6 +22,9 @@ VERTICAL_M = 3000.0
 MOST_SLANT = 1.25
 LEAST_DOUBTED = 1.6
 
+#: Speeds with the Earth's rotation begin above this, m/s, but near the poles.
+PAD_SPEED_M_S = 150.0
+
 #: A coast: the acceleration along the path is gravity's to this, m/s², in so many steps and this share of all.
 TOLERANCE_M_S2 = 0.3
 MIN_STEPS = 5
@@ -31,7 +35,8 @@ def misread_speeds(time_s: FloatArray, speed_m_s: FloatArray, height_m: FloatArr
     """Return in which unit speeds over the ground (n,) seem to be, with the figures and the remedy; "" where they are
     right, or no coast shows it.
     """
-    rows = _spaced(time_s, np.isfinite(speed_m_s) & np.isfinite(height_m))
+    rows = np.flatnonzero(np.isfinite(speed_m_s) & np.isfinite(height_m))
+    rows = rows[rows_apart(time_s[rows], STEP_S)]
     flight = time_s[rows], speed_m_s[rows], height_m[rows]
     given = _coasting_share(*flight, 1.0)
     if given >= MIN_SHARE:
@@ -43,18 +48,11 @@ def misread_speeds(time_s: FloatArray, speed_m_s: FloatArray, height_m: FloatArr
         or shares[unit] * (len(rows) - 1) < MIN_STEPS
         or given > 0.25 * shares[unit]
     ):
-        return _lift_off_complaint(_path_over_climb(*flight))
+        return _lift_off_complaint(_path_over_climb(*flight), speed_m_s[rows[0]])
     return (
         f"its speeds seem to be in {unit}: so read, {100.0 * shares[unit]:.0f} % of the flight is a coast that keeps"
         f" its energy, as given {100.0 * given:.0f} %; multiply them by {SPEED_UNITS[unit]:.6g}"
     )
-
-
-def _spaced(time_s: FloatArray, is_known: BoolArray) -> IntArray:
-    """Return the known rows that are at least `STEP_S` apart."""
-    rows = np.flatnonzero(is_known)
-    steps = np.floor((time_s[rows] - time_s[rows[0]]) / STEP_S + 1e-6)
-    return rows[np.diff(steps, prepend=-1.0) > 0.0]
 
 
 def _coasting_share(
@@ -86,14 +84,17 @@ def _path_over_climb(time_s: FloatArray, speed_m_s: FloatArray, height_m: FloatA
     return float(np.add.reduce(steps_m[:last]) / (height_m[last] - height_m[0]))
 
 
-def _lift_off_complaint(ratio: float) -> str:
-    """Return what the ratio of a path to its climb says of the unit of speeds, "" for nothing."""
+def _lift_off_complaint(ratio: float, first_m_s: float) -> str:
+    """Return what the ratio of a path to its climb says of speeds, "" for nothing."""
     if not ratio > LEAST_DOUBTED:
         return ""
     units = [unit for unit, factor in SPEED_UNITS.items() if 0.95 < ratio * factor < MOST_SLANT]
     if not units:
         return ""
-    return (
-        f"its speeds are {ratio:.2g} times its climb to {VERTICAL_M / 1e3:g} km: are they in"
-        f" {' or '.join(units)}? give them in m/s"
-    )
+    reason = f"its speeds are {ratio:.2g} times its climb to {VERTICAL_M / 1e3:g} km"
+    if first_m_s > PAD_SPEED_M_S:
+        return (
+            f"{reason}, and {first_m_s:.0f} m/s on the pad: do they contain the Earth's rotation?"
+            " give speeds over the ground, in m/s"
+        )
+    return f"{reason}: are they in {' or '.join(units)}? give them in m/s"
