@@ -22,15 +22,17 @@ GROUND_SOURCES = 1000.0
 TEXT = """
 ## Fires and launches among them
 
-{duration:g} s, seed {seed}: {tracks} tracks of {sources} targets and sources; {false} claimed a
-launch falsely (P > {launched}). It took {cost:.0f} s of processor time ({pace:.0f} × real time).
+{duration_s:g} s, seed {seed}: {tracks} tracks of {sources} targets and sources; {false} claimed a
+launch falsely (P > {launched}). It took {processor_s:.0f} s of processor time ({pace:.0f} × real
+time).
 
 {table}
 
 15° by 40° of land with 8 fires and 4 gas flares per million km², glints, noise and twelve
 launches, before SBIRS-GEO, DSP and NEXTGEN-GEO, with `detection: snr` and `classification:
 spectral`. Times are since ignition; the closed form is that of [what is
-it?](../explanation/hypotheses.md) for the detections and motion of each launch.
+it?](../explanation/hypotheses.md) for the detections and motion of each launch. Data:
+[open_world_fires.csv](open_world_fires.csv).
 """
 HEAD = ("launch", "first detection, s", f"P(launch) > {KNOWN}, s", "closed form, s", "ratio")
 
@@ -148,24 +150,25 @@ def closed_form_s(plan, target, looks):
     return float(looks.time_s[np.argmax(enough)]) - ignition_s if enough.any() else np.nan
 
 
-def launch_line(plan, watched, target):
-    """Return the line of a launch, empty if it is not recognised."""
+def launch_row(plan, watched, target):
+    """Return the row of a launch, empty if it is not recognised."""
     times_s = [
         time_s for track, time_s in watched.known_s.items() if watched.target_of(track) == target
     ]
     if not times_s:
-        return []
+        return {}
     looks = watched.early[target]
     ignition_s = float(plan.targets.ignition_s[target])
-    least_s = closed_form_s(plan, target, looks)
-    taken_s = min(times_s) - ignition_s
-    figures = (float(looks.time_s.min()) - ignition_s, taken_s, least_s)
-    cells = [f"{value:.1f}" for value in figures]
-    return [plan.targets.ids[target], *cells, f"{taken_s / least_s:.2f}"]
+    return {
+        "launch": plan.targets.ids[target],
+        "first_detection_s": float(looks.time_s.min()) - ignition_s,
+        "recognised_s": min(times_s) - ignition_s,
+        "closed_form_s": closed_form_s(plan, target, looks),
+    }
 
 
-def hour(duration_s, seed):
-    """Return the part of the page about fires."""
+def fire_rows(duration_s, seed, facts):
+    """Yield the rows of recognised launches among fires; the facts get figures of the whole run."""
     plan = opir.compile_plan(hour_scene(duration_s, seed))
     watched = Watched(plan)
     start_s = time.process_time()
@@ -175,15 +178,32 @@ def hour(duration_s, seed):
     launches = len(plan.scene.targets)
     false = [track for track in watched.claimed if not 0 <= watched.target_of(track) < launches]
     keep("false launches", len(false))
-    lines = [launch_line(plan, watched, target) for target in range(launches)]
+    facts |= {
+        "fires_duration_s": duration_s,
+        "fires_seed": seed,
+        "fires_tracks": len(watched.tracks),
+        "fires_sources": len(plan.targets.ids),
+        "fires_false": len(false),
+        "fires_processor_s": cost_s,
+    }
+    yield from filter(None, (launch_row(plan, watched, target) for target in range(launches)))
+
+
+def fires_text(facts, launches):
+    """Return the part of the page about fires."""
+    figures = {
+        name.removeprefix("fires_"): value
+        for name, value in facts.items()
+        if name.startswith("fires_")
+    }
+    lines = []
+    for row in launches:
+        times_s = [row["first_detection_s"], row["recognised_s"], row["closed_form_s"]]
+        ratio = row["recognised_s"] / row["closed_form_s"]
+        lines.append((row["launch"], *(f"{time_s:.1f}" for time_s in times_s), f"{ratio:.1f}"))
     return TEXT.format(
-        duration=duration_s,
-        seed=seed,
-        tracks=len(watched.tracks),
-        sources=len(plan.targets.ids),
-        false=len(false),
+        **figures,
         launched=LAUNCHED,
-        cost=cost_s,
-        pace=duration_s / cost_s,
-        table=markdown_table(HEAD, filter(None, lines)),
+        pace=figures["duration_s"] / figures["processor_s"],
+        table=markdown_table(HEAD, lines),
     )

@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from ascents import DARK_S, Ascent, drawn_ascent, drawn_near_orbit, drawn_return
 from figures import keep
-from fires_hour import hour
+from fires_hour import fire_rows, fires_text
 from foreign_flights import drawn_flight
 from glide_flights import drawn_glide
 from one_flight import (
@@ -57,7 +57,7 @@ of its own before two SBIRS-GEO, or one. Probabilities are medians over the flig
 P(down) is the sum over the conditions that have a region. Of a launcher that burns on, a region
 is that of failures. All marks with their intervals (Wilson), numbers and areas of regions:
 [open_world.csv](open_world.csv).
-"""
+{fires}"""
 
 
 class Kind(NamedTuple):
@@ -90,6 +90,9 @@ KINDS = {
     "gaps": Kind("Two stages, 22 to 40 s apart", staged(2, (22.0, 40.0)), 53),
     "one": Kind("Three stages, one sensor", staged(3, (0.0, 0.0)), 59, 1),
 }
+FIRES = "open_world_fires.csv"
+#: Names of marks of a burn, in order of time.
+TIMES = ("half of", "95 % of", "5 s after", "20 s after", "40 s after")
 #: The probabilities of a mark whose medians are columns of the data.
 SHARES = ("burning", "orbit", "down", "missile", "glide")
 
@@ -102,6 +105,12 @@ def table_ascents(folder):
         times = np.append(rows[:, 0], rows[-1, 0])[edges].reshape(-1, 2)
         longitude_deg = float(np.degrees(np.arctan2(rows[0, 2], rows[0, 1])))
         yield Ascent(rows, tuple(map(tuple, times.tolist())), longitude_deg)
+
+
+def mark_order(row):
+    """Return the place of a mark among those of its flight: the burn, and the time from it."""
+    time, _, burn = row["mark"].rpartition(" burn ")
+    return int(burn), TIMES.index(time)
 
 
 def marks_of(ascent):
@@ -212,8 +221,8 @@ def rows_of(options):
         yield from kind_rows("Tables", list(table_ascents(options.tables)), 2, options.seeds)
 
 
-def page(table):
-    """Return the page."""
+def page(table, launches=()):
+    """Return the page, with the launches among fires if they were run."""
     ends = Table(row for row in table if row["mark"].startswith("20 s after"))
 
     def final(title, name):
@@ -231,6 +240,7 @@ def page(table):
         inside=f"{inside} of {regions}",
         flights=max(table.column("flights")),
         first=table.facts.get("first_seed", 1000),
+        fires=fires_text(table.facts, launches) if launches else "",
     )
 
 
@@ -240,7 +250,7 @@ def draw(path, table):
     size = (11.0, 2.2 * len(titles))
     with svg_plot(path, len(titles), 1, figsize=size, squeeze=False, sharey=True) as (_, axes):
         for panel, title in zip(axes.flat, titles, strict=True):
-            rows = table.where(kind=title)
+            rows = Table(sorted(table.where(kind=title), key=mark_order))
             places = range(len(rows))
             held = [row["held"] / max(row["tracks"], 1) for row in rows]
             panel.plot(places, held, "ks", markersize=3, label="share of states held")
@@ -262,13 +272,14 @@ def main():
         tables=Path,
     )
     facts = {"first_seed": options.from_seed}
-    publish(options, page, draw, facts, open_world=rows_of(options))
-    if len(options.only) == len(KINDS) and not options.from_csv:
-        text = hour(options.hour_s, options.from_seed)
-        print(text)
-        if options.write:
-            with (options.write / "open_world.md").open("a", encoding="utf-8") as file:
-                file.write(text)
+    tables = {"open_world": rows_of(options)}
+    if options.from_csv:
+        tables |= {"open_world_fires": ()} if (options.from_csv / FIRES).exists() else {}
+    elif len(options.only) == len(KINDS):
+        # Facts are written with the first table: fires are measured before it.
+        fires = fire_rows(options.hour_s, options.from_seed, facts)
+        tables["open_world_fires"] = list(fires)
+    publish(options, page, draw, facts, **tables)
 
 
 if __name__ == "__main__":

@@ -170,10 +170,26 @@ def svg_plot(path, *shape, **settings):
     yield figure, axes
     for panel in figure.axes:
         panel.grid(alpha=0.3)
-        if panel.get_legend_handles_labels()[1] and not figure.legends:
-            panel.legend(fontsize=7)
+    if not figure.legends:
+        add_legends(figure)
     figure.savefig(path, metadata={"Date": None})
     pyplot.close(figure)
+
+
+def add_legends(figure):
+    """Add a legend to each panel with labels; one below several panels, if all have the same."""
+    labelled = [panel for panel in figure.axes if panel.get_legend_handles_labels()[1]]
+    if len(figure.axes) > 1 and len({labels_of(panel) for panel in labelled}) == 1:
+        handles, labels = labelled[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=7)
+        return
+    for panel in labelled:
+        panel.legend(fontsize=7)
+
+
+def labels_of(panel):
+    """Return the labels of a panel."""
+    return tuple(panel.get_legend_handles_labels()[1])
 
 
 def draw_lines(axes, rows, by, across, up, style="o-"):

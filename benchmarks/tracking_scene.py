@@ -88,7 +88,9 @@ far from the bound.
 
 ![Time per detection against RMSE over the bound with the thrust unknown](tracking_scene.svg)
 
-{table} {left_out} One ICBM in boost, two SBIRS-GEO (10 looks a second each, P_d 0.8),
+{table}
+{left_out}
+One ICBM in boost, two SBIRS-GEO (10 looks a second each, P_d 0.8),
 {detections} detections in {runs} runs of {duration_s} s (seeds {first_seed} to {final_seed}).
 Processor time of one core, of the tracker alone; ratios count, not times. Position and velocity
 are RMSE over the Cramér–Rao bound with specific force and jerk in the state, from {errors_from_s}
