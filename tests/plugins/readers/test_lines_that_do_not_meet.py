@@ -166,9 +166,7 @@ def test_lines_rarer_than_scans_are_named(tmp_path, capsys):
     assert "set scan_period_ms: 4000" in text
 
 
-def test_a_line_at_the_end_of_the_scene_begins_no_track(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_line_at_the_end_of_the_scene_begins_no_track(tmp_path, capsys) -> None:
     text = answer(tmp_path, capsys, rows(last_s=0.1)[:1])
     assert "WEST has 1 detection, and a track takes 4 scans" in text
 
