@@ -17,3 +17,14 @@ from opir_trackers.track_priors import (
 from opir_trackers.triangulation import (
     FIRST_HEIGHT_M as FIRST_HEIGHT_M,
 )
+from opir_trackers.parts import (
+    Association as Association,
+    AssociationProblem as AssociationProblem,
+    Associator as Associator,
+    Initiator as Initiator,
+    MotionModel as MotionModel,
+    PartContext as PartContext,
+    Pruner as Pruner,
+    Settled as Settled,
+    TrackPicture as TrackPicture,
+)

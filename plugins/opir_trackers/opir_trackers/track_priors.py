@@ -67,7 +67,7 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
     thrust = config.thrust
-    switches = config.motion == "boost-coast"
+    switches = config.modes == "boost-coast"
     follows_bodies = any(sensor.follows_bodies for sensor in context.sensors)
     period_s = [sensor.scan.period_ns * 1e-9 for sensor in context.sensors]
     return ImmFilter(
@@ -146,7 +146,7 @@ def _in_both_modes(
     mean: FloatArray, root: FloatArray, detection_rate: FloatArray, config: ImmConfig
 ) -> ModeEstimates:
     """Return boosts (n, 10) and their coasts, with prior mode probabilities."""
-    burning = {"boost-coast": LAW.burns, "boost": 1.0, "coast": 0.0}[config.motion]
+    burning = {"boost-coast": LAW.burns, "boost": 1.0, "coast": 0.0}[config.modes]
     weight = np.tile([burning, 1.0 - burning], (len(mean), 1))
     coast = (mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy())
     return ModeEstimates(weight, mean, root, *coast, detection_rate)

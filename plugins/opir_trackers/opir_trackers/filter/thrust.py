@@ -56,7 +56,7 @@ THRUST = 10
 
 #: Longest step, s: with τ of 15 s, the trapezoidal error of the decay towards the velocity is below
 #: 1e-3.
-_LONGEST_STEP_S = 2.5
+LONGEST_STEP_S = 2.5
 
 _SPIN = EARTH_ROTATION_RAD_S
 
@@ -124,7 +124,7 @@ class Thrust:
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 10) after steps (n,), s."""
-        pieces = substeps(step_s, _LONGEST_STEP_S)
+        pieces = substeps(step_s, LONGEST_STEP_S)
         if pieces > 1:
             step_s = step_s / pieces
         for _ in range(pieces):
