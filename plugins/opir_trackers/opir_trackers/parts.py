@@ -12,20 +12,16 @@ from typing import Any, TypeVar
 import numpy as np
 from attrs import Factory, field, frozen
 from numpy.typing import NDArray
+from opir_estimation import GatedPairs, LinesOfSight, ModeEstimates, PredictedMeasurements
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError, OpirError
-from opir_core.estimation import BOOST, Motion, substeps
 from opir_core.flight import Forces
 from opir_core.host import described_error
 from opir_core.interfaces import PartMaker, PluginPart
 from opir_core.plugin import Host, TrackerContext, TrackerPart
 from opir_trackers.association import AssociationModel, scan_groups
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.filter.thrust import LONGEST_STEP_S, MOST_GROWTH, THRUST
-from opir_trackers.gating import GatedPairs
 from opir_trackers.initiation import Initiation
-from opir_trackers.lines_of_sight import LinesOfSight
 
 
 @frozen(kw_only=True)
@@ -212,121 +208,3 @@ class Pruner(PluginPart):
     @abstractmethod
     def ends(self, tracks: TrackPicture) -> NDArray[np.uint8]:
         """Return codes (n,) into `TRACK_ENDS`: 0 for tracks that go on."""
-
-
-@frozen(eq=False)
-class MotionModel(PluginPart):
-    """Motion of a burning target, from the rate of its specific force.
-
-    A state (10) is inertial position, velocity, specific force (all but gravity) and its relative
-    growth rate κ, 1/s; units m and s. All that the filter asks follows from two methods: steps by
-    Nyström's rule, with the trapezoidal rule for the force, and derivatives of the force's rate by
-    central differences. A model may override any of them for speed.
-
-    >>> from opir_trackers import MotionModel
-    >>> class Straight(MotionModel):
-    ...     def force_rate(self, state):
-    ...         return state[:, 9:] * state[:, 6:9]
-    ...
-    ...     def noise_root(self, step_s, state):
-    ...         root = np.zeros((len(state), 10, 4))
-    ...         root[:, range(6, 9), range(3)] = 2.0 * np.sqrt(np.abs(step_s))[:, None]
-    ...         root[:, 9, 3] = 1e-3 * np.sqrt(np.abs(step_s))
-    ...         return root
-    """
-
-    #: States move alike however well they are known.
-    about = None
-    size = THRUST
-
-    forces: Forces
-    _path: Motion = field(
-        default=Factory(lambda self: Motion(BOOST, 0.0, self.forces), takes_self=True), init=False
-    )
-
-    @abstractmethod
-    def force_rate(self, state: FloatArray) -> FloatArray:
-        """Return the rates (n, 3) of the specific forces of states (n, 10), m/s³."""
-
-    @abstractmethod
-    def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
-        """Return L (n, 10, k) with L Lᵀ the process-noise covariance of steps (n,) from states."""
-
-    def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return states (n, 10) after steps (n,), s."""
-        pieces = substeps(step_s, LONGEST_STEP_S)
-        step_s = step_s / pieces
-        for _ in range(pieces):
-            state = self._stepped(state, step_s)
-        return state
-
-    def _stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return states after one step each; the rate of the force is linear over it."""
-        rate = self.force_rate(state)
-        growth = state[:, 9]
-        grown = np.minimum(growth / (1.0 - growth * step_s), MOST_GROWTH)
-        grown = np.where(growth < MOST_GROWTH, grown, growth)
-        path = self._path.stepped(np.concatenate([state[:, :9], rate], axis=1), step_s)[:, :9]
-        after = np.concatenate([path, grown[:, None]], axis=1)
-        change = self.force_rate(after) - rate
-        step = step_s[:, None]
-        after[:, :3] += step**3 / 24.0 * change
-        after[:, 3:6] += step**2 / 6.0 * change
-        after[:, 6:9] += step / 2.0 * change
-        return after
-
-    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with a
-        constant Jacobian.
-        """
-        product = self._slopes(state) * step_s[:, None, None]
-        square = product @ product
-        return np.eye(THRUST) + product + square @ (square / 24.0 + product / 6.0 + _HALF)
-
-    def _slopes(self, state: FloatArray) -> FloatArray:
-        """Return the Jacobian (n, 10, 10) of the state's rate, 1/s."""
-        rate = np.tile(np.eye(THRUST, k=3), (len(state), 1, 1))
-        rate[:, 6:] = 0.0
-        rate[:, 3:6, :3] = self._path.gradient(state[:, :3])
-        rate[:, 6:9, 3:] = self.force_slopes(state)
-        rate[:, 9, 9] = np.where(state[:, 9] < MOST_GROWTH, 2.0 * state[:, 9], 0.0)
-        return rate
-
-    def force_slopes(self, state: FloatArray) -> FloatArray:
-        """Return the Jacobian (n, 3, 7) of `force_rate` by velocity, force and growth."""
-        slopes = np.empty((len(state), 3, len(_STEPS)))
-        for column, step in enumerate(_STEPS):
-            shift = np.zeros(THRUST)
-            shift[3 + column] = step
-            slopes[:, :, column] = self.force_rate(state + shift) - self.force_rate(state - shift)
-        return slopes / (2.0 * _STEPS)
-
-    def taylor(self, state: FloatArray) -> FloatArray:
-        """Return the position derivatives (n, 5, 3) of order 0 to 4."""
-        return self._path.taylor(np.concatenate([state[:, :9], self.force_rate(state)], axis=1))
-
-    def measurement_rows(
-        self, slope: FloatArray, weight: FloatArray, state: FloatArray
-    ) -> FloatArray:
-        """Return the whitened Jacobian (m, 2, 10) by the state from that by the position (m, 2, 3),
-        1/m; `weight` (m, 5) are the Taylor weights of the looks, `state` (m, 10) or (1, 10) the
-        states of their tracks.
-        """
-        rows = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(len(slope), 2, 9)
-        by_force = np.sum(slope * state[:, None, 6:9], axis=2)
-        return np.concatenate([rows, (by_force * weight[:, 3, None])[:, :, None]], axis=2)
-
-    def derivative_roots(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return covariance roots (n, 12, 12) of four position derivatives from those of states,
-        (n, 10, 10).
-        """
-        roots = np.zeros((len(state), BOOST, BOOST))
-        roots[:, :9, :THRUST] = side[:, :9]
-        roots[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]
-        return roots
-
-
-#: Steps of the central differences: of velocity, m/s, force, m/s², and growth, 1/s.
-_STEPS = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01, 1e-4])
-
-_HALF = 0.5 * np.eye(THRUST)

@@ -2,24 +2,32 @@
 
 import numpy as np
 from attrs import frozen
+from opir_estimation import (
+    COAST,
+    FIRST_HEIGHT_M,
+    GRAZING_SINE,
+    Dynamics,
+    FreeBurn,
+    FreeThrust,
+    ImmFilter,
+    ModeEstimates,
+    Motion,
+    NewStage,
+    PredictedMeasurements,
+    Thrust,
+    dot,
+    earth_rotated,
+    ground_velocities,
+)
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.estimation import COAST, Motion, dot
 from opir_core.flight import Drag, Forces, forces_of, height_and_up
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
-from opir_trackers.filter.burn_modes import FreeBurn, NewStage
-from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.filter.free_thrust import FreeThrust
-from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, STEADY_M_S2, TrackCandidates
 from opir_trackers.launch_points import FirstMotion
-from opir_trackers.lines_of_sight import earth_rotated, ground_velocities
-from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
 #: Prior specific force of a boost, upwards, m/s².
 FIRST_FORCE_M_S2 = 20.0
@@ -106,7 +114,7 @@ def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
     fall = Motion(COAST, config.coast_noise_m_s, forces)
     if drag is None:
         return fall
-    from opir_trackers.filter.dynamics import AtmosphericDescent
+    from opir_estimation import AtmosphericDescent
 
     return AtmosphericDescent(fall, drag)
 
@@ -238,6 +246,6 @@ def _information_roots(axes: FloatArray, sigma: FloatArray) -> FloatArray:
     """Return upper triangular information roots (n, 3, 3) with standard deviations (n, 3) along the
     rows of axes.
     """
-    from opir_core.estimation.square_root import triangular
+    from opir_estimation.square_root import triangular
 
     return triangular(axes / sigma[:, :, None])

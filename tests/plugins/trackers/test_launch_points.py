@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_estimation import PredictedMeasurements
 from opir_trackers.launch_points import (
     EDGES_S,
     FirstMotion,

@@ -8,13 +8,12 @@ those near to the measured ones say how far away the target is (`kernel_regressi
 from typing import NamedTuple
 
 import numpy as np
+from opir_estimation import GRAZING_SINE, SPIN
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.forecast.ascents import AscentRows, BoostAscents
 from opir_trackers.forecast.kernel_regression import LAW, hidden_moments
 from opir_trackers.forecast.planar_boost import RADIUS_M
-from opir_trackers.lines_of_sight import SPIN
-from opir_trackers.triangulation import GRAZING_SINE
 
 
 class Sighting(NamedTuple):

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
+from opir_estimation import law_parameters
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.forecast.burning_on import drawn_steering
@@ -25,7 +26,6 @@ from opir_trackers.forecast.planar_boost import (
     ranges_m,
 )
 from opir_trackers.forecast.vehicles import MISSILE, NONE, SPACE, VehicleModel
-from opir_trackers.law_files import law_parameters
 
 LAW = law_parameters("opir_trackers.forecast", "ascents")
 

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from itertools import pairwise, starmap
 
 import numpy as np
+from opir_estimation import ModeEstimates
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces
-from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast.burning_particles import burning_particles
 from opir_trackers.forecast.conditional_impacts import Descents, Impacts, impacts_by_condition
 from opir_trackers.forecast.dark_particles import dark_particles

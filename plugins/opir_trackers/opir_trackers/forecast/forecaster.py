@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
+from opir_estimation import ModeEstimates
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces
 from opir_core.interfaces import TRACK_ENDS
 from opir_core.plugin import Hypothesis, Tracks
-from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast.launch_forecasts import LaunchForecasts
 from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.forecast.particles import LAW

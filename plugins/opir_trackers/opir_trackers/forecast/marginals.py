@@ -9,6 +9,7 @@ classes by range (`outcomes`).
 from typing import Any
 
 import numpy as np
+from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray
 from opir_trackers.forecast.burning_on import Steering, drawn_steering
@@ -21,7 +22,6 @@ from opir_trackers.forecast.planar_boost import (
     ranges_m,
 )
 from opir_trackers.forecast.vehicles import MISSILE, SPACE, VehicleModel, VehicleStages
-from opir_trackers.law_files import law_parameters
 
 LAW = law_parameters("opir_trackers.forecast", "ascents")
 ORBITS = law_parameters("opir_trackers.forecast", "orbits")

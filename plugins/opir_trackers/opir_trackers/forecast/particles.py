@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import SPEED_SIGMA_M_S, law_parameters
 from scipy.special import ndtr, ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.forecast.burning_on import RemainingBurns
 from opir_trackers.forecast.vehicles import GAP, STAGES, VehicleModel, VehicleStages
-from opir_trackers.law_files import law_parameters
 
 LAW = law_parameters("opir_trackers.forecast", "particles")
 

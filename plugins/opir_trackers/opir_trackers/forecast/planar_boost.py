@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 from attrs import frozen
+from opir_estimation import law_parameters
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_trackers.forecast.burning_on import Steering
 from opir_trackers.forecast.vehicles import GAP, STAGES, VehicleModel, VehicleStages
-from opir_trackers.law_files import law_parameters
 
 #: A sphere with the Earth's gravity.
 MU = EARTH_MU_M3_S2

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import fields
 from contourpy import FillType, LineType, SerialContourGenerator, ZInterp
+from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
@@ -28,7 +29,6 @@ from opir_core.geometry import AzimuthalEquidistant, unit_vectors
 from opir_core.interfaces import IMPACT_CONDITIONS, TRACK_CONTAINMENTS
 from opir_core.plugin import ImpactRegion
 from opir_trackers.forecast.map_edge import FARTHEST_M, LONGEST_EDGE_M, within_map
-from opir_trackers.law_files import law_parameters
 
 LAW = law_parameters("opir_trackers.forecast", "regions")
 

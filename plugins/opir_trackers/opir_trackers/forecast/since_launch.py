@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from opir_estimation import SPIN
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic, local_axes
@@ -17,7 +18,6 @@ from opir_trackers.forecast.ascents import AscentRows, BoostAscents
 from opir_trackers.forecast.kernel_regression import LAW, hidden_moments, squared_distances
 from opir_trackers.forecast.planar_boost import RADIUS_M
 from opir_trackers.launch_points import AT_ONCE, EDGES_S, SITES, site_shares
-from opir_trackers.lines_of_sight import SPIN
 
 
 class InFlight(NamedTuple):

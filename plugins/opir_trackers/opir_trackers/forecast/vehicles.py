@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
+from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError, reason_of
 from opir_core.interfaces import Columns
 from opir_core.scene import file_bytes
-from opir_trackers.law_files import law_parameters
 
 #: Largest number of stages.
 STAGES = 4

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from boost_law import HYPOTHESES, MODEL, NAMES, OUTCOMES, STAGES
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_estimation import ModeEstimates
 from opir_trackers.forecast import burning_on
 from opir_trackers.forecast.forecast import forecasts
 from opir_trackers.forecast.launch_forecasts import LaunchForecasts

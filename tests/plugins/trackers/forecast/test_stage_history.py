@@ -5,7 +5,7 @@ made-up estimates.
 import numpy as np
 import pytest
 from boost_law import GAP, NONE
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_estimation import ModeEstimates
 from opir_trackers.forecast.stage_history import StageHistory
 from plain_boosts import RADIUS_M
 
