@@ -5,7 +5,7 @@ flies already.
 from typing import NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from opir_estimation import SPIN, PredictedMeasurements, earth_rotated, emission_s
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
@@ -82,7 +82,7 @@ def with_launch_points(models: TrackingModels, state: TrackerState, span_s: floa
     is_young = state.time_s - table.begun_s <= np.maximum(LAW.young_s, scans_s)
     if not np.count_nonzero(is_young):
         return state
-    rows = np.flatnonzero(is_young & (state.estimates.weight[:, 0] > 0.5))
+    rows = np.flatnonzero(is_young & (table.estimates.weight[:, 0] > 0.5))
     if not len(rows):
         return state
     points = _new_points(models, state, rows, span_s)
@@ -91,7 +91,7 @@ def with_launch_points(models: TrackingModels, state: TrackerState, span_s: floa
     launch = table.launch.copy()
     covariance = table.launch_covariance.copy()
     launch[rows], covariance[rows] = updated_points(earlier, points)
-    return state.after(state.time_s, state.estimates, table.with_launches(launch, covariance))
+    return state._replace(table=evolve(table, launch=launch, launch_covariance=covariance))
 
 
 def _new_points(
@@ -102,7 +102,9 @@ def _new_points(
     """
     young = _young(models, state, rows)
     points = _followed_back(models, young)
-    is_launch = state.motion.probability[rows, LAUNCH] >= models.config.least_launch_probability
+    is_launch = (
+        state.table.motion.probability[rows, LAUNCH] >= models.config.least_launch_probability
+    )
     is_old = ~(young.middle_s - points.place[:, 2] <= LAW.cubic_s)
     old = np.flatnonzero(is_old & is_launch & (young.visible.sum(axis=1) >= LAW.sensors))
     if not len(old):
@@ -130,9 +132,9 @@ def _are_due(
 
 def _young(models: TrackingModels, state: TrackerState, rows: IntArray) -> _Young:
     table = state.table.part(rows)
-    estimates = state.estimates.part(rows)
-    visible = table.reports >= 0
-    shared = models.shared_covariance(state, estimates, table)
+    estimates = table.estimates
+    visible = table.seen
+    shared = models.shared_covariance(state, table)
     range_m = models.biases.ranges_m(estimates.likelier_position_m, state.time_s, visible)
     return _Young(
         path=models.path(estimates, state.time_s),

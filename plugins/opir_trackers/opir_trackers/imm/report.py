@@ -14,7 +14,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.forecast.launch_forecasts import LaunchForecasts
-from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.imm.state import TrackTable
 
 
 class ReportedTracks(NamedTuple):

@@ -97,10 +97,10 @@ class ImmTracker(Tracker):
         self._context = evolve(self._context, sensors=sensors)
         self._tracking = ImmTracking.of(self._tracking.config, self._context)
         self._rays = LineOfSightCache(LinesOfSight.of)
-        pace = self._state.estimates.detection_rate * [share, 1.0, 1.0]
-        self._state = evolve(
-            self._state, estimates=evolve(self._state.estimates, detection_rate=pace)
-        )
+        table = self._state.table
+        pace = table.estimates.detection_rate * [share, 1.0, 1.0]
+        estimates = evolve(table.estimates, detection_rate=pace)
+        self._state = self._state._replace(table=table.with_estimates(estimates))
 
     def _waited(self, tick_s: float, detections: Detections) -> Detections:
         """Return the detections before a tick, once each and in order, of these and the waiting
