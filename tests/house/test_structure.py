@@ -66,6 +66,7 @@ DISTRIBUTIONS = (
         "opir_readers",
     ),
     *(
+        "opir_forecast",
         "opir_trackers",
         "opir_stonesoup",
         "opir_render",

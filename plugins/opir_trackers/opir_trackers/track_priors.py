@@ -2,6 +2,7 @@
 
 import numpy as np
 from attrs import frozen
+from opir_forecast import FirstMotion
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
@@ -17,7 +18,6 @@ from opir_trackers.filter.free_thrust import FreeThrust
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, STEADY_M_S2, TrackCandidates
-from opir_trackers.launch_points import FirstMotion
 from opir_trackers.lines_of_sight import earth_rotated, ground_velocities
 from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from opir_forecast import LaunchPoints
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import matvec
@@ -16,7 +17,6 @@ from opir_core.geometry import (
 )
 from opir_core.plugin import TARGET_TYPES
 from opir_trackers.arc.fit import ArcFits, slopes_of, solved, trial_states
-from opir_trackers.launch_points import LaunchPoints
 from opir_trackers.lines_of_sight import LinesOfSight, emission_s
 from opir_trackers.sensors import SensorSchedule
 

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from attrs import field, frozen
+from opir_forecast import Outcomes, site_height_m, vehicle_model
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.plugin import TrackerContext
@@ -14,8 +15,6 @@ from opir_trackers.association import AssociationModel
 from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.imm.crowds import SensorView
 from opir_trackers.imm.single_sensor import SingleSensor
@@ -26,7 +25,6 @@ from opir_trackers.imm.track_management import (
     mean_detection_probability,
     sighting_memory_s,
 )
-from opir_trackers.launch_points import site_height_m
 from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.posterior import GroupPosterior
 from opir_trackers.registration.registration import Registration
