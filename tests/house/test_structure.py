@@ -66,6 +66,7 @@ DISTRIBUTIONS = (
         "opir_readers",
     ),
     *(
+        "opir_estimation",
         "opir_forecast",
         "opir_trackers",
         "opir_stonesoup",

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
-from opir_trackers.law_files import law_parameters
+from opir_estimation import law_parameters
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_forecast.burning_on import drawn_steering

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
-from opir_trackers.law_files import law_parameters
+from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S

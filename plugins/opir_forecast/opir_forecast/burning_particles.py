@@ -5,11 +5,11 @@ burns.
 from typing import NamedTuple
 
 import numpy as np
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_estimation import ModeEstimates
+from opir_estimation.square_root import inverse_root
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.square_root import inverse_root
 from opir_forecast.particles import (
     BURNING,
     LAW,

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_estimation import ModeEstimates
+from opir_estimation.square_root import inverse_root
 from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.square_root import inverse_root
 from opir_forecast.particles import (
     AGAIN,
     LAW,

@@ -7,12 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
-from opir_trackers.filter.thrust import air_velocity
-from opir_trackers.lines_of_sight import earth_rotated
+from opir_estimation import air_velocity, dot, earth_rotated
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
-from opir_core.estimation import dot
 from opir_core.flight import Forces, propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, great_circle_m
 from opir_core.interfaces import Columns

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from itertools import pairwise, starmap
 
 import numpy as np
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_estimation import ModeEstimates
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces

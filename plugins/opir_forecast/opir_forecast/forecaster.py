@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_estimation import ModeEstimates
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces

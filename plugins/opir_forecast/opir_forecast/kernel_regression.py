@@ -7,7 +7,7 @@ the kernel adds to the noise is removed by linear regression (Beaumont, Zhang an
 """
 
 import numpy as np
-from opir_trackers.law_files import law_parameters
+from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray
 

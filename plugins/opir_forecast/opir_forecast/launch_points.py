@@ -3,11 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_estimation import PredictedMeasurements, taylor_weights
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation import taylor_weights
 from opir_core.flight import height_and_up
 from opir_core.geometry import WGS84
 

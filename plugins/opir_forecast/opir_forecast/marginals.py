@@ -9,7 +9,7 @@ classes by range (`outcomes`).
 from typing import Any
 
 import numpy as np
-from opir_trackers.law_files import law_parameters
+from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray
 from opir_forecast.burning_on import Steering, drawn_steering

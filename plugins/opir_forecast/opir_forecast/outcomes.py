@@ -13,11 +13,10 @@ from functools import cached_property
 
 import numpy as np
 from attrs import frozen
-from opir_trackers.law_files import law_parameters
+from opir_estimation import dot, law_parameters
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation import dot
 from opir_core.plugin import Hypothesis
 from opir_forecast.burning_on import RemainingBurns
 from opir_forecast.vehicles import FAMILIES, VehicleModel

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
-from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
-from opir_trackers.law_files import law_parameters
+from opir_estimation import SPEED_SIGMA_M_S, law_parameters
 from scipy.special import ndtr, ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from attrs import frozen
-from opir_trackers.law_files import law_parameters
+from opir_estimation import law_parameters
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2

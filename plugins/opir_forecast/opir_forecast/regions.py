@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import fields
 from contourpy import FillType, LineType, SerialContourGenerator, ZInterp
-from opir_trackers.law_files import law_parameters
+from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M

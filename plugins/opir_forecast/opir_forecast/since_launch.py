@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from opir_trackers.lines_of_sight import SPIN
+from opir_estimation import SPIN
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic, local_axes

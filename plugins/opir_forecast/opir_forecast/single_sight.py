@@ -8,8 +8,7 @@ those near to the measured ones say how far away the target is (`kernel_regressi
 from typing import NamedTuple
 
 import numpy as np
-from opir_trackers.lines_of_sight import SPIN
-from opir_trackers.triangulation import GRAZING_SINE
+from opir_estimation import GRAZING_SINE, SPIN
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_forecast.ascents import AscentRows, BoostAscents

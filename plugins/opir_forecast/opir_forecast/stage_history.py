@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
-from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.filter.thrust import air_velocity
+from opir_estimation import ModeEstimates, air_velocity, dot
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import dot
 from opir_core.interfaces import Columns
 from opir_forecast.vehicles import (
     BURN,

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
-from opir_trackers.law_files import law_parameters
+from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError, reason_of

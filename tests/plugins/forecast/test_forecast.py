@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from boost_law import HYPOTHESES, MODEL, NAMES, OUTCOMES, STAGES
+from opir_estimation import ModeEstimates
 from opir_forecast import burning_on
 from opir_forecast.forecast import forecasts
 from opir_forecast.launch_forecasts import LaunchForecasts
@@ -13,7 +14,6 @@ from opir_forecast.marginals import burn_ends
 from opir_forecast.outcomes import Outcomes
 from opir_forecast.planar_boost import drawn_stages, ranges_m
 from opir_forecast.stage_history import StageHistory
-from opir_trackers.filter.estimates import ModeEstimates
 from plain_boosts import MU, RADIUS_M, SPIN
 from scipy.integrate import solve_ivp
 

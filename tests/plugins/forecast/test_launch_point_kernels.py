@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from opir_estimation import BOOST, PredictedMeasurements, taylor_weights
 from opir_forecast.launch_points import _add_noise, _covariances, _on_ground, _to_ecef, _whitened
-from opir_trackers.filter.estimates import PredictedMeasurements
 from position_roots import position_roots
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.motion import BOOST, taylor_weights
 from opir_core.flight.gravity_and_drag import height_and_up
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from opir_estimation import PredictedMeasurements
 from opir_forecast.launch_points import (
     EDGES_S,
     FirstMotion,
@@ -11,7 +12,6 @@ from opir_forecast.launch_points import (
     launches,
     updated_points,
 )
-from opir_trackers.filter.estimates import PredictedMeasurements
 
 from opir_core.geometry import geodetic_to_ecef, local_axes
 

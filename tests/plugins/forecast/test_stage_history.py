@@ -5,8 +5,8 @@ made-up estimates.
 import numpy as np
 import pytest
 from boost_law import GAP, NONE
+from opir_estimation import ModeEstimates
 from opir_forecast.stage_history import StageHistory
-from opir_trackers.filter.estimates import ModeEstimates
 from plain_boosts import RADIUS_M
 
 
