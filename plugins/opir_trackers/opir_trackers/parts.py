@@ -72,10 +72,11 @@ class AssociationProblem:
     """The lines of sight (m,) of a slice, and their pairs (k,) with tracks (n,) within the gates.
 
     `lines` are in order of time and without the `known_errors` (sensors, 3) of their sensors: two
-    angles, rad, and the clock, s; a sensor sees a target at most once a `scan`. `number` (n,) are the track numbers, ascending, and `path` predicts
-    their positions. `seen` (n, sensors) says which sensors have seen which track, `bias_sigma_rad`
-    (sensors,) is what is left of their biases, a standard deviation. The slice ends at `end_s`, s,
-    and is `span_s` long; `memory` is that of the last association, None at first.
+    angles, rad, and the clock, s. A sensor sees a target at most once a `scan`. `number` (n,) are
+    the track numbers, ascending, and `path` predicts their positions. `seen` (n, sensors) says
+    which sensors have seen which track, `bias_sigma_rad` (sensors,) is the standard deviation that
+    is left of their biases. The slice ends at `end_s`, s, and is `span_s` long; `memory` is that of
+    the last association, None at first.
     """
 
     lines: LinesOfSight

@@ -22,6 +22,7 @@ from opir_estimation import (
     earth_rotated,
     ground_velocities,
 )
+from opir_forecast import FirstMotion
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
@@ -30,7 +31,6 @@ from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, STEADY_M_S2, TrackCandidates
-from opir_trackers.launch_points import FirstMotion
 from opir_trackers.parts import PartContext, made_part
 
 #: Prior specific force of a boost, upwards, m/s².

@@ -18,6 +18,7 @@ from opir_estimation import (
     candidates,
     gated,
 )
+from opir_forecast import Outcomes, site_height_m, vehicle_model
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.flight import forces_of
@@ -25,11 +26,8 @@ from opir_core.interfaces import has_own
 from opir_core.plugin import TrackerContext
 from opir_trackers.association import AssociationModel
 from opir_trackers.configs import ImmConfig
-from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState, TrackTable, sighting_memory_s
-from opir_trackers.launch_points import site_height_m
 from opir_trackers.onset.posterior import GroupPosterior
 from opir_trackers.parts import Associator, Initiator, PartContext, Pruner, made_part, maker_of
 from opir_trackers.sensors import (

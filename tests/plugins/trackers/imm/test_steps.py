@@ -115,7 +115,10 @@ def test_a_tick_may_have_many_slices() -> None:
     for name in ("number", "first_s", "seen_s", "hits"):
         assert np.array_equal(getattr(long.table, name), getattr(short.table, name)), name
     assert np.allclose(
-        long.table.estimates.likelier_state, short.table.estimates.likelier_state, rtol=1e-9, atol=0.1
+        long.table.estimates.likelier_state,
+        short.table.estimates.likelier_state,
+        rtol=1e-9,
+        atol=0.1,
     )
 
 
