@@ -180,10 +180,11 @@ class TrackPicture:
     """The table of tracks (n,) at a time, s, the end of a slice.
 
     `mean` (n, 6) and `covariance` (n, 6, 6) are of inertial position and velocity, m and m/s,
-    `shared_covariance` is that of the errors that sensors share, None without. `silence_limit_s`
-    (n,) is the longest silence that missed detections explain. `sightings` are the recent scans with
-    detections, `existence` (n,) is that of the association. `known_errors` (sensors, 3) are taken
-    off lines of sight: two angles, rad, and the clock, s; `bias_sigma_rad` (sensors,) is left.
+    `shared_covariance` is that of the errors that sensors share, None without.
+    `sensor_silence_s` (sensors,) is the longest silence, s, that missed detections explain.
+    `sightings` are the recent scans with detections, `existence` (n,) is that of the association.
+    `known_errors` (sensors, 3) are taken off lines of sight: two angles, rad, and the clock, s;
+    `bias_sigma_rad` (sensors,) is left.
     """
 
     time_s: float
@@ -191,7 +192,7 @@ class TrackPicture:
     mean: FloatArray
     covariance: FloatArray
     shared_covariance: FloatArray | None
-    silence_limit_s: FloatArray
+    sensor_silence_s: FloatArray
     sightings: SharedDetections
     known_errors: FloatArray
     bias_sigma_rad: FloatArray
@@ -201,6 +202,12 @@ class TrackPicture:
     def number(self) -> IntArray:
         """The track numbers (n,), ascending."""
         return self.table.number
+
+    @property
+    def silence_limit_s(self) -> FloatArray:
+        """The longest silences (n,), s, of the sensors that have seen each track."""
+        silence_s: FloatArray = np.where(self.table.seen, self.sensor_silence_s, 0.0)
+        return np.maximum.reduce(silence_s, axis=1)
 
 
 class Initiator(PluginPart):

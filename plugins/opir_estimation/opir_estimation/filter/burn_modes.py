@@ -356,7 +356,7 @@ class BurnModes:
         that ends is mixed into the steady burn.
         """
         mean, root, share = burns
-        if np.count_nonzero(share[:, 2]):
+        if share[:, 2].any():
             self._end_free(burns, step_s)
         _settle_stages(burns)
         begins = share[:, 0] * -expm1(-step_s / stage.every_s)

@@ -1,8 +1,7 @@
 """Associate: the track of each line of a slice, by the associator."""
 
 import numpy as np
-from attrs import evolve
-from opir_estimation import LinesOfSight
+from opir_estimation import GatedPairs, LinesOfSight
 
 from opir_core.arrays import IntArray
 from opir_trackers.association import unassigned
@@ -25,7 +24,8 @@ def associate(
             memory=state.memory,
         )
     parts = models.parts
-    association = parts.associator.associate(_problem(models, state, prediction))
+    problem = _problem(models, state, prediction, lines, prediction.pairs)
+    association = parts.associator.associate(problem)
     _require_owners(models, association.owner, state, lines)
     return association
 
@@ -34,11 +34,14 @@ def _require_owners(
     models: TrackingModels, owner: IntArray, state: TrackerState, lines: LinesOfSight
 ) -> None:
     """Raise the error of an associator that returns no track rows of the lines."""
+    parts = models.parts
+    if parts.associates_itself:
+        return
     count = state.table.number.size
     is_right = owner.shape == lines.scan.shape and owner.dtype.kind == "i"
     require_shape(
-        models.parts.associator,
-        models.parts.owners["association"],
+        parts.associator,
+        parts.owners["association"],
         f"track rows of {lines.scan.size} lines, -1 to {count - 1}",
         is_right=is_right
         and (not owner.size or -1 <= int(owner.min()) <= int(owner.max()) < count),
@@ -46,12 +49,17 @@ def _require_owners(
 
 
 def _problem(
-    models: TrackingModels, state: TrackerState, prediction: SlicePrediction
+    models: TrackingModels,
+    state: TrackerState,
+    prediction: SlicePrediction,
+    lines: LinesOfSight,
+    pairs: GatedPairs,
 ) -> AssociationProblem:
+    """Return the association of lines with the tracks that are predicted, by some pairs."""
     table = state.table
     return AssociationProblem(
-        lines=prediction.lines,
-        pairs=prediction.pairs,
+        lines=lines,
+        pairs=pairs,
         number=table.number,
         path=prediction.path,
         seen=table.reports >= 0,
@@ -76,11 +84,10 @@ def track_numbers(models: TrackingModels, state: TrackerState, lines: LinesOfSig
     lines = models.corrected(state.registration, lines)
     prediction = predict(models, state, state.time_s + models.config.cadence_s, lines)
     eligible = models.confirmed(state)
-    problem = _problem(models, state, prediction)
-    pairs = problem.pairs
+    pairs = prediction.pairs
     if not eligible.all():
         pairs = pairs.take(eligible[pairs.track].nonzero()[0])
-    problem = evolve(problem, lines=lines.of_instants(), pairs=pairs)
+    problem = _problem(models, state, prediction, lines.of_instants(), pairs)
     owner = models.parts.associator.labels(problem, eligible)
     _require_owners(models, owner, state, lines)
     return np.append(number, -1)[owner]

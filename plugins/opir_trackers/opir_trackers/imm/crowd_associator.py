@@ -43,7 +43,7 @@ class CrowdAssociator(Associator):
         if crowds is not None:
             follows = crowds.follows(problem.number, problem.seen.shape[1])
             rows = ~follows[pairs.track, problem.lines.sensor[pairs.line]]
-            pairs = pairs.take(np.flatnonzero(rows))
+            pairs = pairs.take(rows.nonzero()[0])
         crowds = self._with_contested(problem, pairs, crowds)
         if crowds is None:
             return _outside_crowds(problem, pairs)
@@ -95,7 +95,7 @@ class CrowdAssociator(Associator):
         has_owner = update.number >= 0
         follows = update.crowds.follows(number, problem.seen.shape[1])
         is_taken = follows[pairs.track, lines.sensor[pairs.line]] | has_owner[pairs.line]
-        association = _outside_crowds(problem, pairs.take(np.flatnonzero(~is_taken)))
+        association = _outside_crowds(problem, pairs.take((~is_taken).nonzero()[0]))
         # Those that join now were alone in this slice.
         sharing = np.unique(pairs.track[has_owner[pairs.line]])
         crowds = _with_joining(problem, association, update.crowds, sharing, view)
@@ -119,8 +119,8 @@ class CrowdAssociator(Associator):
             lone = ~follows[pairs.track, problem.lines.sensor[pairs.line]]
             focal_pairs = self._paired(problem, crowds)
             labels = crowd.label_pairs(focal_pairs, problem.number, problem.lines)
-            labels = labels.take(np.flatnonzero(eligible[labels.track]))
-            pairs = GatedPairs.concatenate([pairs.take(np.flatnonzero(lone)), labels])
+            labels = labels.take(eligible[labels.track].nonzero()[0])
+            pairs = GatedPairs.concatenate([pairs.take(lone.nonzero()[0]), labels])
         return associate_nearest(pairs, problem.lines, problem.model).owner
 
     def settled(self, tracks: TrackPicture, memory: Any) -> Settled:
@@ -188,7 +188,7 @@ def _with_joining(
     detected = np.zeros(seen.shape, dtype=bool)
     detected[association.pairs.track, association.sensor] = True
     detected &= crowds.holds(number)[:, None] & ~crowds.follows(number, seen.shape[1])
-    rows = np.flatnonzero(detected.any(axis=1))
+    rows = (detected.any(axis=1)).nonzero()[0]
     if rows.size:
         crowds = crowd.joined(crowds, number, rows, problem.path, detected, view)
     return crowds

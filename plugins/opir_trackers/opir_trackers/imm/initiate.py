@@ -74,12 +74,12 @@ def _with_explained(
     """
     if not len(state.table):
         return state, owner
-    unowned = np.flatnonzero(owner < 0)
+    unowned = (owner < 0).nonzero()[0]
     path = models.path(state.table.estimates, state.time_s)
     lines = prediction.lines.take(unowned)
     gate = (OUTLIER_SIGMAS, models.light_time)
     pairs = gated(path, lines, *candidates(path, lines, prediction.span_s, *gate), *gate)
-    rows = np.flatnonzero(owner >= 0)
+    rows = (owner >= 0).nonzero()[0]
     owned = (owner[rows], prediction.lines.take(rows))
     registration = state.registration.at(state.time_s)
     tracks = registration.tracks.of(state.table.number)
@@ -99,7 +99,7 @@ def _with_unclaimed(
     span_s: float,
 ) -> TrackerState:
     """Return the state with the unassigned lines added, and old ones removed."""
-    free = np.flatnonzero(owner < 0)
+    free = (owner < 0).nonzero()[0]
     unclaimed = LinesOfSight.concatenate([state.unclaimed, lines.take(free)])
     types = np.concatenate([state.reported, reported[free]])
     return _forgotten(models, state._replace(unclaimed=unclaimed, reported=types), span_s)
@@ -109,7 +109,7 @@ def _forgotten(models: TrackingModels, state: TrackerState, span_s: float) -> Tr
     """Return the state without the unassigned lines of old scans."""
     unclaimed = state.unclaimed
     recent_s = models.config.recent_scans * models.period_s[unclaimed.sensor] + span_s
-    recent = np.flatnonzero(state.time_s - unclaimed.time_s <= recent_s)
+    recent = (state.time_s - unclaimed.time_s <= recent_s).nonzero()[0]
     return state._replace(unclaimed=unclaimed.take(recent), reported=state.reported[recent])
 
 
@@ -134,7 +134,7 @@ def _with_initiated(models: TrackingModels, state: TrackerState) -> TrackerState
     path = models.filter.predicted_measurements(prior, state.time_s)
     pairs = models.gated_pairs(path, lines, span_s)
     owned = initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])
-    association = associate_nearest(pairs.take(np.flatnonzero(owned)), lines, models.association)
+    association = associate_nearest(pairs.take(owned.nonzero()[0]), lines, models.association)
     crossing = initiation.placed_at_crossings(begun, lines, association.owner)
     if crossing is not begun:
         prior = prior_estimates(crossing, state.time_s, models.config)
@@ -162,7 +162,7 @@ def _with_new_tracks(
         prior.take(is_track.nonzero()[0]),
         estimates.take(is_track.nonzero()[0]),
     )
-    remaining = np.flatnonzero(owner < 0)
+    remaining = (owner < 0).nonzero()[0]
     return state._replace(
         table=TrackTable.concatenate([state.table, table]),
         unclaimed=state.unclaimed.take(remaining),
@@ -188,4 +188,4 @@ def _new_table(
     position_m = prior.likelier_position_m
     motion = MotionStatistics.fresh(position_m, state.time_s, table.first_s, models.groups.prior)
     lines = models.corrected(state.registration, unclaimed)
-    return evolve(table, motion=motion.with_lines(owner, lines, models.groups.log_clutter))
+    return table.changed(motion=motion.with_lines(owner, lines, models.groups.log_clutter))

@@ -5,7 +5,7 @@ flies already.
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from opir_estimation import SPIN, PredictedMeasurements, earth_rotated, emission_s
 from opir_forecast import (
     InFlight,
@@ -81,9 +81,9 @@ def with_launch_points(models: TrackingModels, state: TrackerState, span_s: floa
     table = state.table
     scans_s = LAW.young_scans * models.longest(models.period_s, table)
     is_young = state.time_s - table.begun_s <= np.maximum(LAW.young_s, scans_s)
-    if not np.count_nonzero(is_young):
+    if not is_young.any():
         return state
-    rows = np.flatnonzero(is_young & (table.estimates.weight[:, 0] > 0.5))
+    rows = (is_young & (table.estimates.weight[:, 0] > 0.5)).nonzero()[0]
     if not len(rows):
         return state
     points = _new_points(models, state, rows, span_s)
@@ -92,7 +92,7 @@ def with_launch_points(models: TrackingModels, state: TrackerState, span_s: floa
     launch = table.launch.copy()
     covariance = table.launch_covariance.copy()
     launch[rows], covariance[rows] = updated_points(earlier, points)
-    return state._replace(table=evolve(table, launch=launch, launch_covariance=covariance))
+    return state._replace(table=table.changed(launch=launch, launch_covariance=covariance))
 
 
 def _new_points(
@@ -107,7 +107,7 @@ def _new_points(
         state.table.motion.probability[rows, LAUNCH] >= models.config.least_launch_probability
     )
     is_old = ~(young.middle_s - points.place[:, 2] <= LAW.cubic_s)
-    old = np.flatnonzero(is_old & is_launch & (young.visible.sum(axis=1) >= LAW.sensors))
+    old = (is_old & is_launch & (young.visible.sum(axis=1) >= LAW.sensors)).nonzero()[0]
     if not len(old):
         return points
     due = old[_are_due(models, state, rows[old], span_s)]

@@ -65,7 +65,7 @@ class Memo:
 @frozen(eq=False)
 class TrackingParts:
     """The exchangeable parts of the tracker, and the owner of each in words by its role; whether the
-    associator has work at the end of a slice.
+    associator has work at the end of a slice, and whether it is of this distribution.
     """
 
     associator: Associator
@@ -73,6 +73,7 @@ class TrackingParts:
     pruner: Pruner
     owners: Mapping[str, str]
     settles: bool
+    associates_itself: bool
 
     @classmethod
     def of(cls, config: ImmConfig, context: TrackerContext) -> "TrackingParts":
@@ -88,6 +89,7 @@ class TrackingParts:
             pruner=made_part(Pruner, "pruning", part_context),
             owners={role: maker_of(role, part_context).owner for role in roles},
             settles=has_own(Associator, associator, "settled"),
+            associates_itself=type(associator).__module__.startswith("opir_trackers."),
         )
 
 
@@ -177,7 +179,7 @@ class TrackingModels:
 
     def longest(self, time_s: FloatArray, table: TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
-        return np.max(np.where(table.seen, time_s, 0.0), axis=1, initial=0.0)
+        return np.maximum.reduce(np.where(table.seen, time_s, 0.0), axis=1, initial=0.0)
 
     def confirmed(self, state: TrackerState) -> BoolArray:
         """Return which tracks (n,) are reported: those with enough detections that are probably no

@@ -148,7 +148,7 @@ def picture(
         mean=moments[0],
         covariance=moments[1],
         shared_covariance=models.shared_covariance(state, table) if is_shared else None,
-        silence_limit_s=models.longest(models.silence_limit_s, table),
+        sensor_silence_s=models.silence_limit_s,
         sightings=state.sightings,
         known_errors=registration.error,
         bias_sigma_rad=registration.apart_rad,
@@ -160,7 +160,7 @@ def _without(models: TrackingModels, state: TrackerState, end: IntArray) -> Trac
     """Return the state without tracks that ended by codes (n,)."""
     drop = end > 0
     remaining = state.without(drop)
-    rows = np.flatnonzero(drop & models.confirmed(state))
+    rows = (drop & models.confirmed(state)).nonzero()[0]
     if not rows.size:
         return remaining
     ended = EndedTracks(state.table.take(rows), end[rows].astype(np.uint8))
@@ -259,7 +259,7 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
     tree = cKDTree(position)
     close = tree.query_pairs(LAW.near_m, output_type="ndarray")
     reach_m = np.sqrt(2.0 * LAW.duplicate_gate) * sigma_m
-    wide = np.flatnonzero(reach_m > LAW.near_m)
+    wide = (reach_m > LAW.near_m).nonzero()[0]
     if len(wide):
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
         row, neighbour = neighbour_pairs(tree, position[wide], reach_m[wide])
@@ -273,7 +273,7 @@ def _never_seen_together(
 ) -> BoolArray:
     """Return which pairs (k,) have enough scans with a detection, none of both."""
     row = np.searchsorted(number, sightings.number)
-    tracked = np.flatnonzero(np.append(number, -1)[row] == sightings.number)
+    tracked = (np.append(number, -1)[row] == sightings.number).nonzero()[0]
     scan = scan_numbers(sightings.sensor, sightings.scan)[tracked]
     detected = np.zeros((len(number), int(scan.max(initial=-1)) + 1), dtype=bool)
     detected[row[tracked], scan] = True

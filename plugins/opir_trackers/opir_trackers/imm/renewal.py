@@ -289,7 +289,7 @@ def _with_rows(state: CrowdedTracks, number: IntArray) -> CrowdedTracks:
     new_reports = table.reports.copy()
     new_reports[np.unique(row)] = -1
     new_reports[row, tracks.sensor[owned]] = reports[owned]
-    return state._replace(table=evolve(table, reports=new_reports))
+    return state._replace(table=table.changed(reports=new_reports))
 
 
 def _mixtures(

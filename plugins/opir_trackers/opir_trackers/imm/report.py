@@ -41,7 +41,7 @@ def with_launches(
     (n,) have no launch point and no impact.
     """
     tracks = reported.tracks
-    no_launch = np.flatnonzero(~launched)
+    no_launch = (~launched).nonzero()[0]
     launch = tracks.launch
     covariance = tracks.launch_covariance
     if len(no_launch):

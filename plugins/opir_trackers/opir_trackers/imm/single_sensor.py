@@ -81,6 +81,9 @@ class SingleSensor:
 
         `seen_before_s` (n,) are the times of the last detections before the slice.
         """
+        seen = table.reports >= 0
+        if seen.all() and seen.shape[1] > 1:
+            return table
         estimates = table.estimates
         rows = self._due(table, seen_before_s).nonzero()[0]
         rows = rows[self._are_far(table, rows, time_s)] if rows.size else rows
@@ -119,7 +122,7 @@ class SingleSensor:
         Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
         is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
-        if not np.count_nonzero(is_single):
+        if not is_single.any():
             return is_single
         interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
         estimates = table.estimates
@@ -149,7 +152,7 @@ class SingleSensor:
         """Return what the sensor of a track sees at a time."""
         estimates = table.estimates
         motion = table.motion
-        sensor = int(np.flatnonzero(table.reports[row] >= 0)[0])
+        sensor = int((table.reports[row] >= 0).nonzero()[0][0])
         first_s = float(table.first_s[row])
         times_s = np.array([first_s, time_s - 0.5, time_s, time_s + 0.5])
         places = self.biases.sensors[sensor].orbit.position_ecef_m(times_s)

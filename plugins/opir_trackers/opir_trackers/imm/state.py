@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from numpy.typing import NDArray
 from opir_estimation import LinesOfSight, ModeEstimates, Registration, no_lines_of_sight
 
@@ -48,11 +48,11 @@ class SharedDetections(Columns):
 
         `owner` (m,) is the row, in `number`, of the track of each line, -1 for none.
         """
-        owned = np.flatnonzero(owner >= 0)
+        owned = (owner >= 0).nonzero()[0]
         detections = SharedDetections(
             number[owner[owned]], lines.sensor[owned], lines.scan[owned], lines.time_s[owned]
         )
-        old = np.flatnonzero(self.time_s > time_s - memory_s[self.sensor])
+        old = (self.time_s > time_s - memory_s[self.sensor]).nonzero()[0]
         return (
             SharedDetections.concatenate([self.take(old), detections]) if len(old) else detections
         )
@@ -65,7 +65,7 @@ def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> Float
     return np.where(ENOUGH_SCANS * period_s > slice_s, scans * period_s, 0.0)
 
 
-@frozen(eq=False, repr=False)
+@frozen(eq=False, repr=False, slots=False)
 class TrackTable(Columns):
     """The tracks (n,) by ascending number: all that is known of each, one row.
 
@@ -169,14 +169,18 @@ class TrackTable(Columns):
         if (reports[owner, sensor] != reported).any():
             reports = reports.copy()
             reports[owner, sensor] = reported
-        columns = (self.number, self.begun_s, first_s, seen_s, hits, self.outliers, reports)
-        return TrackTable(
-            *columns, self.launch, self.launch_covariance, self.estimates, self.motion
-        )
+        return self.changed(first_s=first_s, seen_s=seen_s, hits=hits, reports=reports)
+
+    def changed(self, **columns: Any) -> "TrackTable":
+        """Return the table with other columns."""
+        table = TrackTable.__new__(TrackTable)
+        table.__dict__.update(self.__dict__)
+        table.__dict__.update(columns)
+        return table
 
     def with_estimates(self, estimates: ModeEstimates) -> "TrackTable":
         """Return the table with other estimates of the filter."""
-        return evolve(self, estimates=estimates)
+        return self.changed(estimates=estimates)
 
 
 @frozen(eq=False)

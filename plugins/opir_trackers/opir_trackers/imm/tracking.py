@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import ceil
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from opir_estimation import LinesOfSight, Registration, earth_rotated
 from opir_forecast import grounds, hypothesis_log_likelihood
 
@@ -133,7 +133,7 @@ class ImmTracking:
         motion = self.models.groups.assessed(
             motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s
         )
-        return state._replace(table=evolve(table, motion=motion))
+        return state._replace(table=table.changed(motion=motion))
 
     def _standing(self, state: TrackerState) -> TrackerState:
         """Return the state with the tracks that are ground sources for good where they stand,
@@ -204,7 +204,7 @@ class ImmTracking:
         tracks = EndedTracks(table, np.zeros(table.number.size, dtype=np.uint8))
         confirmed = self.models.confirmed(state)
         if np.count_nonzero(confirmed) < len(confirmed):
-            tracks = tracks.take(np.flatnonzero(confirmed))
+            tracks = tracks.take(confirmed.nonzero()[0])
         if state.ended is None:
             return tracks
         tracks = state.ended.and_others(tracks)

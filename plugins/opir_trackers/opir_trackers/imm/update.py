@@ -55,9 +55,9 @@ def update(
     estimates = models.filter.with_open_coast(
         estimates, prediction.estimates, table.estimates, prediction.span_s
     )
-    table = evolve(
-        table, estimates=estimates, outliers=table.outliers if outliers is None else outliers
-    )
+    table = table.with_estimates(estimates)
+    if outliers is not None:
+        table = table.changed(outliers=outliers)
     next_state = state._replace(time_s=prediction.end_s, table=table, memory=association.memory)
     if not lines.scan.size:
         return next_state
@@ -80,7 +80,7 @@ def _with_detections(
     motion = _relit_motion(models, state, owner, lines.time_s)
     motion = motion.with_lines(owner, lines, models.groups.log_clutter)
     if motion is not table.motion:
-        table = evolve(table, motion=motion)
+        table = table.changed(motion=motion)
     return state._replace(table=models.single.with_ascents(table, before.seen_s, state.time_s))
 
 
@@ -143,10 +143,10 @@ def _updated(
         looks = hard_measurements(pairs)
         return models.filter.updated(estimates, end_s, looks, prediction.span_s)
     was_silent = (estimates.detection_rate[:, 2] > prediction.span_s)[pairs.track]
-    rows = np.flatnonzero(~was_silent)
+    rows = (~was_silent).nonzero()[0]
     means = merged(pairs.take(rows), association.sensor[rows], prediction.path)
-    if np.count_nonzero(was_silent):
-        means = GatedPairs.concatenate([means, pairs.take(np.flatnonzero(was_silent))])
+    if was_silent.any():
+        means = GatedPairs.concatenate([means, pairs.take(was_silent.nonzero()[0])])
     looks = hard_measurements(means)
     posterior = models.filter.updated(estimates, end_s, looks, prediction.span_s)
     rate = _with_all_looks(posterior.detection_rate, association, means.track, end_s)
@@ -191,7 +191,7 @@ def _with_outliers(
     suspects = suspect_tracks(assigned, share)
     if suspects.size and association.doubtful.size:
         suspects = np.setdiff1d(suspects, association.doubtful, assume_unique=True)
-    if not suspects.size and not np.count_nonzero(share > FEW):
+    if not suspects.size and not (share > FEW).any():
         return posterior, None
     outliers = clean_log_likelihood(assigned, fractions, gate)
     if not suspects.size:
@@ -213,7 +213,7 @@ def _of_tracks(pairs: GatedPairs, rows: IntArray, count: int) -> GatedPairs:
     """Return the pairs of some of the tracks (count,), renumbered."""
     number = np.full(count, -1, dtype=np.int64)
     number[rows] = np.arange(len(rows))
-    pairs = pairs.take(np.flatnonzero(number[pairs.track] >= 0))
+    pairs = pairs.take((number[pairs.track] >= 0).nonzero()[0])
     return evolve(pairs, track=number[pairs.track])
 
 
@@ -268,6 +268,6 @@ def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedP
 def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
     """Return the assigned pairs of tracks none of whose lines is in another's gate."""
     shared = np.bincount(pairs.line)[pairs.line] > 1 if len(pairs) else np.zeros(0, dtype=np.bool_)
-    if not np.count_nonzero(shared):
+    if not shared.any():
         return assigned
-    return assigned.take(np.flatnonzero(~np.isin(assigned.track, pairs.track[shared])))
+    return assigned.take((~np.isin(assigned.track, pairs.track[shared])).nonzero()[0])
