@@ -176,7 +176,9 @@ class Thrust(MotionModel):
         """
         if len(state) > 1 or abs(step_s[0]) > LONGEST_STEP_S:
             return super().step(state, step_s)
-        values = self.fall.arithmetic.values(self._step_values, state, step_s)[0]
+        numbers = self.fall.arithmetic.numbers
+        lone = self._step_values(state[0].tolist(), step_s.item(), numbers)
+        values = np.array(lone)
         rate = KINEMATICS.copy()
         rate[0, 3:6, :3] = values[10:19].reshape(3, 3)
         rate[0, 9, 9] = values[19]

@@ -79,10 +79,12 @@ class _Young(NamedTuple):
 def with_launch_points(models: TrackingModels, state: TrackerState, span_s: float) -> TrackerState:
     """Return the state, after a slice of a length, with the launch points of young tracks."""
     table = state.table
+    oldest_s = max(LAW.young_s, LAW.young_scans * models.slowest_s)
+    # Tracks are in order of their initiation.
+    if not table.number.size or state.time_s - table.begun_s[-1] > oldest_s:
+        return state
     scans_s = LAW.young_scans * models.longest(models.period_s, table)
     is_young = state.time_s - table.begun_s <= np.maximum(LAW.young_s, scans_s)
-    if not is_young.any():
-        return state
     rows = (is_young & (table.estimates.weight[:, 0] > 0.5)).nonzero()[0]
     if not len(rows):
         return state

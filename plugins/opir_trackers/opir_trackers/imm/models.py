@@ -98,8 +98,8 @@ class TrackingModels:
     """The models of a scene, and what several steps and the labels ask of them.
 
     `needed_scans` is M of M-of-N track initiation; `period_s`, `memory_s` and `silence_limit_s`
-    (sensors,) are scan periods, how long detections are kept, and the longest silence of a track in
-    view.
+    (sensors,) are scan periods, of which `slowest_s` is the longest, how long detections are kept,
+    and the longest silence of a track in view.
     """
 
     config: ImmConfig
@@ -109,6 +109,7 @@ class TrackingModels:
     light_time: bool
     biases: Biases
     period_s: FloatArray
+    slowest_s: float
     memory_s: FloatArray
     silence_limit_s: FloatArray
     groups: GroupPosterior
@@ -134,6 +135,7 @@ class TrackingModels:
             light_time=context.light_time,
             biases=biases,
             period_s=period_s,
+            slowest_s=float(period_s.max(initial=0.0)),
             memory_s=sighting_memory_s(
                 period_s, min(config.slice_s, config.cadence_s), config.recent_scans
             ),

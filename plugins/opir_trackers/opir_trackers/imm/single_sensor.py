@@ -81,9 +81,6 @@ class SingleSensor:
 
         `seen_before_s` (n,) are the times of the last detections before the slice.
         """
-        seen = table.reports >= 0
-        if seen.all() and seen.shape[1] > 1:
-            return table
         estimates = table.estimates
         rows = self._due(table, seen_before_s).nonzero()[0]
         rows = rows[self._are_far(table, rows, time_s)] if rows.size else rows

@@ -191,7 +191,10 @@ class ImmTracking:
         """
         table = ended.table
         silent = time_s - table.seen_s > self.models.longest(self.models.silence_limit_s, table)
-        return ((ended.end > 0) | silent) & are_brief(table.motion, table.first_s, table.seen_s)
+        are_over = (ended.end > 0) | silent
+        if True not in are_over:
+            return are_over
+        return are_over & are_brief(table.motion, table.first_s, table.seen_s)
 
     def confirmed_and_ended(self, state: TrackerState) -> EndedTracks:
         """Return the confirmed tracks and those that ended since the last tick, by number; `end` is

@@ -81,7 +81,9 @@ def _with_detections(
     motion = motion.with_lines(owner, lines, models.groups.log_clutter)
     if motion is not table.motion:
         table = table.changed(motion=motion)
-    return state._replace(table=models.single.with_ascents(table, before.seen_s, state.time_s))
+    if table.reports.shape[1] == 1 or -1 in table.reports:
+        table = models.single.with_ascents(table, before.seen_s, state.time_s)
+    return state._replace(table=table)
 
 
 def _relit_motion(
