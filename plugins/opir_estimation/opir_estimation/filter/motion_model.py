@@ -152,6 +152,7 @@ class MotionModel(PluginPart):
         roots[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]
         return roots
 
+
 #: Steps of the central differences: of velocity, m/s, force, m/s², and growth, 1/s.
 _STEPS = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01, 1e-4])
 
