@@ -36,7 +36,14 @@ from opir_core.reading.structuring import (
     required,
 )
 from opir_core.scene.field_rows import field_rows, nested_config
-from opir_core.scene.fields import Alternatives, FieldInfo, alternatives, error_of_both, field_infos, info_of
+from opir_core.scene.fields import (
+    Alternatives,
+    FieldInfo,
+    alternatives,
+    error_of_both,
+    field_infos,
+    info_of,
+)
 from opir_core.scene.scene import Choice
 
 #: Keys reserved by scenes, besides those of the block.
@@ -234,9 +241,7 @@ class ComponentReader:
                         self._require_name(info.names_of, name, node, path, steps)
         collector.require_whole()
 
-    def _with_parts(
-        self, component: Any, config: Any, block: Mapping[str, Node], path: str
-    ) -> Any:
+    def _with_parts(self, component: Any, config: Any, block: Mapping[str, Node], path: str) -> Any:
         """Return a configuration with the choices of the parts that its fields name."""
         collector = ErrorCollector()
         choices = dict[str, Choice]()

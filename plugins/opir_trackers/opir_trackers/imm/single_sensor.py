@@ -124,6 +124,8 @@ class SingleSensor:
     ) -> BoolArray:
         """Return which tracks (n,) are compared: those of one sensor that burn and were detected in
         the slice.
+
+        Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
         is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
         if not np.count_nonzero(is_single):
@@ -131,7 +133,8 @@ class SingleSensor:
         interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
         burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < LAW.free)
         is_launch = motion.probability[:, LAUNCH] > 0.5
-        return (interval[0] > interval[1]) & is_single & burns & is_launch
+        is_due = interval[0] > interval[1]
+        return is_due & is_single & burns & is_launch & (motion.epoch_s <= table.first_s)
 
     def _are_far(
         self, table: TrackTable, motion: MotionStatistics, rows: IntArray, time_s: float
