@@ -53,7 +53,7 @@ def reported(request):
     impact = truth.impacts()
     ticks = []
     for tick in followed(
-        truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0, regions_every_s=10.0
+        truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0
     ):
         area = np.full((FLIGHTS, 3), np.nan)
         held = np.zeros((FLIGHTS, 3))

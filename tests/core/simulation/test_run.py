@@ -17,7 +17,7 @@ EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 def run() -> Run:
     return opir.simulate(
         opir.load_scene(
-            EXAMPLE, overrides=["duration_s=90", "tracker={model: imm, regions_every_s: 20}"]
+            EXAMPLE, overrides=["duration_s=90", "tracker=imm"]
         )
     )
 
