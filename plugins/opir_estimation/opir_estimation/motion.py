@@ -16,8 +16,7 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.flight import Forces
-from opir_core.flight import Gravity
+from opir_core.flight import Forces, Gravity
 from opir_estimation.directions import FEW_ROWS
 from opir_estimation.formulas import Arithmetic, Functions, Vector, arithmetic, inner, plus, scaled
 
