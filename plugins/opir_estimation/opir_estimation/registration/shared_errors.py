@@ -124,7 +124,5 @@ def _least_squares(
     )
     weight_m2 = np.where(visible, weight / range_square, 0.0)
     # In observed directions the lines of one second outweigh the prior.
-    total = (
-        np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / LAW.prior_sigma_m**2
-    )
+    total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / LAW.prior_sigma_m**2
     return across, weight_m2, total
