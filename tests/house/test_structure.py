@@ -67,6 +67,7 @@ DISTRIBUTIONS = (
     ),
     *(
         "opir_estimation",
+        "opir_forecast",
         "opir_trackers",
         "opir_stonesoup",
         "opir_render",

@@ -41,6 +41,9 @@ from opir_estimation.filter.mode_mixing import (
     SPEED_SIGMA_M_S as SPEED_SIGMA_M_S,
     have_uncertain_velocity as have_uncertain_velocity,
 )
+from opir_estimation.filter.motion_model import (
+    MotionModel as MotionModel,
+)
 from opir_estimation.filter.switching import (
     ImmFilter as ImmFilter,
 )

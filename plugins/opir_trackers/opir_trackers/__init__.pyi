@@ -1,6 +1,16 @@
 from opir_trackers.initiation import (
     TrackCandidates as TrackCandidates,
 )
+from opir_trackers.parts import (
+    Association as Association,
+    AssociationProblem as AssociationProblem,
+    Associator as Associator,
+    Initiator as Initiator,
+    PartContext as PartContext,
+    Pruner as Pruner,
+    Settled as Settled,
+    TrackPicture as TrackPicture,
+)
 from opir_trackers.track_priors import (
     FIRST_CLIMB_M_S as FIRST_CLIMB_M_S,
     FIRST_FORCE_M_S2 as FIRST_FORCE_M_S2,

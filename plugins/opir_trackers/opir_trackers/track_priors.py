@@ -19,6 +19,7 @@ from opir_estimation import (
     earth_rotated,
     ground_velocities,
 )
+from opir_forecast import FirstMotion
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
@@ -27,7 +28,6 @@ from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, STEADY_M_S2, TrackCandidates
-from opir_trackers.launch_points import FirstMotion
 
 #: Prior specific force of a boost, upwards, m/s².
 FIRST_FORCE_M_S2 = 20.0
@@ -75,7 +75,7 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
     thrust = config.thrust
-    switches = config.motion == "boost-coast"
+    switches = config.modes == "boost-coast"
     follows_bodies = any(sensor.follows_bodies for sensor in context.sensors)
     period_s = [sensor.scan.period_ns * 1e-9 for sensor in context.sensors]
     return ImmFilter(
@@ -154,7 +154,7 @@ def _in_both_modes(
     mean: FloatArray, root: FloatArray, detection_rate: FloatArray, config: ImmConfig
 ) -> ModeEstimates:
     """Return boosts (n, 10) and their coasts, with prior mode probabilities."""
-    burning = {"boost-coast": LAW.burns, "boost": 1.0, "coast": 0.0}[config.motion]
+    burning = {"boost-coast": LAW.burns, "boost": 1.0, "coast": 0.0}[config.modes]
     weight = np.tile([burning, 1.0 - burning], (len(mean), 1))
     coast = (mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy())
     return ModeEstimates(weight, mean, root, *coast, detection_rate)

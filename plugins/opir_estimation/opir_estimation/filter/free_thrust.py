@@ -12,7 +12,7 @@ from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.flight import Forces
-from opir_estimation.filter.thrust import THRUST
+from opir_estimation.filter.motion_model import THRUST
 from opir_estimation.motion import BOOST, Motion, noise_roots
 
 #: Position, velocity and force.

@@ -17,10 +17,15 @@ from attrs import Factory, field, frozen
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces
-from opir_estimation.directions import matvec
+from opir_estimation.filter.motion_model import (
+    KINEMATICS,
+    LONGEST_STEP_S,
+    MOST_GROWTH,
+    THRUST,
+    MotionModel,
+)
 from opir_estimation.formulas import Functions, Vector, inner, plus, scaled
 from opir_estimation.motion import (
-    BOOST,
     COAST,
     Motion,
     chain_roots,
@@ -41,18 +46,6 @@ SLOW_M_S = 100.0
 #: this curve from 50 to 1 200 m/s (`docs/design/pitch_over.py`).
 PITCH_OVER_SHARE = 0.045
 PITCH_OVER_M_S = 600.0
-
-#: Up to this growth, 1/s, thrust and mass flow are constant: κ' = κ². A stage of 40 s whose
-#: acceleration triples ends with it; beyond, κ stays: carried on in the dark, a stage would burn up
-#: all its mass.
-MOST_GROWTH = 0.05
-
-#: State size.
-THRUST = 10
-
-#: Longest step, s: with τ of 15 s, the trapezoidal error of the decay towards the velocity is below
-#: 1e-3.
-_LONGEST_STEP_S = 2.5
 
 _SPIN = EARTH_ROTATION_RAD_S
 
@@ -96,7 +89,7 @@ def across_share_at(steady: float, square_speed: Any) -> Any:
 
 
 @frozen(eq=False)
-class Thrust:
+class Thrust(MotionModel):
     """The motion model of a boost along its velocity.
 
     `tilt_rad` and `tilt_s` are the standard deviation and the correlation time of the angle between
@@ -104,15 +97,11 @@ class Thrust:
     m/s²/√s, `growth_noise` that of κ, 1/s/√s.
     """
 
-    #: States move alike however well they are known.
-    about = None
-
     tilt_rad: float
     tilt_s: float
     noise_m_s2: float
     growth_noise: float
     forces: Forces
-    size: int = field(default=THRUST, init=False)
     #: Free flight under the same gravity.
     fall: Motion = field(
         default=Factory(lambda self: Motion(COAST, 0.0, self.forces), takes_self=True), init=False
@@ -120,7 +109,7 @@ class Thrust:
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 10) after steps (n,), s."""
-        pieces = substeps(step_s, _LONGEST_STEP_S)
+        pieces = substeps(step_s, LONGEST_STEP_S)
         if pieces > 1:
             step_s = step_s / pieces
         for _ in range(pieces):
@@ -147,7 +136,7 @@ class Thrust:
             growth,
         ]
 
-    def jerk(self, state: FloatArray) -> FloatArray:
+    def force_rate(self, state: FloatArray) -> FloatArray:
         """Return the rates (n, 3) of the specific forces of states (n, 10), m/s³."""
         return self.fall.arithmetic.values(self._force_rate, state)
 
@@ -169,24 +158,9 @@ class Thrust:
             grown * fz + turn * az + back * uz,
         )
 
-    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with a
-        constant Jacobian.
-        """
-        product = self.slopes(state)
-        product *= step_s[:, None, None]
-        square = product @ product
-        remainder = square / 24.0
-        remainder += product / 6.0
-        remainder += _HALF
-        series: FloatArray = square @ remainder
-        series += product
-        series += _IDENTITY
-        return series
-
     def slopes(self, state: FloatArray) -> FloatArray:
         """Return the Jacobian (n, 10, 10) of the state's rate, 1/s."""
-        rate = _KINEMATICS.repeat(len(state), axis=0)
+        rate = KINEMATICS.repeat(len(state), axis=0)
         values = self.fall.arithmetic.values(self._other_slopes, state)
         rate[:, 3:6, :3] = values[:, :9].reshape(-1, 3, 3)
         rate[:, 6:9, 3:] = self.force_slopes(state)
@@ -199,7 +173,7 @@ class Thrust:
         return [*gradient, functions.where(state[9] < MOST_GROWTH, 2.0 * state[9], 0.0)]
 
     def force_slopes(self, state: FloatArray) -> FloatArray:
-        """Return the Jacobian (n, 3, 7) of `jerk` by velocity, force and growth."""
+        """Return the Jacobian (n, 3, 7) of `force_rate` by velocity, force and growth."""
         if len(state) == 1:
             return self.fall.arithmetic.values(self._slope_rows, state).reshape(1, 3, 7)
         terms = self.fall.arithmetic.values(self._flat_terms, state)
@@ -294,35 +268,6 @@ class Thrust:
         path = [*state[:9], *self._force_rate(state, functions)]
         return taylor_series(path, self.forces.gravity.mu_m3_s2, functions)
 
-    def measurement_rows(
-        self, slope: FloatArray, weight: FloatArray, state: FloatArray
-    ) -> FloatArray:
-        """Return the whitened Jacobian (m, 2, 10) by the state from that by the position (m, 2, 3),
-        1/m.
-
-        `weight` (m, 5) are the Taylor weights of the looks, `state` (m, 10) the states of their
-        tracks, or (1, 10) one for all.
-        """
-        rows = np.empty((len(slope), 2, THRUST))
-        rows[:, :, :9] = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(
-            len(slope), 2, 9
-        )
-        if len(state) == 1:
-            by_force = (slope.reshape(-1, 3) @ state[0, 6:9]).reshape(-1, 2)
-        else:
-            by_force = matvec(slope, state[:, 6:9])
-        rows[:, :, 9] = by_force * weight[:, 3, None]
-        return rows
-
-    def derivative_roots(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return covariance roots (n, 12, 12) of four position derivatives from those of states,
-        (n, 10, 10).
-        """
-        roots = np.zeros((len(state), BOOST, BOOST))
-        roots[:, :9, :THRUST] = side[:, :9]
-        roots[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]
-        return roots
-
 
 def air_velocity(state: FloatArray) -> FloatArray:
     """Return the velocity (n, 3) of states relative to the rotating air."""
@@ -331,12 +276,6 @@ def air_velocity(state: FloatArray) -> FloatArray:
 
 #: The velocity of the air at (x, y, z) is this times (y, x, z).
 _AIR = np.array([-_SPIN, _SPIN, 0.0])
-
-_IDENTITY = np.eye(THRUST)
-_HALF = 0.5 * np.eye(THRUST)
-
-#: The Jacobian (1, 10, 10) of the kinematic part.
-_KINEMATICS = np.eye(THRUST, k=3)[None] * (np.arange(THRUST) < COAST)[:, None]
 
 #: The elements of a matrix (9), with those below the diagonal from above it.
 _UPPER = np.array([0, 1, 2, 1, 4, 5, 2, 5, 8])

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from opir_estimation import LinesOfSight, emission_s, matvec
+from opir_forecast import LaunchPoints
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import kepler_impact, propagate_kepler
@@ -16,7 +17,6 @@ from opir_core.geometry import (
 )
 from opir_core.plugin import TARGET_TYPES
 from opir_trackers.arc.fit import ArcFits, slopes_of, solved, trial_states
-from opir_trackers.launch_points import LaunchPoints
 from opir_trackers.sensors import SensorSchedule
 
 #: Median burn time of a boost of each of `TARGET_TYPES`, s. Notional.

@@ -7,6 +7,7 @@ baseline for the others.
 import numpy as np
 from attrs import evolve
 from opir_estimation import LinesOfSight, no_lines_of_sight, sensor_health
+from opir_forecast import site_height_m
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import great_circle_m
@@ -36,7 +37,6 @@ from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.imm.report import type_posterior
 from opir_trackers.imm.tracking import ImmTracking
-from opir_trackers.launch_points import site_height_m
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule

@@ -18,13 +18,12 @@ from opir_estimation import (
     candidates,
     gated,
 )
+from opir_forecast import Outcomes, site_height_m, vehicle_model
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.plugin import TrackerContext
 from opir_trackers.association import AssociationModel
 from opir_trackers.configs import ImmConfig
-from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.crowds import SensorView
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState
@@ -34,7 +33,6 @@ from opir_trackers.imm.track_management import (
     mean_detection_probability,
     sighting_memory_s,
 )
-from opir_trackers.launch_points import site_height_m
 from opir_trackers.onset.posterior import GroupPosterior
 from opir_trackers.sensors import Biases, clutter_per_sr, vantages_of
 from opir_trackers.track_priors import filter_of

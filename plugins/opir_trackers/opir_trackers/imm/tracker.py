@@ -5,12 +5,11 @@ from collections import deque
 import numpy as np
 from attrs import evolve
 from opir_estimation import LinesOfSight, sensor_health
+from opir_forecast import Forecaster, vehicle_model
 
 from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
-from opir_trackers.forecast.forecaster import Forecaster
-from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.report import with_glides, with_launches
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking

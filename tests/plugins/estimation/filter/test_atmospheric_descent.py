@@ -86,7 +86,7 @@ def test_states_are_the_same_bits_alone_and_among_others():
 
 def test_imm_of_a_scene_with_drag_lets_it_slow_what_coasts():
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=1e3, forces=FORCES)
-    filter_ = filter_of(ImmConfig(motion="coast"), context)
+    filter_ = filter_of(ImmConfig(modes="coast"), context)
     start = states()[:9]
     root = np.broadcast_to(np.diag(1.0 / np.repeat([100.0, 10.0], 3)), (9, COAST, COAST))
     boost = (
@@ -159,7 +159,7 @@ def test_air_is_that_of_all_heights_a_state_may_have():
 def test_no_covariance_explodes_or_collapses_in_thick_air(coefficient_kg_m2):
     forces = Forces(("j2",), Drag(coefficient_kg_m2))
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=1e3, forces=forces)
-    filter_ = filter_of(ImmConfig(motion="coast"), context)
+    filter_ = filter_of(ImmConfig(modes="coast"), context)
     (start, _) = light(9e3, 600.0)
     root = np.broadcast_to(np.diag(1.0 / np.repeat([1000.0, 100.0], 3)), (8, COAST, COAST))
     boost = (

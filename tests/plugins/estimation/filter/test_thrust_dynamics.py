@@ -98,10 +98,10 @@ def test_a_state_moves_the_same_to_the_last_bit_alone_and_among_others() -> None
     steps = np.random.default_rng(1).uniform(-1.0, 2.0, 40)
     moved = motion().propagated(start, steps)
     path = motion().taylor(start)
-    rates = motion().jerk(start)
+    rates = motion().force_rate(start)
     for row in range(40):
         one = start[[row]]
-        assert np.array_equal(motion().jerk(one)[0], rates[row])
+        assert np.array_equal(motion().force_rate(one)[0], rates[row])
         assert np.array_equal(motion().taylor(one)[0], path[row])
         assert np.array_equal(motion().propagated(one, steps[[row]])[0], moved[row])
 

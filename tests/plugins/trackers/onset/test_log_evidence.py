@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_estimation import LinesOfSight
+from opir_forecast.launch_points import grounds
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.launch_points import grounds
 from opir_trackers.onset.motion_priors import MotionPriors
 from opir_trackers.onset.motion_statistics import (
     BOLIDE,
