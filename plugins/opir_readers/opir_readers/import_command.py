@@ -18,7 +18,6 @@ from opir_core.orbits import omm_complaint, omm_name
 from opir_core.output import OutputFiles
 from opir_core.plugin import BadFileError, Host, StateTable
 from opir_readers.column_maps import columns_of_text, site_of_text
-from opir_readers.columns import map_complaint
 from opir_readers.detections.numbers import Row, Rows
 from opir_readers.flights.refining import refined
 from opir_readers.frames import lengths
@@ -46,8 +45,10 @@ def import_file(arguments: argparse.Namespace) -> int:
     path = arguments.file
     try:
         text = file_text(path).text
-        reader = reader_of(text, Host.discover().readers(), arguments.format)
-        content = content_of(text, reader, _settings(arguments), 0)
+        settings = _settings(arguments)
+        readers = Host.discover().readers()
+        reader = reader_of(text, readers, arguments.format, settings["columns"])
+        content = content_of(text, reader, settings, 0)
         if isinstance(content, StateTable):
             content = refined(content, arguments.noise_m, arguments.burns)
     except BadFileError as error:
@@ -92,12 +93,8 @@ def _show_flight(arguments: argparse.Namespace, table: StateTable) -> None:
 
 
 def _settings(arguments: argparse.Namespace) -> Mapping[str, Any]:
-    columns = columns_of_text(arguments.columns) if arguments.columns else {}
-    complaint = map_complaint(columns)
-    if complaint:
-        raise SceneError([Problem("--columns", complaint)], source=arguments.file)
     return {
-        "columns": columns,
+        "columns": columns_of_text(arguments.columns) if arguments.columns else {},
         "start_s": arguments.start_s,
         "object": arguments.object,
         "site": None if arguments.site is None else site_of_text(arguments.site),

@@ -77,7 +77,7 @@ def _source(arguments: argparse.Namespace, host: Host) -> _Source:
     try:
         file = file_text(arguments.file)
         readers = [reader for reader in host.readers() if reader.yields == "detections"]
-        reader = reader_of(file.text, readers, arguments.format)
+        reader = reader_of(file.text, readers, arguments.format, columns)
         return _Source(file, reader, content_of(file.text, reader, settings, 0))
     except BadFileError as error:
         raise refused(arguments.file, error) from error
