@@ -253,11 +253,11 @@ def _misreading(table: StateTable, reading: Reading, evidence: str) -> Misreadin
 
 
 def _evidence_of_fall(given: Fall, mended: Fall) -> str:
-    as_given = f"{100.0 * given.share:.0f} % as given"
+    as_given = f"as given {100.0 * given.share:.0f} %"
     if np.isfinite(given.excess_m_s2):
         as_given = f"{as_given}, {given.excess_m_s2:.2g} m/s² off gravity"
     return (
-        f"so read, {100.0 * mended.share:.0f} % of its states fall freely, to {mended.excess_m_s2:.1g} m/s²;"
+        f"{100.0 * mended.share:.0f} % of its states fall freely, to {mended.excess_m_s2:.1g} m/s²;"
         f" {as_given}"
     )
 
@@ -268,6 +268,6 @@ def _evidence_on_pad(given: Reading) -> str:
     east = float(velocity[0])
     toward = "east" if east > 0.0 else "west"
     return (
-        f"so read, it begins at rest; as given, its first state moves {toward} with"
+        f"it begins at rest; as given, its first state moves {toward} with"
         f" {abs(east):.0f} m/s, as the ground does"
     )

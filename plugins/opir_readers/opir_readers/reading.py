@@ -135,28 +135,29 @@ def reader_of(
 
 def _readers_of_columns(
     text: str,
-    matches: Sequence[FileReader],
+    matches: list[FileReader],
     readers: Sequence[FileReader],
     columns: Mapping[str, str],
-) -> Sequence[FileReader]:
+) -> list[FileReader]:
     """Return the readers that know the quantities of a column map: of those that recognise the
-    text or, of a table, of all; those that recognise it where none knows them.
+    text or, of a table, of all; those that recognise it where none knows them, or has columns.
     """
-    knowing = [reader for reader in readers if _columns_complaint(reader, columns) == ""]
+    with_columns = [reader for reader in readers if "columns" in fields_dict(reader.config)]
+    knowing = [reader for reader in with_columns if _knows(reader, columns)]
     known = [reader for reader in matches if reader in knowing]
     is_of_columns = is_table(table_of_json(text) or text)
-    return known or (knowing if is_of_columns else []) or matches
+    if known or not is_of_columns or not all(reader in with_columns for reader in matches):
+        return known or matches
+    return knowing or matches
 
 
-def _columns_complaint(reader: FileReader, columns: Mapping[str, str]) -> str:
-    """Return what a reader has against a column map, "" for nothing."""
-    if "columns" not in fields_dict(reader.config):
-        return f"{reader.name} has no columns"
+def _knows(reader: FileReader, columns: Mapping[str, str]) -> bool:
+    """Return whether a reader has all quantities of a column map."""
     try:
         reader.config(columns=columns)
-    except ValueError as error:
-        return str(error.args[0])
-    return ""
+    except ValueError:
+        return False
+    return True
 
 
 def content_of(text: str, reader: FileReader, settings: Mapping[str, Any], epoch_us: int) -> Any:

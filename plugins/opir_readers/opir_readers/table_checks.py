@@ -54,6 +54,9 @@ class PlausibleLimits:
     #: meet at fewer.
     jumps: int = 3
     jump_share: float = 0.05
+    #: States that repeat the one before them, at this share of all, are copies: a path is not smooth
+    #: at fewer.
+    repeated_share: float = 0.25
 
 
 _LIMITS = PlausibleLimits()
@@ -86,10 +89,11 @@ class SceneTimes:
 
 @frozen
 class Findings:
-    """Reasons to refuse a table, and warnings."""
+    """Reasons to refuse a table, warnings, and what a user should know of a table that is right."""
 
     refused: tuple[str, ...]
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def findings_of(
@@ -106,7 +110,7 @@ def findings_of(
     """
     refused = [] if times is None else [*_no_overlap(table, times, start_s)]
     coarse = [*_coarse_steps(table), *_two_places(table)]
-    warnings = [*table.notes]
+    warnings = list[str]()
     # States that cannot be interpolated say nothing of gravity.
     misread = [] if coarse else _misread(table)
     (warnings if as_given else refused).extend(misread)
@@ -120,7 +124,7 @@ def findings_of(
         is_refused = slip.is_systematic and slip.difference_m_s >= _LIMITS.refused_m_s
         (refused if is_refused else warnings).append(_slip_text(slip))
     warnings += [*_doubts_of_motion(table), *_doubts_of_heights(table)]
-    return Findings(tuple(refused), tuple(warnings))
+    return Findings(tuple(refused), tuple(warnings), table.notes)
 
 
 def _misread(table: StateTable) -> list[str]:
@@ -129,16 +133,24 @@ def _misread(table: StateTable) -> list[str]:
     if misreading is None:
         return []
     words = (
-        f"line {table.line_of(0)}: its states seem to be {misreading.slip}: {misreading.evidence};"
+        f"line {table.line_of(0)}: read {misreading.slip}, {misreading.evidence};"
         f" {misreading.remedy}, or set as_given: true"
     )
     return [words]
 
 
 def _two_places(table: StateTable) -> list[str]:
-    """Return the reason to refuse several times with two places each."""
+    """Return the reason to refuse states that repeat others, and times with two places each."""
     rows = np.flatnonzero(np.diff(table.time_s) == 0.0)
     apart_m = lengths(table.position_m[rows + 1] - table.position_m[rows])
+    repeated = rows[apart_m <= _LIMITS.jump_m]
+    if len(repeated) >= max(_LIMITS.jumps, _LIMITS.repeated_share * len(table.time_s)):
+        row = int(repeated[0])
+        words = (
+            f"line {table.line_of(row + 1)}: repeats line {table.line_of(row)}; so do"
+            f" {len(repeated)} of {len(table.time_s)} states: leave them out"
+        )
+        return [words]
     jumps = np.flatnonzero(apart_m > _LIMITS.jump_m)
     if len(jumps) < max(_LIMITS.jumps, _LIMITS.jump_share * len(table.time_s)):
         return []

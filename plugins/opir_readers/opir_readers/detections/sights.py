@@ -9,7 +9,7 @@ SNR, confidence, type, and the target that it was of, which scores alone read.
 import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from opir_core.geometry import geodetic_to_ecef
@@ -29,11 +29,13 @@ from opir_readers.columns import (
     quantity_of,
     unit_of,
     unix_s_of_scale,
+    unread_note,
     xyz,
 )
 from opir_readers.csv_layout import Layout, layout_of, table_layout
-from opir_readers.detections.numbers import Row, Rows
+from opir_readers.detections.numbers import NOTES, Row, Rows
 from opir_readers.detections.times import date_text
+from opir_readers.odd_dates import date_notes
 from opir_readers.published import published
 
 _UNITS = published("units")
@@ -133,10 +135,20 @@ def sight_rows(text: str, start_s: float, columns: Mapping[str, str]) -> Rows:
     """
     text, layout = table_layout(text, columns.values())
     known = _columns(layout, columns)
+    notes = [*unread_note(layout.names, known), *_date_notes(known, text, layout)]
     rows = [_row(known, layout, cells, line, start_s) for line, cells in layout.rows(text)]
     if not rows:
         raise BadFileError("has no detection below the names of its columns")
-    return rows
+    return [{**rows[0], NOTES: notes}, *rows[1:]]
+
+
+def _date_notes(columns: Mapping[str, Column], text: str, layout: Layout) -> Iterator[str]:
+    """Yield what the times of a scale may be instead, by the first line."""
+    scale = next((name for name in SCALES if name in columns), "")
+    if scale and columns.keys().isdisjoint(("time", "timestamp")):
+        for line, cells in itertools.islice(layout.rows(text), 1):
+            since_s = _value(columns[scale], cells[columns[scale].place], layout, line)
+            yield from date_notes(scale, since_s or 0.0, line)
 
 
 def _quantity_of(name: str) -> tuple[str, float] | None:
