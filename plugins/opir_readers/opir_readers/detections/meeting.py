@@ -13,10 +13,12 @@ from attrs import evolve, frozen
 
 from opir_core import Plan
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
 from opir_core.geometry import dot
 from opir_core.plugin import Detections
-from opir_readers.frames import along_axes, axes_at, lengths
+from opir_readers.celestial_frames import turned
+from opir_readers.detections.columns_of_run import RunColumns
+from opir_readers.frames import along_axes, axes_at, axes_of, lengths
 
 #: Lines within this time, s, are taken for simultaneous: so far a target of this speed, m/s, moves at most.
 TOGETHER_S = 0.5
@@ -112,24 +114,36 @@ class Meeting:
 Pair = tuple[Lines, Lines]
 
 
-def slips_of_lines(detections: Detections, plan: Plan) -> Iterator[str]:
+def slips_of_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
     """Yield the slips that explain why lines of two sensors do not meet, for each pair with one."""
+    detections = columns.detections
+    mends = dict(MENDS)
+    if any("right_ascension_deg" in row and "reference_frame" not in row for row in columns.rows):
+        mends["with right ascensions of date"] = (
+            lambda pair: _of_date(pair, plan.scene.epoch_us),
+            "--columns right_ascension_of_date_deg=NAME,declination_of_date_deg=NAME",
+        )
     for first, second in combinations(np.unique(detections.sensor).tolist(), 2):
         pair = Lines.of(detections, first), Lines.of(detections, second)
         names = plan.sensors[first].id, plan.sensors[second].id
-        yield from slips_of_pair(pair, names)
+        yield from slips_of_pair(pair, names, mends)
 
 
-def slips_of_pair(pair: Pair, names: tuple[str, str]) -> Iterator[str]:
-    """Yield the slips of lines of two sensors, of these names, if there are any."""
+def slips_of_pair(
+    pair: Pair, names: tuple[str, str], mends: "Mends | None" = None
+) -> Iterator[str]:
+    """Yield the slips of lines of two sensors, of these names, if there are any: of `MENDS`, or of
+    others.
+    """
+    mends = mends or MENDS
     given = meeting(pair)
     if len(given.meets) < MIN_LINES or given.share > FEW or _at_one_place(pair):
         return
-    slips = {slip: lines for slip, lines in _mended(pair) if lines.share >= MOST}
+    slips = {slip: lines for slip, lines in _mended(pair, mends) if lines.share >= MOST}
     if slips:
         nearest_m = min(lines.typical_m for lines in slips.values())
         ways = [
-            f"{slip} ({MENDS[slip][1].format(*names)})"
+            f"{slip} ({mends[slip][1].format(*names)})"
             for slip, lines in slips.items()
             if lines.typical_m <= ALIKE * nearest_m
         ]
@@ -147,9 +161,9 @@ def _at_one_place(pair: Pair) -> bool:
     return bool(np.median(base_m / (line.error_rad * lengths(line.origin_m))) < MIN_BASE)
 
 
-def _mended(pair: Pair) -> Iterator[tuple[str, Meeting]]:
+def _mended(pair: Pair, mends: "Mends") -> Iterator[tuple[str, Meeting]]:
     """Yield the slips and how lines pass without each, where enough are simultaneous."""
-    for slip, (mend, _) in MENDS.items():
+    for slip, (mend, _) in mends.items():
         lines = meeting(mend(pair))
         if len(lines.meets) >= MIN_LINES:
             yield slip, lines
@@ -218,6 +232,21 @@ def _along_local(lines: Lines, local: FloatArray, origin_m: FloatArray) -> Lines
     return evolve(lines, origin_m=origin_m, direction=along_axes(local, axes_at(origin_m)))
 
 
+def _of_date(pair: Pair, epoch_us: int) -> Pair:
+    """Return lines whose right ascensions and declinations are of date, not of J2000."""
+    one, other = (_to_date(lines, epoch_us) for lines in pair)
+    return one, other
+
+
+def _to_date(lines: Lines, epoch_us: int) -> Lines:
+    first_s = float(lines.time_s[0])
+    equinox, date = (axes_of(frame, epoch_us, first_s) for frame in ("EME2000", "TOD"))
+    turn_rad = EARTH_ROTATION_RAD_S * (lines.time_s - first_s)
+    at_first = turned(lines.direction, [("z", -turn_rad)])
+    celestial = dot(equinox, at_first[:, None])
+    return evolve(lines, direction=turned(along_axes(celestial, date), [("z", turn_rad)]))
+
+
 def _exchanged(pair: Pair) -> Pair:
     """Return each sensor's angles at the other's place, that nearest in time."""
     one, other = pair
@@ -249,8 +278,11 @@ _CLOCKS = {
     for clock in (size, -size)
 }
 
+#: By slip: what mends a pair, and the words that say how to mend a file.
+Mends = Mapping[str, tuple[Callable[[Pair], Pair], str]]
+
 #: What mends a pair by each slip, and what mends the file; {0} and {1} are the sensors' ids.
-MENDS: Mapping[str, tuple[Callable[[Pair], Pair], str]] = {
+MENDS: Mends = {
     "with azimuths from south": (
         _both(lambda enu: enu * (-1.0, -1.0, 1.0)),
         "--columns azimuth_from_south_deg=NAME",

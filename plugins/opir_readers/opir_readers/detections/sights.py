@@ -2,7 +2,7 @@
 
 Columns: the time, as a date or as seconds of the scene; the sensor's id; the direction, as azimuth
 and elevation at the sensor, azimuth from the south or zenith angle, as right ascension and
-declination, or as a vector in ECEF or EME2000; perhaps the sensor's place, the standard deviation,
+declination of J2000 or of date, or as a vector in ECEF or EME2000; perhaps the sensor's place, the standard deviation,
 SNR, confidence, type, and the target that it was of, which scores alone read.
 """
 
@@ -59,6 +59,8 @@ UNITS: Mapping[str, Units] = {
         ("azimuth", "azimuth_from_south", "elevation", "zenith_angle", "declination"), _DEGREES
     ),
     "right_ascension": _UNITS["right ascension in degrees"],
+    "right_ascension_of_date": _UNITS["right ascension in degrees"],
+    "declination_of_date": _DEGREES,
     **dict.fromkeys((*_VECTOR, *_INERTIAL), _PLAIN),
     **dict.fromkeys(_PLACE, LENGTHS),
     "sensor_lat": ANGLES,
@@ -72,6 +74,7 @@ UNITS: Mapping[str, Units] = {
 _DIRECTIONS = (
     *itertools.product(("azimuth", "azimuth_from_south"), ("elevation", "zenith_angle")),
     ("right_ascension", "declination"),
+    ("right_ascension_of_date", "declination_of_date"),
     _VECTOR,
     _INERTIAL,
 )
@@ -247,8 +250,9 @@ def _direction(line: _Line) -> Row:
         return {"line_of_sight_ecef": numbers}
     if group is _INERTIAL:
         return {"line_of_sight_eme2000": numbers}
-    if group[0] == "right_ascension":
-        return dict(zip(("right_ascension_deg", "declination_deg"), numbers, strict=True))
+    if group[0].startswith("right_ascension"):
+        angles = dict(zip(("right_ascension_deg", "declination_deg"), numbers, strict=True))
+        return {**angles, "reference_frame": "TOD"} if group[0].endswith("date") else angles
     return {
         "azimuth_deg": numbers[0] + (180.0 if group[0] == "azimuth_from_south" else 0.0),
         "elevation_deg": 90.0 - numbers[1] if group[1] == "zenith_angle" else numbers[1],
@@ -260,7 +264,7 @@ def _value(column: Column, cell: str, layout: Layout, line: int) -> float | None
     bare = cell.strip()
     if not bare:
         return None
-    is_celestial = column.quantity in ("right_ascension", "declination")
+    is_celestial = column.quantity.startswith(("right_ascension", "declination"))
     sexagesimal = _SEXAGESIMAL.fullmatch(bare) if is_celestial else None
     try:
         value = _decimal(*sexagesimal.groups()) if sexagesimal else layout.number(bare)
