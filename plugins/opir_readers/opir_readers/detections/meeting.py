@@ -38,6 +38,12 @@ MIN_LINES = 8
 FEW = 0.1
 MOST = 0.5
 
+#: Where lines meet within biases as given, a slip is told whose lines, at least so many, pass each
+#: other so many times nearer, at most at this multiple of their noise.
+MANY = 20
+SHARPER = 4.0
+SHARP = 1.5
+
 #: Sensors nearer to each other than so many errors of their lines at their distance from the Earth's
 #: centre are at one place: their lines do not show where they meet.
 MIN_BASE = 2.0
@@ -95,10 +101,13 @@ class Lines:
 
 @frozen
 class Meeting:
-    """How simultaneous lines (n,) pass: their least distance, m, and which meet."""
+    """How simultaneous lines (n,) pass: their least distance, m, which meet, and the standard
+    deviation of the distance, m.
+    """
 
     distance_m: FloatArray
     meets: BoolArray
+    sigma_m: FloatArray
 
     @property
     def share(self) -> float:
@@ -109,6 +118,11 @@ class Meeting:
     def typical_m(self) -> float:
         """Return the median distance, m."""
         return float(np.median(self.distance_m))
+
+    @property
+    def is_sharp(self) -> bool:
+        """Return whether lines pass each other as near as their noise alone has them."""
+        return self.typical_m <= SHARP * float(np.median(self.sigma_m))
 
 
 Pair = tuple[Lines, Lines]
@@ -137,9 +151,17 @@ def slips_of_pair(
     """
     mends = mends or MENDS
     given = meeting(pair)
-    if len(given.meets) < MIN_LINES or given.share > FEW or _at_one_place(pair):
+    if _at_one_place(pair):
         return
     slips = {slip: lines for slip, lines in _mended(pair, mends) if lines.share >= MOST}
+    if len(given.meets) < MIN_LINES or given.share > FEW:
+        # Within biases slow sources meet at wrong times too: the right ones fit to the noise.
+        far_m = given.typical_m if len(given.meets) else np.inf
+        slips = {
+            slip: lines
+            for slip, lines in slips.items()
+            if lines.is_sharp and len(lines.meets) >= MANY and SHARPER * lines.typical_m < far_m
+        }
     if slips:
         nearest_m = min(lines.typical_m for lines in slips.values())
         ways = [
@@ -148,10 +170,16 @@ def slips_of_pair(
             if lines.typical_m <= ALIKE * nearest_m
         ]
         yield (
-            f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s pass each other at"
-            f" {given.typical_m * 1e-3:.3g} km, and at {nearest_m * 1e-3:.2g} km"
-            f" {' or '.join(ways)}"
+            f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s {_passing(given)}, and at"
+            f" {nearest_m * 1e-3:.2g} km {' or '.join(ways)}"
         )
+
+
+def _passing(given: Meeting) -> str:
+    """Return how simultaneous lines pass each other as given."""
+    if not len(given.meets):
+        return "of each other there are none"
+    return f"pass each other at {given.typical_m * 1e-3:.3g} km"
 
 
 def _at_one_place(pair: Pair) -> bool:
@@ -175,10 +203,14 @@ def meeting(pair: Pair) -> Meeting:
     line = line.take(np.arange(0, len(line.time_s), len(line.time_s) // MOST_LINES + 1))
     rows, other_rows = _simultaneous(line.time_s, other.time_s)
     if not len(rows):
-        return Meeting(np.empty(0), np.empty(0, dtype=np.bool_))
-    distance, meets = _passes(line.take(rows), other.take(other_rows))
+        return Meeting(np.empty(0), np.empty(0, dtype=np.bool_), np.empty(0))
+    passes = _passes(line.take(rows), other.take(other_rows))
     starts = np.flatnonzero(np.diff(rows, prepend=-1))
-    return Meeting(np.minimum.reduceat(distance, starts), np.logical_or.reduceat(meets, starts))
+    return Meeting(
+        np.minimum.reduceat(passes.distance_m, starts),
+        np.logical_or.reduceat(passes.meets, starts),
+        passes.sigma_m[starts],
+    )
 
 
 def _simultaneous(time_s: FloatArray, other_s: FloatArray) -> tuple[IntArray, IntArray]:
@@ -190,10 +222,8 @@ def _simultaneous(time_s: FloatArray, other_s: FloatArray) -> tuple[IntArray, In
     return rows, places + np.repeat(start, count)
 
 
-def _passes(line: Lines, other: Lines) -> tuple[FloatArray, BoolArray]:
-    """Return the distances (n,) at which pairs of lines pass each other, m, and which meet at a
-    source.
-    """
+def _passes(line: Lines, other: Lines) -> Meeting:
+    """Return how pairs of lines (n,) pass each other, and which meet at a source."""
     between = other.origin_m - line.origin_m
     cosine = dot(line.direction, other.direction)
     along = dot(between, line.direction)
@@ -209,7 +239,10 @@ def _passes(line: Lines, other: Lines) -> tuple[FloatArray, BoolArray]:
     motion_m = SPEED_M_S * np.abs(line.time_s - other.time_s)
     is_ahead = (range_m > 0.0) & (other_range_m > 0.0)
     is_source = (radius_m > EARTH_EQUATORIAL_RADIUS_M - DEEPEST_M) & (radius_m < FARTHEST_M)
-    return distance_m, is_ahead & is_source & (distance_m < blur_m + motion_m)
+    meets = is_ahead & is_source & (distance_m < blur_m + motion_m)
+    return Meeting(
+        distance_m, meets, np.hypot(line.sigma_rad * range_m, other.sigma_rad * other_range_m)
+    )
 
 
 def _both(change: Callable[[FloatArray], FloatArray]) -> Callable[[Pair], Pair]:

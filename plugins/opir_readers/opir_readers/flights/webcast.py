@@ -42,7 +42,7 @@ from opir_readers.flights.smoothing import (
     speed_rounding_sigma,
 )
 from opir_readers.frames import along_axes
-from opir_readers.states import MOST_BURNS
+from opir_readers.states import MOST_BURNS, TELEMETRY
 
 _EARTH_RADIUS_M = 6_371_000.0
 
@@ -68,8 +68,6 @@ _NAMES = {
 
 #: Objects with time, speed and altitude.
 Points = list[Mapping[str, Any]]
-
-_FRAME = "speed and altitude from a launch point, along an azimuth that the Earth's rotation turns"
 
 
 @frozen(eq=False)
@@ -149,7 +147,7 @@ def webcast_table(
         burns[:MOST_BURNS] + start_s,
         lambda _row: 1,
         tuple(notes),
-        frame=_FRAME,
+        frame=TELEMETRY,
     )
 
 
@@ -297,7 +295,7 @@ def _in_order(telemetry: Telemetry) -> Telemetry:
     if time_s[-1] - time_s[0] > 30.0 * len(rows):
         raise BadFileError(
             f"has {len(rows)} rows over {time_s[-1] - time_s[0]:.6g} s; are its times in other"
-            " units?"
+            " units? give seconds"
         )
     extremes = [np.nanmax(np.abs(values)) for values in (speed, height, time_s)]
     if (np.array(extremes) > (2e4, 1e7, 1e6)).any():
