@@ -15,6 +15,7 @@ from opir_estimation import (
     PredictedMeasurements,
     Registration,
     Vantages,
+    Watched,
     candidates,
     gated,
 )
@@ -33,6 +34,7 @@ from opir_trackers.imm.track_management import (
     mean_detection_probability,
     sighting_memory_s,
 )
+from opir_trackers.imm.watch import Watch
 from opir_trackers.onset.posterior import GroupPosterior
 from opir_trackers.sensors import Biases, clutter_per_sr, vantages_of
 from opir_trackers.track_priors import filter_of
@@ -80,6 +82,7 @@ class TrackingModels:
     silence_limit_s: FloatArray
     groups: GroupPosterior
     single: SingleSensor
+    watch: Watch | None = None
     memo: Memo = field(factory=Memo)
 
     @classmethod
@@ -106,7 +109,21 @@ class TrackingModels:
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
             groups=GroupPosterior.of(config.hypotheses, clutter, detection_probability),
             single=SingleSensor(outcomes, filter_, biases, period_s, site_m),
+            watch=Watch.of(context.sensors, period_s, detection_probability),
         )
+
+    def silent_s(self, table: TrackTable, time_s: float | FloatArray) -> FloatArray:
+        """Return for how long (n,), s, tracks were looked at in vain before times."""
+        if self.watch is None:
+            return time_s - table.seen_s
+        times_s = np.broadcast_to(time_s, table.seen_s.shape)
+        return self.watch.silent_s(times_s, table.seen_s, table.reports >= 0)
+
+    def watched(self, table: TrackTable, end_s: float, span_s: float) -> Watched | None:
+        """Return how long tracks (n,) were looked at in a slice, None for throughout."""
+        if self.watch is None:
+            return None
+        return self.watch.in_slice(end_s - span_s, end_s, table.reports >= 0)
 
     def path(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
         """Return the predictions of estimates about their time."""

@@ -13,6 +13,7 @@ from opir_estimation import (
     ModeEstimates,
     PredictedMeasurements,
     Registration,
+    Watched,
 )
 
 from opir_trackers.imm import crowds as crowd
@@ -26,7 +27,8 @@ class SlicePrediction(NamedTuple):
     """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are
     those in the slice.
 
-    Without tracks or lines no measurements are predicted. `pairs` are the gated pairs of tracks
+    `watched` is how long tracks were looked at in it, None for throughout. Without tracks or lines
+    no measurements are predicted. `pairs` are the gated pairs of tracks
     outside crowds, and of crowds' tracks in sensors that do not follow them; `crowd_pairs` are
     those of the crowds' focal-plane tracks, None without crowds.
     """
@@ -38,6 +40,7 @@ class SlicePrediction(NamedTuple):
     lines: LinesOfSight
     end_s: float
     span_s: float
+    watched: Watched | None = None
 
 
 def predict(
@@ -62,8 +65,10 @@ def _predicted(
 ) -> SlicePrediction:
     span_s = end_s - start_s
     estimates = models.memo.of("moved", models.filter.predicted_open, estimates, span_s)
+    watched = models.watched(table, end_s, span_s)
+    times = end_s, span_s, watched
     if not table.number.size or not lines.scan.size:
-        return SlicePrediction(estimates, _NO_PATH, GatedPairs.empty(), None, lines, end_s, span_s)
+        return SlicePrediction(estimates, _NO_PATH, GatedPairs.empty(), None, lines, *times)
     path = models.path(estimates, end_s)
     if registration.widens_gates:
         vantages = models.vantages(registration, end_s)
@@ -77,7 +82,7 @@ def _predicted(
         crowd_pairs = crowd.paired(crowds.tracks, start_s, lines, span_s, models.config.gate_sigma)
     else:
         pairs = models.gated_pairs(path, lines, span_s)
-    return SlicePrediction(estimates, path, pairs, crowd_pairs, lines, end_s, span_s)
+    return SlicePrediction(estimates, path, pairs, crowd_pairs, lines, *times)
 
 
 _NO_PATH = PredictedMeasurements(0.0, np.empty((0, 5, 3)), np.empty((0, BOOST, BOOST)))

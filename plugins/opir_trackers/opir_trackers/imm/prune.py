@@ -64,7 +64,7 @@ def prune(
         return state
     moments = models.moments(state.estimates)
     table = state.table
-    drop = state.time_s - table.seen_s > models.config.silence_s
+    drop = models.silent_s(table, state.time_s) > models.config.silence_s
     drop |= state.motion.is_decided & state.motion.are_noise
     state, idle, fallen = _with_bounds(models, state, *moments)
     drop |= idle | fallen
@@ -118,7 +118,8 @@ def _with_bounds(
     rows = (below_ground & (state.estimates.weight[:, 0] > 0.5)).nonzero()[0]
     if len(rows):
         state = evolve(state, estimates=models.filter.raised_above_ground(state.estimates, rows))
-    unseen = state.time_s - table.seen_s > models.longest(models.silence_limit_s, table)
+    silent_s = models.silent_s(table, state.time_s)
+    unseen = silent_s > models.longest(models.silence_limit_s, table)
     idle = (uncertain | (table.hits < needed)) & unseen
     return state, idle, below_ground & have_come_down(mean[:, :3], covariance, unseen)
 

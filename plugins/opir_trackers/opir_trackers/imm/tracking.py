@@ -122,8 +122,9 @@ class ImmTracking:
         if not len(motion) or motion.is_decided.all():
             return state
         pause_s = self.models.longest(self.models.period_s, table)
+        silent_s = self.models.silent_s(table, state.time_s)
         motion = self.models.groups.assessed(
-            motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s
+            motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s, silent_s
         )
         return state.after(state.time_s, state.estimates, table, motion)
 
@@ -180,7 +181,8 @@ class ImmTracking:
         tell a launch.
         """
         table = ended.table
-        silent = time_s - table.seen_s > self.models.longest(self.models.silence_limit_s, table)
+        silent_s = self.models.silent_s(table, time_s)
+        silent = silent_s > self.models.longest(self.models.silence_limit_s, table)
         return ((ended.end > 0) | silent) & are_brief(ended.motion, table.first_s, table.seen_s)
 
     def confirmed_and_ended(self, state: TrackerState) -> EndedTracks:
