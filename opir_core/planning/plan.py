@@ -270,18 +270,16 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     built_sensors = list[Sensor]()
     for choice in scene.sensors:
         with problems.of(choice.model.path):
-            built_sensors.append(
-                _sensor(
-                    host,
-                    choice.model,
-                    SensorContext(
-                        id=choice.id,
-                        epoch_us=scene.epoch_us,
-                        readers=host.readers,
-                        duration_s=scene.duration_s,
-                    ),
-                )
+            context = SensorContext(
+                id=choice.id,
+                epoch_us=scene.epoch_us,
+                readers=host.readers,
+                duration_s=scene.duration_s,
             )
+            sensor = _sensor(host, choice.model, context)
+            if choice.id in scene.watched_s:
+                sensor = evolve(sensor, watched_s=scene.watched_s[choice.id])
+            built_sensors.append(sensor)
     sensors = tuple(built_sensors)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):

@@ -107,6 +107,9 @@ class FalseAlarmGenerator:
             for number, exclusion in enumerate(plan.exclusions)
             if exclusion is not None
         }
+        self._watched = {
+            number: sensor for number, sensor in enumerate(sensors) if sensor.watched_s is not None
+        }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
@@ -133,6 +136,9 @@ class FalseAlarmGenerator:
         ids = uuid8_words(self._id_keys.take(sensor, axis=0), drawn.serial)
         placed = _Placed(time_ns, sensor, scan, ids, direction, at_m, uniforms[:, PLACE_WORDS:])
         is_kept = (time_ns >= start_ns) & (time_ns < end_ns)
+        for number, each in self._watched.items():
+            rows = np.flatnonzero(sensor == number)
+            is_kept[rows] &= each.is_watching(time_ns[rows].astype(np.float64) * 1e-9)
         for number, exclusion in self._exclusions.items():
             rows = np.flatnonzero(sensor == number)
             ahead_m = at_m[rows] + direction[rows] * radius_m[rows, None]
