@@ -18,6 +18,8 @@ from opir_report.words import level_value, level_words, setting_words
 DEFINITION = "study.json"
 RESULTS = "results.parquet"
 RUNS = "runs.parquet"
+#: The version of the definition that is read.
+STUDY_VERSION = 3
 #: The setting by which studies side by side differ.
 STUDY = "study"
 
@@ -226,8 +228,8 @@ def read_study(path: Path) -> SavedStudy:
         words = f"has damaged results ({reason}); run the study again: its runs are kept"
         raise _study_error(words, folder) from error
     version = definition.get("study_version") if isinstance(definition, dict) else None
-    if version != 2:
-        words = f"of study version {version}, where 2 is read: run the study anew"
+    if version != STUDY_VERSION:
+        words = f"of study version {version}, where {STUDY_VERSION} is read: run the study anew"
         raise SceneError([Problem("study_version", words)], source=str(folder / DEFINITION))
     runs = parquet.read_table(folder / RUNS) if (folder / RUNS).is_file() else None
     return SavedStudy(definition, _columns(table), None if runs is None else _columns(runs))

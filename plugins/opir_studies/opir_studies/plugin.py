@@ -7,7 +7,13 @@ from importlib import import_module
 from typing import Any
 
 from opir_core.plugin import ExecutorModel, MetricModel, hookimpl
-from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesConfig, WarningConfig
+from opir_studies.configs import (
+    DetectionByTimeConfig,
+    ImpactConfig,
+    MilestonesConfig,
+    ProcessesConfig,
+    WarningConfig,
+)
 
 _SUMMARIES = {
     "compare": "run a scene with several trackers, many times, and score them",
@@ -79,6 +85,13 @@ def _track_metrics() -> Iterable[MetricModel]:
         " track, region and warning",
         config=WarningConfig,
         build=_built_by("metrics.warning_metric", "warning_time_metric"),
+    )
+    yield MetricModel(
+        name="milestones",
+        summary="time from ignition until impact region, launch point or P(missile) stay within each"
+        " of some bounds; shares of launches and regions that hold the impact then",
+        config=MilestonesConfig,
+        build=_built_by("metrics.warning_metric", "milestones_metric"),
     )
 
 

@@ -18,6 +18,7 @@ from opir_core.plugin import Host, Metric
 from opir_core.random_streams import SCHEME
 from opir_core.reading import scene_hash
 from opir_core.simulation import components_used
+from opir_studies.launches import launch_columns
 
 
 @frozen
@@ -33,6 +34,8 @@ class RunTask:
 class RunRecord:
     """A finished run: the values of the figures in the order of the metrics, or the reason of its
     failure.
+
+    `launches` are the columns of its launches, in the order of `launch_units`.
     """
 
     replicate: int
@@ -40,6 +43,7 @@ class RunRecord:
     run_time_s: float
     values: tuple[float, ...] = ()
     failure: str = ""
+    launches: tuple[tuple[Any, ...], ...] = ()
 
 
 @frozen
@@ -103,11 +107,12 @@ def _record(task: RunTask, replicate: int) -> RunRecord:
             for metric in task.metrics
             for value in _in_order(metric, metric.values(run))
         )
+        launches = launch_columns(run, task.metrics)
     except Exception as error:  # of any plugin: the other runs go on, and the study reports it
         return RunRecord(
             replicate, seed, time.perf_counter() - start, failure=described_error(error)
         )
-    return RunRecord(replicate, seed, time.perf_counter() - start, values)
+    return RunRecord(replicate, seed, time.perf_counter() - start, values, launches=launches)
 
 
 def _in_order(metric: Metric, values: Mapping[str, float]) -> Sequence[float]:

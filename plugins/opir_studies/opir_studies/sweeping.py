@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from attrs import define, field, frozen
+from opir_scoring import NOT_SHOWN
 
 from opir_core.errors import OpirError
 from opir_core.host import DEAD_AFTER_S
@@ -14,8 +15,9 @@ from opir_studies.planning import PlannedDesign, PlannedStudy, built_executor, p
 from opir_studies.refusals import cut_short, refusal
 from opir_studies.result import StudyResult, written_result
 from opir_studies.runs import RunRecord, RunTask, TaskResult, installed_version, result_of
+from opir_studies.shares import verdict_of
 from opir_studies.study import Study
-from opir_studies.until import rounds
+from opir_studies.until import DECIDED, rounds
 
 #: Approximate number of tasks of a round; each is one file when it has ended.
 _TASKS = 64
@@ -49,9 +51,13 @@ def sweep(
     workers: int | None = None,
     dead_after_s: float = DEAD_AFTER_S,
     on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
+    on_notes: Callable[[Sequence[str]], None] = lambda _notes: None,
 ) -> StudyResult:
     """Run a study into a folder and return its result; runs that are there already are not run
     again.
+
+    `on_notes` is given what a reader must know of the scenes and requirements, before the first
+    run.
 
     `workers` is for the study's executor; a run fails in which one call of a component lasts
     `dead_after_s`. A script with the executor `processes` needs `if __name__ == "__main__":`.
@@ -59,10 +65,11 @@ def sweep(
     `StudyError`, when everything else has ended, with the runs that failed.
     """
     planned = planned_study(study)
+    on_notes(planned.notes)
     place = Path(folder)
     remove_unfinished(place)
     keys = {design.key(number) for design in planned.designs for number in range(study.runs)}
-    finished = Parts(place / PARTS, tuple(planned.units))
+    finished = Parts(place / PARTS, tuple(planned.units), planned.launch_units)
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
     state = SweepState(planned, finished, finished.found(keys), context, on_progress)
     try:
@@ -99,12 +106,32 @@ class SweepState:
         planned = self.planned
         counts = [0] * len(self.planned.designs)
         active = list(range(len(counts)))
-        for number in rounds(planned.study.runs, planned.until):
+        for number in rounds(planned.study.runs, stops_early=bool(planned.study.until)):
             for place in active:
                 counts[place] = number
             self._run_missing(counts, active)
-            active = [place for place in active if not self._is_narrow(place, number)]
+            if planned.study.until == DECIDED:
+                active = self._undecided(counts, active)
+            else:
+                active = [place for place in active if not self._is_narrow(place, number)]
         return counts
+
+    def _undecided(self, counts: Sequence[int], active: Sequence[int]) -> list[int]:
+        """Return the designs of which a requirement on a share is not decided, with all their
+        conditions.
+        """
+        planned = self.planned
+        records = [self.records_of(*design) for design in zip(planned.designs, counts, strict=True)]
+        undecided = [
+            group
+            for group in planned.groups
+            if group[0] in active
+            and any(
+                verdict_of(planned, each, records, group) == NOT_SHOWN
+                for each in planned.share_requirements
+            )
+        ]
+        return [place for group in undecided for place in group]
 
     def close(self) -> None:
         """End the executor's workers."""
