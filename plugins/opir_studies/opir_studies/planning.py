@@ -109,6 +109,15 @@ class PlannedStudy:
         return launch_units(self.metrics)
 
     @property
+    def containments(self) -> Mapping[str, float]:
+        """Return the stated containment of each column that says whether a launch's region held."""
+        return {
+            name: nominal
+            for metric in self.metrics
+            for name, nominal in getattr(metric, "launch_containments", {}).items()
+        }
+
+    @property
     def groups(self) -> list[list[int]]:
         """Return the numbers of the designs that differ in their conditions alone, by what
         varies.

@@ -202,6 +202,7 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         "figures": dict(planned.units),
         "shares": dict(planned.shares),
         "launches": dict(planned.launch_units),
+        "containments": dict(planned.containments),
         "shown": list(study.show),
         "requirements": [asdict(required) for required in planned.requirements],
         "share_requirements": [

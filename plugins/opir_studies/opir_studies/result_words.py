@@ -111,7 +111,7 @@ def _verdict_text(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> str
     parts = [f"{interval_of_share(overall)} of {overall['launches']} launches"]
     if conditions:
         worst = min(conditions, key=lambda row: row["share"])
-        parts.append(f"worst in {worst['condition']}: {interval_of_share(worst)}")
+        parts.append(f"worst condition {worst['condition']}: {interval_of_share(worst)}")
     if overall["verdict"] == NOT_SHOWN:
         runs = overall["deciding_runs"]
         parts.append(

@@ -119,7 +119,7 @@ def test_designs_are_compared_in_the_same_condition(result):
 def test_the_text_has_each_verdict_and_the_worst_condition(result):
     text = as_text(result)
     assert STUDY.requirements[1] in text
-    assert text.count("worst in ") == 4
+    assert text.count("worst condition ") == 4
     assert "of 36 launches" in text
     assert "minus the first design in that condition" in text
 

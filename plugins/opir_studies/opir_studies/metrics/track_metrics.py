@@ -232,6 +232,12 @@ class ImpactRegionMetric:
             name: unit for pair in columns for name, unit in zip(pair, ("km2", ""), strict=True)
         }
 
+    @property
+    def launch_containments(self) -> Mapping[str, float]:
+        """Return the stated containment of the columns that say whether a region held."""
+        nominal = TRACK_CONTAINMENTS[self.place]
+        return {_names(words)[1]: nominal for words in self._instants}
+
     def launches(self, run: Run) -> Mapping[str, FloatArray]:
         """Return the area of each launch's region at every instant, inf without one, and whether it
         contains the impact.

@@ -84,6 +84,11 @@ class WarningTimeMetric:
             "share_with_region": share_of_known(times.region_s, launches),
         }
 
+    @property
+    def launch_containments(self) -> Mapping[str, float]:
+        """Return the stated containment of the column that says whether a region held."""
+        return {"warning_held": self.requirement.containment}
+
     def launches(self, run: Run) -> Mapping[str, FloatArray]:
         """Return the times from ignition to the first impact region and to the warning, whether the
         warning's region contains the impact, and the time from the warning to the impact.
@@ -160,6 +165,11 @@ class MilestonesMetric:
     @property
     def _of_regions(self) -> list[Milestone]:
         return [each for each in self.milestones if each.quantity == "region_km2"]
+
+    @property
+    def launch_containments(self) -> Mapping[str, float]:
+        """Return the stated containment of the columns that say whether a region held."""
+        return {f"{each.name}_held": each.requirement.containment for each in self._of_regions}
 
     def launches(self, run: Run) -> Mapping[str, FloatArray]:
         """Return the time of each bound, and for regions whether they contained the impact then."""
