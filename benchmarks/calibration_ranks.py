@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from foreign_flights import directions, ecef
 from one_flight import START_S, flight_scene, longest_track, table_target, write_table
+from opir_forecast import launch_points
 from opir_scoring import nees, regions_given
 from opir_scoring.containments import on_normal_scale
-from opir_trackers import launch_points
 from prior_flights import drawn_flights_of_prior
 from scipy.stats import chi2, norm
 

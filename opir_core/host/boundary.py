@@ -15,6 +15,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import ModelError, OpirError
+from opir_core.host.components import TrackerPart
 from opir_core.host.error_messages import described_error, is_of_plugin, place_of_frame
 from opir_core.host.host import Host
 from opir_core.scene.scene import Choice, Scene
@@ -150,18 +151,19 @@ class PluginErrors:
         for the core's.
         """
         choice_of_package = dict(self._roots())
-        for frame in _frames(error):
-            choice = (
-                choice_of_package.get(_root(frame.f_globals.get("__name__", "")))
-                if is_of_plugin(frame)
-                else None
+        calls = [
+            (choice, frame.f_code.co_name)
+            for frame in _frames(error)
+            for choice in [choice_of_package.get(_root(frame.f_globals.get("__name__", "")))]
+            if choice is not None and is_of_plugin(frame)
+        ]
+        # A tracker calls its parts.
+        parts = [call for call in calls if call[0].hook == TrackerPart.hook]
+        for choice, method in [*parts, *calls][:1]:
+            return (
+                f"{self._owner(choice)}: {method} raised {described_error(error)};"
+                f" {check_hint(choice.name)}"
             )
-            if choice is not None:
-                method = frame.f_code.co_name
-                return (
-                    f"{self._owner(choice)}: {method} raised {described_error(error)};"
-                    f" {check_hint(choice.name)}"
-                )
         return ""
 
     def _roots(self) -> Iterator[tuple[str, Choice]]:

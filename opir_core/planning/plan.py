@@ -17,6 +17,7 @@ from opir_core.host.host import Host
 from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.contexts import (
     ModelContext,
+    PartMaker,
     SensorContext,
     Surroundings,
     TargetContext,
@@ -400,7 +401,14 @@ def _tracker_context(
         light_time=scene.light_time,
         hypotheses=offered_hypotheses(host),
         false_alarms_per_scan=(0.0,) * len(sensors) if rates is None else tuple(map(float, rates)),
+        parts={key: _part_maker(host, choice) for key, choice in scene.tracker.parts.items()},
     )
+
+
+def _part_maker(host: Host, choice: Choice) -> PartMaker:
+    """Return what makes a chosen part of a tracker."""
+    component = host.component(choice.hook, choice.name, choice.path)
+    return PartMaker(owner=owner_text(host, choice), config=choice.config, build=component.build)
 
 
 def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:

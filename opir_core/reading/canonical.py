@@ -98,6 +98,8 @@ def _settings(config: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, Choice):
+        return _block(value)
     if has(type(value)):
         return _settings(value)
     if isinstance(value, Mapping):

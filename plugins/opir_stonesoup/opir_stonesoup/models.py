@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
-from opir_trackers import earth_rotated
+from opir_estimation import BOOST, Motion, earth_rotated
 from stonesoup.base import Property
 from stonesoup.models.base import GaussianModel, TimeVariantModel
 from stonesoup.models.measurement.nonlinear import CartesianToElevationBearing
@@ -18,7 +18,6 @@ from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
-from opir_core.estimation import BOOST, Motion
 from opir_core.flight import ForceModel, Forces, forces_of
 
 #: Size of the state of each motion.
@@ -31,7 +30,7 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
     """Motion under gravity in ECEF, with white noise in the last derivative of the state.
 
     Two-body motion (6; with the zonal harmonics of `forces`), a nearly constant specific force (9),
-    or a nearly constant rate of it (12): `opir_core.estimation.motion` in ECEF. Drag is neglected.
+    or a nearly constant rate of it (12): `opir_estimation.motion` in ECEF. Drag is neglected.
     """
 
     ndim_state: int = Property(default=9, doc="6, 9 or 12")

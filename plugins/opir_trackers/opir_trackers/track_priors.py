@@ -2,24 +2,32 @@
 
 import numpy as np
 from attrs import frozen
+from opir_estimation import (
+    COAST,
+    FIRST_HEIGHT_M,
+    GRAZING_SINE,
+    Dynamics,
+    FreeBurn,
+    FreeThrust,
+    ImmFilter,
+    ModeEstimates,
+    Motion,
+    NewStage,
+    PredictedMeasurements,
+    Thrust,
+    dot,
+    earth_rotated,
+    ground_velocities,
+)
+from opir_forecast import FirstMotion
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.estimation import COAST, Motion, dot
 from opir_core.flight import Drag, Forces, forces_of, height_and_up
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.plugin import TrackerContext
 from opir_trackers.configs import ImmConfig, ThrustConfig
-from opir_trackers.filter.burn_modes import FreeBurn, NewStage
-from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.filter.free_thrust import FreeThrust
-from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, SPEED_SIGMA_M_S, STEADY_M_S2, TrackCandidates
-from opir_trackers.launch_points import FirstMotion
-from opir_trackers.lines_of_sight import earth_rotated, ground_velocities
-from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
 #: Prior specific force of a boost, upwards, m/s².
 FIRST_FORCE_M_S2 = 20.0
@@ -67,7 +75,7 @@ def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
     thrust = config.thrust
-    switches = config.motion == "boost-coast"
+    switches = config.modes == "boost-coast"
     follows_bodies = any(sensor.follows_bodies for sensor in context.sensors)
     period_s = [sensor.scan.period_ns * 1e-9 for sensor in context.sensors]
     return ImmFilter(
@@ -106,7 +114,7 @@ def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
     fall = Motion(COAST, config.coast_noise_m_s, forces)
     if drag is None:
         return fall
-    from opir_trackers.filter.dynamics import AtmosphericDescent
+    from opir_estimation import AtmosphericDescent
 
     return AtmosphericDescent(fall, drag)
 
@@ -146,7 +154,7 @@ def _in_both_modes(
     mean: FloatArray, root: FloatArray, detection_rate: FloatArray, config: ImmConfig
 ) -> ModeEstimates:
     """Return boosts (n, 10) and their coasts, with prior mode probabilities."""
-    burning = {"boost-coast": LAW.burns, "boost": 1.0, "coast": 0.0}[config.motion]
+    burning = {"boost-coast": LAW.burns, "boost": 1.0, "coast": 0.0}[config.modes]
     weight = np.tile([burning, 1.0 - burning], (len(mean), 1))
     coast = (mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy())
     return ModeEstimates(weight, mean, root, *coast, detection_rate)
@@ -238,6 +246,6 @@ def _information_roots(axes: FloatArray, sigma: FloatArray) -> FloatArray:
     """Return upper triangular information roots (n, 3, 3) with standard deviations (n, 3) along the
     rows of axes.
     """
-    from opir_core.estimation.square_root import triangular
+    from opir_estimation.square_root import triangular
 
     return triangular(axes / sigma[:, :, None])

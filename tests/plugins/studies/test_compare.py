@@ -32,9 +32,9 @@ def compare(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_every_tracker_and_its_settings_have_scores(compare):
-    printed = compare("--runs 2 --json --tracker imm --tracker '{model: imm, motion: boost}'", 40.0)
+    printed = compare("--runs 2 --json --tracker imm --tracker '{model: imm, modes: boost}'", 40.0)
     reported = json.loads(printed)["trackers"]
-    assert list(reported) == ["imm", "{model: imm, motion: boost}"]
+    assert list(reported) == ["imm", "{model: imm, modes: boost}"]
     assert reported["imm"]["seeds"] == [7, 8]
     assert reported["imm"]["tracking_us_a_detection"]["value"] > 0.0
     assert reported["imm"]["tracking_us_a_track_update"]["value"] > 0.0

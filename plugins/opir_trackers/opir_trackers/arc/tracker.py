@@ -6,6 +6,8 @@ baseline for the others.
 
 import numpy as np
 from attrs import evolve
+from opir_estimation import LinesOfSight, no_lines_of_sight, sensor_health
+from opir_forecast import site_height_m
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import great_circle_m
@@ -35,11 +37,8 @@ from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.imm.report import type_posterior
 from opir_trackers.imm.tracking import ImmTracking
-from opir_trackers.launch_points import site_height_m
-from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
-from opir_trackers.registration.health import sensor_health
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 
 #: Least number of detections of an arc.

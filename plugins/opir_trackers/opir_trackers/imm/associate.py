@@ -5,17 +5,16 @@ focal planes.
 from typing import NamedTuple
 
 import numpy as np
+from opir_estimation import GatedPairs, LinesOfSight
 
 from opir_core.arrays import IndexArray, IntArray
 from opir_trackers.association import ambiguous_tracks, associate_nearest, unassigned
-from opir_trackers.gating import GatedPairs
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.crowds import CrowdPairs, Crowds, SensorView
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import SlicePrediction, predict
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.lines_of_sight import LinesOfSight
 
 _NONE = np.empty(0, dtype=np.int64)
 

@@ -11,22 +11,28 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
+from opir_estimation import (
+    BOOST,
+    FAR_M,
+    GatedPairs,
+    LinesOfSight,
+    PredictedMeasurements,
+    earth_rotated,
+    gated,
+    group_maxima,
+    group_sums,
+    matvec,
+    turned_back,
+)
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation import BOOST, matvec
 from opir_core.plugin import Sensor
-from opir_trackers.assignment import group_maxima, group_sums
 from opir_trackers.association import AssociationModel, connected_tracks
-from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.gating import GatedPairs, gated
 from opir_trackers.imm import focal_plane
 from opir_trackers.imm.focal_plane import FocalPlanePairs, FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.pairing import LAW as PAIRING, Directions
-from opir_trackers.registration.shared_errors import turned_back
-from opir_trackers.triangulation import FAR_M
 
 
 @frozen

@@ -4,20 +4,24 @@ outliers.
 
 import numpy as np
 from attrs import evolve
+from opir_estimation import (
+    OUTLIER_SIGMAS,
+    LinesOfSight,
+    ModeEstimates,
+    candidates,
+    explained_looks,
+    gated,
+)
 
 from opir_core.arrays import IntArray
 from opir_trackers import initiation
 from opir_trackers.association import associate_nearest, hard_measurements
-from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.gating import candidates, gated
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import SlicePrediction
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.motion_statistics import MotionStatistics
-from opir_trackers.registration.innovations import OUTLIER_SIGMAS, explained_looks
 from opir_trackers.track_priors import prior_estimates
 
 

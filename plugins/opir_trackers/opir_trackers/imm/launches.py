@@ -6,22 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
-
-from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.forecast.since_launch import InFlight, launch_of
-from opir_trackers.imm.models import TrackingModels
-from opir_trackers.imm.state import TrackerState
-from opir_trackers.launch_points import (
+from opir_estimation import SPIN, PredictedMeasurements, earth_rotated, emission_s
+from opir_forecast import (
+    InFlight,
     LaunchDelayPrior,
     LaunchPoints,
     delays_at_once,
+    launch_of,
     launches,
     on_ground,
     path_moments,
     updated_points,
 )
-from opir_trackers.lines_of_sight import SPIN, earth_rotated, emission_s
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_trackers.imm.models import TrackingModels
+from opir_trackers.imm.state import TrackerState
 from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.track_priors import first_motion
 

@@ -7,16 +7,23 @@ from typing import Any, TypeVar
 
 import numpy as np
 from attrs import field, frozen
+from opir_estimation import (
+    GatedPairs,
+    ImmFilter,
+    LinesOfSight,
+    ModeEstimates,
+    PredictedMeasurements,
+    Registration,
+    Vantages,
+    candidates,
+    gated,
+)
+from opir_forecast import Outcomes, site_height_m, vehicle_model
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.plugin import TrackerContext
 from opir_trackers.association import AssociationModel
 from opir_trackers.configs import ImmConfig
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.vehicles import vehicle_model
-from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.imm.crowds import SensorView
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState
@@ -26,12 +33,8 @@ from opir_trackers.imm.track_management import (
     mean_detection_probability,
     sighting_memory_s,
 )
-from opir_trackers.launch_points import site_height_m
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.posterior import GroupPosterior
-from opir_trackers.registration.registration import Registration
-from opir_trackers.registration.shared_errors import Vantages
-from opir_trackers.sensors import Biases, clutter_per_sr
+from opir_trackers.sensors import Biases, clutter_per_sr, vantages_of
 from opir_trackers.track_priors import filter_of
 
 _Answer = TypeVar("_Answer")
@@ -126,7 +129,7 @@ class TrackingModels:
 
     def vantages(self, registration: Registration, time_s: float) -> Vantages:
         """Return the sensors at a time, their angles weighted as the registration leaves them."""
-        places = self.memo.of("vantages", Vantages.of, self.biases.sensors, time_s)
+        places = self.memo.of("vantages", vantages_of, self.biases.sensors, time_s)
         return places._replace(weight=self.biases.weights(registration.apart_rad))
 
     def view(self, registration: Registration) -> SensorView:

@@ -15,13 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import (
+    AngleMeasurements,
+    GatedPairs,
+    ImmFilter,
+    ModeEstimates,
+    PredictedMeasurements,
+    matvec,
+)
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import matvec
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.gating import GatedPairs
-from opir_trackers.lines_of_sight import AngleMeasurements
 
 
 @frozen

@@ -6,17 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
+from opir_estimation import (
+    BOOST,
+    GatedPairs,
+    LinesOfSight,
+    ModeEstimates,
+    PredictedMeasurements,
+    Registration,
+)
 
-from opir_core.estimation import BOOST
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.gating import GatedPairs
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.crowds import CrowdPairs, Crowds
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.lines_of_sight import LinesOfSight
-from opir_trackers.registration.registration import Registration
 
 
 class SlicePrediction(NamedTuple):

@@ -6,21 +6,24 @@ both: two targets are detected in one scan sooner or later, one target never twi
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import (
+    LOWEST_M,
+    SPEED_SIGMA_M_S,
+    LinesOfSight,
+    dot,
+    have_uncertain_velocity,
+    neighbour_pairs,
+    scan_numbers,
+)
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import dot
 from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import TRACK_ENDS
-from opir_trackers.association import scan_numbers
-from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, have_uncertain_velocity
-from opir_trackers.gating import neighbour_pairs
 from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.track_management import ENOUGH_SCANS, SharedDetections
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.brevity import are_brief
-from opir_trackers.triangulation import LOWEST_M
 
 
 @frozen

@@ -9,20 +9,23 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import (
+    COAST,
+    FAR_M,
+    Gaussian,
+    LinesOfSight,
+    ModeEstimates,
+    earth_rotated,
+    gated,
+)
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
-from opir_core.estimation import COAST
 from opir_trackers.association import hard_measurements
-from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.filter.measurement_updates import Gaussian
-from opir_trackers.gating import gated
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.initiation import TrackCandidates
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.pairing import Directions, intersections
 from opir_trackers.track_priors import prior_estimates
-from opir_trackers.triangulation import FAR_M
 
 
 @frozen

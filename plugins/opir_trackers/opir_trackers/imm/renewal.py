@@ -6,16 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import earth_rotated, ranks
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_trackers.assignment import ranks
 from opir_trackers.imm.crowds import Crowds, SensorView, directions_at
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures, widened
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.refiltering import DirectionSums, refiltered
 from opir_trackers.imm.state import TrackerState
-from opir_trackers.lines_of_sight import earth_rotated
 from opir_trackers.pairing import (
     LAW as PAIRING,
     Directions,

@@ -7,14 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
+from opir_estimation import ModeEstimates, glided
+from opir_forecast import LaunchForecasts
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_core.scene import UNKNOWN_TYPE
-from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.filter.gliding import glided
-from opir_trackers.forecast.launch_forecasts import LaunchForecasts
 from opir_trackers.imm.track_management import TrackTable
 
 

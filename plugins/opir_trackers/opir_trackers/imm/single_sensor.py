@@ -7,21 +7,31 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
+from opir_estimation import (
+    COAST,
+    SPIN,
+    ImmFilter,
+    ModeEstimates,
+    air_velocity,
+    are_low_orbits,
+    dot,
+    earth_rotated,
+    square_root,
+)
+from opir_forecast import (
+    BEFORE_S,
+    AlongSight,
+    BoostAscents,
+    Outcomes,
+    Sighting,
+    along_sight,
+    ascents_of,
+)
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import COAST, dot, square_root
-from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.filter.thrust import air_velocity
-from opir_trackers.forecast.along_sight import AlongSight, Sighting, along_sight
-from opir_trackers.forecast.ascents import BoostAscents, ascents_of
-from opir_trackers.forecast.outcomes import Outcomes
 from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.launch_points import BEFORE_S
-from opir_trackers.lines_of_sight import SPIN, earth_rotated
 from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.sensors import Biases
-from opir_trackers.triangulation import are_low_orbits
 
 
 @frozen
@@ -114,6 +124,8 @@ class SingleSensor:
     ) -> BoolArray:
         """Return which tracks (n,) are compared: those of one sensor that burn and were detected in
         the slice.
+
+        Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
         is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
         if not np.count_nonzero(is_single):
@@ -121,7 +133,8 @@ class SingleSensor:
         interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
         burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < LAW.free)
         is_launch = motion.probability[:, LAUNCH] > 0.5
-        return (interval[0] > interval[1]) & is_single & burns & is_launch
+        is_due = interval[0] > interval[1]
+        return is_due & is_single & burns & is_launch & (motion.epoch_s <= table.first_s)
 
     def _are_far(
         self, table: TrackTable, motion: MotionStatistics, rows: IntArray, time_s: float

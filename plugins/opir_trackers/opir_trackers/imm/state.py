@@ -3,14 +3,12 @@
 import numpy as np
 from attrs import evolve, field, frozen
 from numpy.typing import NDArray
+from opir_estimation import LinesOfSight, ModeEstimates, Registration, no_lines_of_sight
 
 from opir_core.arrays import BoolArray, IntArray
-from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.imm.crowds import Crowds
 from opir_trackers.imm.track_management import SharedDetections, TrackTable
-from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.onset.motion_statistics import MotionStatistics
-from opir_trackers.registration.registration import Registration
 
 
 @frozen(eq=False)

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
+from opir_estimation import LinesOfSight
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces import Columns
 from opir_core.plugin import Sensor
 from opir_trackers.imm.outliers import FRACTIONS
-from opir_trackers.lines_of_sight import LinesOfSight
 
 #: Least number of scans with a detection before two tracks count as duplicates.
 ENOUGH_SCANS = 4

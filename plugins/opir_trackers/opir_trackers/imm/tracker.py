@@ -4,19 +4,17 @@ from collections import deque
 
 import numpy as np
 from attrs import evolve
+from opir_estimation import LinesOfSight, sensor_health
+from opir_forecast import Forecaster, vehicle_model
 
 from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
-from opir_trackers.forecast.forecaster import Forecaster
-from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.report import with_glides, with_launches
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
-from opir_trackers.registration.health import sensor_health
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 

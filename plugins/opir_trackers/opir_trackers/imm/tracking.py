@@ -10,12 +10,13 @@ from math import ceil
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import LinesOfSight, Registration, earth_rotated
+from opir_forecast import grounds, hypothesis_log_likelihood
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces, forces_of
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers.configs import ImmConfig
-from opir_trackers.forecast.outcomes import hypothesis_log_likelihood
 from opir_trackers.imm.associate import associate, track_numbers
 from opir_trackers.imm.initiate import initiate
 from opir_trackers.imm.launches import with_launch_points
@@ -26,12 +27,10 @@ from opir_trackers.imm.renewal import renewed
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
-from opir_trackers.launch_points import grounds
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 from opir_trackers.onset.brevity import are_brief
 from opir_trackers.onset.motion_priors import WIDE_M
 from opir_trackers.onset.motion_statistics import MotionStatistics
-from opir_trackers.registration.registration import Registration, registration_of
+from opir_trackers.sensors import registration_of
 from opir_trackers.track_priors import standing_estimates
 
 

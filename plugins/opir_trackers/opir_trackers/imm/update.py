@@ -4,12 +4,23 @@ sensors.
 
 import numpy as np
 from attrs import evolve
+from opir_estimation import (
+    ERRORS,
+    FEW_PAIRS,
+    Followed,
+    GatedPairs,
+    LinesOfSight,
+    ModeEstimates,
+    PredictedMeasurements,
+    group_maxima,
+    group_minima,
+    no_measurements,
+    registered,
+    shifted,
+)
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_trackers.assignment import group_maxima, group_minima
 from opir_trackers.association import hard_measurements, merged
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.gating import FEW_PAIRS, GatedPairs
 from opir_trackers.imm.associate import Associated
 from opir_trackers.imm.crowds import corrected_crowds
 from opir_trackers.imm.models import TrackingModels
@@ -24,11 +35,8 @@ from opir_trackers.imm.outliers import (
 )
 from opir_trackers.imm.predict import SlicePrediction
 from opir_trackers.imm.state import TrackerState
-from opir_trackers.lines_of_sight import LinesOfSight, no_measurements
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.onset.posterior import DARK_S, GONE_SCANS
-from opir_trackers.registration.registration import Followed, registered, shifted
-from opir_trackers.registration.shared_errors import ERRORS
 
 
 def update(

@@ -5,23 +5,23 @@ differences.
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_testing.doubles import stub_window
-from opir_trackers.imm.report import earth_fixed, mixed_with, tracks_of, type_evidence
-from opir_trackers.imm.track_management import SharedDetections, TrackTable
-from opir_trackers.lines_of_sight import (
+from opir_estimation import (
     AngleMeasurements,
     LinesOfSight,
     earth_rotated,
     emission_s,
     no_lines_of_sight,
-    rotate_slightly,
+    tangent_axes,
 )
+from opir_estimation.lines_of_sight import rotate_slightly
+from opir_testing.doubles import stub_window
+from opir_trackers.imm.report import earth_fixed, mixed_with, tracks_of, type_evidence
+from opir_trackers.imm.track_management import SharedDetections, TrackTable
 from opir_trackers.sensors import LineOfSightCache
 from scipy.spatial.transform import Rotation
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
-from opir_core.estimation import tangent_axes
 from opir_core.plugin import Detections
 
 SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])

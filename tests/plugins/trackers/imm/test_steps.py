@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_estimation import LinesOfSight
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.predict import predict
 from opir_trackers.imm.tracker import imm_tracker
 from opir_trackers.imm.tracking import ImmTracking
-from opir_trackers.lines_of_sight import LinesOfSight
 from stepped_trackers import context_of, last, portions, stepped
 from symmetric_scenes import scene, simulated
 from tracks_alike import DRAWN, assert_alike, assert_states_alike, moved
