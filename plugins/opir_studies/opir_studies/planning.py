@@ -32,7 +32,7 @@ from opir_studies.axes import Design, Level, designs_of, override_text
 from opir_studies.launches import BASE_UNITS, FACTS, launch_facts, launch_units
 from opir_studies.refusals import cut_short, refusal
 from opir_studies.requirements import FigureRequirement, require_figures, requirements_of
-from opir_studies.runs import identity_of, run_key
+from opir_studies.runs import identity_of, installed_version, owners_of, run_key
 from opir_studies.share_requirements import (
     ShareRequirement,
     missing_milestones,
@@ -65,6 +65,8 @@ class PlannedDesign:
     identity: str
     #: Id, class and site of each launch.
     launches: tuple[tuple[str, str, str], ...] = ()
+    #: The distributions of the components of its scene, with their versions.
+    owners: tuple[tuple[str, str], ...] = ()
 
     def key(self, replicate: int) -> str:
         """Return the key of a run of the design."""
@@ -86,6 +88,8 @@ class PlannedStudy:
     notes: tuple[str, ...] = ()
     #: The settings of each metric, by its name.
     settings: Mapping[str, Any] = field(factory=dict)
+    #: The versions of all that makes the results, by distribution.
+    versions: Mapping[str, str] = field(factory=dict)
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -189,6 +193,7 @@ def planned_study(
             *cut_short(end_notes, _MOST_NOTES, template),
         ),
         dict(zip(names, settings, strict=True)),
+        _versions(ready, choices, host),
     )
 
 
@@ -209,6 +214,21 @@ def _metrics(
         metrics.append(_built_metric(choices[-1], host))
     _require_distinct(metrics, f"study {study.study}")
     return choices, tuple(metrics)
+
+
+def _versions(
+    designs: Sequence[PlannedDesign], metrics: Sequence[Choice], host: Host
+) -> dict[str, str]:
+    """Return the versions of opir-core, NumPy and the plugins of scenes and metrics."""
+    owners = {
+        host.provenance(choice.hook, choice.name).distribution: host.provenance(
+            choice.hook, choice.name
+        ).version
+        for choice in metrics
+    }
+    owners |= {name: version for design in designs for name, version in design.owners}
+    names = dict.fromkeys(["opir-core", "numpy", "opir-studies"])
+    return dict(sorted({**{name: installed_version(name) for name in names}, **owners}.items()))
 
 
 def _partial_notes(
@@ -246,7 +266,8 @@ def _ready_designs(
             problems += [Problem(design.name, str(problem)) for problem in error.problems]
             continue
         identity = identity_of(plan, metrics)
-        ready.append(PlannedDesign(design, plan.scene, identity, launch_facts(plan)))
+        facts = launch_facts(plan)
+        ready.append(PlannedDesign(design, plan.scene, identity, facts, owners_of(plan)))
         notes[_end_note(plan)] = None
     if problems:
         more = len(problems) - _MOST_PROBLEMS

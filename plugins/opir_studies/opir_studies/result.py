@@ -22,6 +22,9 @@ from attrs import asdict, frozen
 
 from opir_core.errors import reason_of
 from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
+from opir_core.random_streams import SCHEME
+from opir_core.reading import data_of_node, node_of_yaml
+from opir_core.scene import file_bytes, text_of
 from opir_studies.axes import Level
 from opir_studies.launches import FACTS
 from opir_studies.parts import launch_type, parquet_bytes
@@ -30,6 +33,7 @@ from opir_studies.refusals import refusal
 from opir_studies.runs import RunRecord
 from opir_studies.shares import SHARE_COLUMNS, share_rows
 from opir_studies.statistics import difference_of, figures_of
+from opir_studies.study import Study
 
 RESULTS = "results.parquet"
 RESULTS_CSV = "results.csv"
@@ -217,6 +221,9 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
             name: list(metric.units)
             for name, metric in zip(planned.names, planned.metrics, strict=True)
         },
+        "versions": dict(planned.versions),
+        "random_numbers": SCHEME,
+        "made_of": made_of(study),
         "designs": [
             {
                 "design": planned_design.design.number,
@@ -231,6 +238,19 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
             for planned_design in planned.designs
         ],
     }
+
+
+def made_of(study: Study) -> Mapping[str, Any]:
+    """Return the keys of a study, with its scene, from which it is made again; without what changes
+    no result.
+    """
+    keys = asdict(study, recurse=False)
+    del keys["executor"]
+    if not isinstance(study.scene, Mapping):
+        keys["scene"] = data_of_node(node_of_yaml(text_of(file_bytes(study.scene))))
+        if "manifest_version" in keys["scene"]:
+            keys["scene"] = keys["scene"]["scene"]
+    return dict(json.loads(json.dumps(keys, default=float)))
 
 
 def _bounds(planned: PlannedStudy, runs: pa.Table) -> dict[str, list[float | None]]:

@@ -137,19 +137,22 @@ def identity_of(
     These are the scene, the files that it reads, opir-core, the plugins of its components, and the
     metrics: name, settings, owner and figures of each.
     """
-    owners = sorted(
-        {(component["distribution"], component["version"]) for component in components_used(plan)}
-    )
     files = run_files(plan)
     contents = [
         scene_hash(plan.scene),
         files,
         SCHEME,
         __version__,
-        owners,
+        owners_of(plan),
         [list(metric) for metric in metrics],
     ]
     return hashlib.sha256(json.dumps(contents, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def owners_of(plan: Plan) -> tuple[tuple[str, str], ...]:
+    """Return the distributions of a plan's components with their versions, sorted."""
+    components = components_used(plan)
+    return tuple(sorted({(each["distribution"], each["version"]) for each in components}))
 
 
 def run_files(plan: Plan) -> list[Any]:

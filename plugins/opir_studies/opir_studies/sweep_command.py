@@ -25,9 +25,10 @@ from opir_studies.result_words import (
     share_verdict_lines,
     verdict_lines,
 )
+from opir_studies.sharding import sweep_shard
 from opir_studies.study import Study, is_study, read_study
 from opir_studies.subsets import SUBSET_PATHS
-from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
+from opir_studies.sweeping import Shard, StudyProgress, sweep as result_of_sweep
 
 #: The most designs that are printed; all are in the files.
 _MOST_ROWS = 40
@@ -43,6 +44,8 @@ def sweep(arguments: argparse.Namespace) -> int:
     study = study_of(arguments)
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
     limits = {"workers": arguments.workers, "dead_after_s": arguments.dead_after}
+    if arguments.shard is not None:
+        return _shard(arguments, study, folder, limits)
     with watched_runs(arguments, folder) as on_progress:
         result = result_of_sweep(
             study, folder, **limits, on_progress=on_progress, on_notes=_shown_notes(arguments)
@@ -56,6 +59,18 @@ def sweep(arguments: argparse.Namespace) -> int:
         else "\n".join([as_text(result), *written])
     )
     sys.stdout.write(text + "\n")
+    return 0
+
+
+def _shard(
+    arguments: argparse.Namespace, study: Study, folder: Path, limits: Mapping[str, Any]
+) -> int:
+    """Make the shard of the arguments, and print how many runs it has."""
+    shard = Shard.of(arguments.shard)
+    with watched_runs(arguments, folder) as on_progress:
+        runs = sweep_shard(study, folder, shard, **limits, on_progress=on_progress)
+    if not arguments.quiet:
+        sys.stdout.write(f"{runs} runs in {folder}; join all shards with `opir merge`\n")
     return 0
 
 
@@ -97,7 +112,11 @@ def study_of(arguments: argparse.Namespace) -> Study:
     metrics = tuple(_value("--metric", words) for words in arguments.metrics)
     study = evolve(
         study,
-        vary={**study.vary, **dict(map(_vary, arguments.vary))},
+        vary={**study.vary, **dict(_levels("--vary", words) for words in arguments.vary)},
+        conditions={
+            **study.conditions,
+            **dict(_levels("--condition", words) for words in arguments.conditions),
+        },
         overrides={**study.overrides, **dict(map(_override, arguments.overrides))},
         metrics=metrics or study.metrics,
         show=tuple(arguments.show) or study.show,
@@ -116,11 +135,11 @@ def study_of(arguments: argparse.Namespace) -> Study:
     return study
 
 
-def _vary(words: str) -> tuple[str, Any]:
+def _levels(flag: str, words: str) -> tuple[str, Any]:
     try:
         return vary_of_text(words)
     except AxisError as error:
-        raise refusal("--vary", str(error)) from error
+        raise refusal(flag, str(error)) from error
 
 
 def _override(words: str) -> tuple[str, Any]:

@@ -34,6 +34,30 @@ class StudyError(OpirError):
 
 
 @frozen
+class Shard:
+    """A part of each design's runs: every `count`-th from `place` on, from 0."""
+
+    place: int
+    count: int
+
+    def numbers(self, runs: int) -> range:
+        """Return the numbers of the runs of a design that are in the shard."""
+        return range(self.place, runs, self.count)
+
+    @classmethod
+    def of(cls, text: str) -> "Shard":
+        """Return the shard of a text, `2/7`; raises `SceneError` for any other text."""
+        place, slash, count = text.partition("/")
+        is_whole = slash and place.strip().isdigit() and count.strip().isdigit()
+        if not is_whole or not 1 <= int(place) <= int(count):
+            raise refusal("--shard", f"{text!r} is not I/N, such as 2/7 for the second of seven")
+        return cls(int(place) - 1, int(count))
+
+
+WHOLE = Shard(0, 1)
+
+
+@frozen
 class StudyProgress:
     """How far a study is: finished runs of those that it needs at most, and those that were on the
     disk before.
@@ -67,15 +91,9 @@ def sweep(
     planned = planned_study(study)
     on_notes(planned.notes)
     place = Path(folder)
-    remove_unfinished(place)
-    keys = {design.key(number) for design in planned.designs for number in range(study.runs)}
-    finished = Parts(place / PARTS, tuple(planned.units), planned.launch_units)
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
-    state = SweepState(planned, finished, finished.found(keys), context, on_progress)
-    try:
-        counts = state.run()
-    finally:
-        state.close()
+    state = SweepState.of(planned, place, context, on_progress)
+    counts = state.finished_run()
     result = written_result(
         planned,
         place,
@@ -94,12 +112,38 @@ class SweepState:
     records: dict[str, RunRecord]
     context: ExecutorContext
     on_progress: Callable[[StudyProgress], None]
+    shard: Shard = WHOLE
     executor: Executor | None = None
     found: int = field(init=False)
     failures: list[str] = field(factory=list)
 
     def __attrs_post_init__(self) -> None:
         self.found = len(self.records)
+
+    @classmethod
+    def of(
+        cls,
+        planned: PlannedStudy,
+        folder: Path,
+        context: ExecutorContext,
+        on_progress: Callable[[StudyProgress], None],
+        shard: Shard = WHOLE,
+    ) -> "SweepState":
+        """Return the state of a study, or of a shard of its runs, with the runs that are in its
+        folder.
+        """
+        remove_unfinished(folder)
+        numbers = shard.numbers(planned.study.runs)
+        keys = {design.key(number) for design in planned.designs for number in numbers}
+        parts = Parts(folder / PARTS, tuple(planned.units), planned.launch_units)
+        return cls(planned, parts, parts.found(keys), context, on_progress, shard)
+
+    def finished_run(self) -> Sequence[int]:
+        """Make the missing runs as `run` does, and end the workers."""
+        try:
+            return self.run()
+        finally:
+            self.close()
 
     def run(self) -> Sequence[int]:
         """Make the missing runs, round by round; return the number of runs of each design."""
@@ -177,7 +221,7 @@ class SweepState:
         missing = {
             place: [
                 number
-                for number in range(counts[place])
+                for number in self.shard.numbers(counts[place])
                 if self.planned.designs[place].key(number) not in self.records
             ]
             for place in active
@@ -231,4 +275,5 @@ class SweepState:
         )
 
     def _report(self, counts: Sequence[int]) -> None:
-        self.on_progress(StudyProgress(len(self.records), sum(counts), self.found))
+        total = sum(len(self.shard.numbers(count)) for count in counts)
+        self.on_progress(StudyProgress(len(self.records), total, self.found))
