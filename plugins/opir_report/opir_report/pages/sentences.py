@@ -123,16 +123,22 @@ def condition_sentences(study: SavedStudy) -> list[str]:
     verdicts_of_all = Verdicts.of(study, np.arange(len(rows)))
     groups = {name: names == name for name in dict.fromkeys(names.tolist())}
     required = ", ".join(requirement_words(study, each) for each in study.requirements)
-    texts = []
-    for is_met, how in (
-        (verdicts_of_all.is_sure, "with the whole 95 % intervals"),
-        (verdicts_of_all.is_met, "by the means alone"),
-    ):
-        meeting = [name for name, of_design in groups.items() if is_met[of_design].all()]
-        more = f"; and {len(meeting) - _NAMED} more" if len(meeting) > _NAMED else ""
-        named = f": {'; '.join(meeting[:_NAMED])}{more}" if meeting else ""
-        texts.append(f"{len(meeting)} of {len(groups)} {how}{named}")
+    texts = [
+        _names_text(groups, is_met, how)
+        for is_met, how in (
+            (verdicts_of_all.is_sure, "with the whole 95 % intervals"),
+            (verdicts_of_all.is_met, "by the means alone"),
+        )
+    ]
     return [f"In every condition {required} is met by {', '.join(texts)}."]
+
+
+def _names_text(groups: Mapping[str, BoolArray], is_met: BoolArray, how: str) -> str:
+    """Return how many groups of designs are met as a whole, and which."""
+    meeting = [name for name, of_design in groups.items() if is_met[of_design].all()]
+    more = f"; and {len(meeting) - _NAMED} more" if len(meeting) > _NAMED else ""
+    names = f": {'; '.join(meeting[:_NAMED])}{more}" if meeting else ""
+    return f"{len(meeting)} of {len(groups)} {how}{names}"
 
 
 def _answer(study: SavedStudy, part: Part, figures: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from opir_scoring import TAILS, LaunchShare, Tails, percent_text
+from opir_scoring import NOT_SHOWN, TAILS, LaunchShare, Tails, percent_text
 
 from opir_core.arrays import BoolArray
 from opir_report.figure_data import FigureData
@@ -50,11 +50,12 @@ def share_section(study: SavedStudy) -> ReportSection | None:
 def _curve_columns(study: SavedStudy) -> list[str]:
     """Return the times of launches that requirements are on, or else all that some launch has."""
     times = [name for name, unit in study.definition["launches"].items() if unit == "s"]
-    required = [each["column"] for each in study.definition.get("share_requirements", ())]
-    wanted = [name for name in dict.fromkeys(required) if name in times]
+    requirements = study.definition.get("share_requirements", ())
+    columns = dict.fromkeys(requirement["column"] for requirement in requirements)
+    required = [name for name in columns if name in times]
     launches = study.launches
     assert launches is not None
-    return wanted or [
+    return required or [
         name
         for name in times
         if np.isfinite(launches[name]).any() and name.endswith(("detected_s", "warned_s"))
@@ -111,7 +112,7 @@ def _share_text(shares: FigureData, row: int) -> str:
 
 
 def _runs_text(runs: Any, verdict: str) -> str:
-    if verdict != "not shown":
+    if verdict != NOT_SHOWN:
         return "-"
     return f"about {int(runs)}" if runs is not None and runs == runs else "over a million"
 
@@ -139,28 +140,33 @@ def _is_first_of_design(shares: FigureData) -> BoolArray:
 def _share_answer(study: SavedStudy, rows: FigureData) -> str:
     paths = _share_paths(study, rows)
     names = study.labels(rows, paths) if paths else [""] * len(rows)
-    words = [f"{rows['requirement'][0]}"]
-    for verdict in ("met", "not shown", "not met"):
-        places = np.flatnonzero(rows["verdict"] == verdict)
-        if not len(places):
-            continue
-        named = [
-            " ".join(filter(None, (names[row], f"({_share_text(rows, row)})")))
-            for row in places[:_NAMED].tolist()
-        ]
-        more = f" and {len(places) - _NAMED} more" if len(places) > _NAMED else ""
-        sense = "not shown for" if verdict == "not shown" else f"{verdict} by"
-        sentence = f"{sense} {'; '.join(named)}{more}"
-        if verdict == "not shown":
-            runs = rows["deciding_runs"][places].astype(np.float64)
-            known = runs[np.isfinite(runs)]
-            sentence += f", which about {int(known.max())} runs would decide" if len(known) else ""
-        words.append(sentence)
+    sentences = [
+        _verdict_sentence(rows, names, verdict)
+        for verdict in ("met", "not shown", "not met")
+        if np.any(rows["verdict"] == verdict)
+    ]
     met = np.flatnonzero(rows["verdict"] == "met")
     if len(met) > 1 and paths:
         cheapest = [names[row] for row in met[_is_least_costly(rows.where(met), rows, paths)]]
-        words.append(f"the least costly that meet it: {' or '.join(cheapest[:_NAMED])}")
-    return f"{words[0]}: {'. '.join(words[1:])}."
+        sentences.append(f"the least costly that meet it: {' or '.join(cheapest[:_NAMED])}")
+    return f"{rows['requirement'][0]}: {'. '.join(sentences)}."
+
+
+def _verdict_sentence(rows: FigureData, names: Sequence[str], verdict: str) -> str:
+    """Return the designs of a verdict: `met by sensors with LEO (98 % [95, 99] of 120)`."""
+    places = np.flatnonzero(rows["verdict"] == verdict)
+    examples = [
+        " ".join(filter(None, (names[row], f"({_share_text(rows, row)})")))
+        for row in places[:_NAMED].tolist()
+    ]
+    more = f" and {len(places) - _NAMED} more" if len(places) > _NAMED else ""
+    text = f"{'; '.join(examples)}{more}"
+    if verdict != NOT_SHOWN:
+        return f"{verdict} by {text}"
+    runs = rows["deciding_runs"][places].astype(np.float64)
+    runs = runs[np.isfinite(runs)]
+    deciding = f", which about {int(runs.max())} runs would decide" if len(runs) else ""
+    return f"not shown for {text}{deciding}"
 
 
 def _is_least_costly(some: FigureData, rows: FigureData, paths: Sequence[str]) -> BoolArray:

@@ -35,22 +35,22 @@ def curve_rows(study: SavedStudy, column: str) -> FigureData:
     if launches is None:
         return FigureData.of_rows(_COLUMNS, ())
     latest_s = np.max(launches[column][np.isfinite(launches[column])], initial=0.0)
-    limits_s = [each["limit"] for each in share_requirements_on(study, column)]
+    limits_s = [requirement["limit"] for requirement in share_requirements_on(study, column)]
     latest_s = max([float(latest_s), *(limit for limit in limits_s if np.isfinite(limit))])
     rows = [
         (name, condition, instant_s, share.share, low, high, share.launches, share.runs)
-        for name, condition, part in _parts(study, launches)
-        for instants_s in [_instants_s(part[column], latest_s)]
+        for name, condition, launch_rows in _curves_of(study, launches)
+        for instants_s in [_instants_s(launch_rows[column], latest_s)]
         for instant_s, (share, low, high) in zip(
             instants_s.tolist(),
-            share_curve(part[column], part["replicate"], instants_s),
+            share_curve(launch_rows[column], launch_rows["replicate"], instants_s),
             strict=True,
         )
     ]
     return FigureData.of_rows(_COLUMNS, rows)
 
 
-def _parts(study: SavedStudy, launches: FigureData) -> Iterator[tuple[str, str, FigureData]]:
+def _curves_of(study: SavedStudy, launches: FigureData) -> Iterator[tuple[str, str, FigureData]]:
     """Yield the launches of each design and condition, with the names of both."""
     names = np.array(study.short_labels(launches, study.choices) or [""] * len(launches))
     split = study.split
@@ -73,7 +73,7 @@ def _instants_s(time_s: FloatArray, latest_s: float) -> FloatArray:
 def share_requirements_on(study: SavedStudy, column: str) -> list[Mapping[str, Any]]:
     """Return the requirements on shares of launches that are on a column."""
     requirements = study.definition.get("share_requirements", ())
-    return [each for each in requirements if each["column"] == column]
+    return [requirement for requirement in requirements if requirement["column"] == column]
 
 
 def curves_figure(drawn: Figure, study: SavedStudy, column: str) -> None:
@@ -101,7 +101,9 @@ def _draw_panel(
     axes: Axes, rows: FigureData, hues: Sequence[Hue], requirements: Sequence[Mapping[str, Any]]
 ) -> None:
     curves = [(hue, rows.at("design", hue.label)) for hue in hues]
-    limits_s = [each["limit"] for each in requirements if np.isfinite(each["limit"])]
+    limits_s = [
+        requirement["limit"] for requirement in requirements if np.isfinite(requirement["limit"])
+    ]
     for number, (hue, curve) in enumerate(curves):
         if len(curve):
             axes.step(curve["time_s"], 100.0 * curve["share"], where="post", **hue.style)
@@ -139,9 +141,9 @@ def never_texts(rows: FigureData) -> list[str]:
     """
     texts = []
     for condition in rows.levels("condition"):
-        part = rows.at("condition", condition)
-        for name in part.levels("design"):
-            share = float(part.at("design", name)["share"][-1])
+        curves = rows.at("condition", condition)
+        for name in curves.levels("design"):
+            share = float(curves.at("design", name)["share"][-1])
             label = ", ".join(filter(None, (name, condition))) or "all"
             texts.append(f"{label}: {percent_text(1.0 - share)}")
     return texts
