@@ -4,8 +4,8 @@ made-up estimates.
 
 import numpy as np
 import pytest
-from boost_law import GAP, NONE
 from attrs import evolve
+from boost_law import GAP, NONE
 from opir_forecast import BoostEstimates
 from opir_forecast.stage_history import StageHistory
 from plain_boosts import RADIUS_M
