@@ -68,6 +68,7 @@ class ScheduledTracker:
         """Process the detections of [start, end), sorted by time."""
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
+        detections = detections.computed()
         associated = []
         estimates = []
         in_force = []
@@ -110,9 +111,9 @@ class ScheduledTracker:
             if len(detections)
             else np.empty(0, dtype=np.int64)
         )
-        self._pending.append(evolve(visible, track=track))
-        return evolve(
-            detections, track=track, estimate=rows_of(self._in_force.track, track, offset)
+        self._pending.append(visible.replaced(track=track))
+        return detections.replaced(
+            track=track, estimate=rows_of(self._in_force.track, track, offset)
         )
 
     def _visible(self, detections: Detections) -> Detections:
@@ -122,7 +123,7 @@ class ScheduledTracker:
         visible = without_truth(detections)
         if self._paper_codes is None:
             return visible
-        return evolve(visible, reported_type=self._paper_codes.take(visible.reported_type))
+        return visible.replaced(reported_type=self._paper_codes.take(visible.reported_type))
 
     def _stepped(self, edge_ns: int) -> list[Tracks]:
         assert self._cadence_ns is not None
@@ -170,10 +171,8 @@ def without_truth(detections: Detections) -> Detections:
     confidences nan.
     """
     count = len(detections)
-    return evolve(
-        detections,
-        detection_count=np.zeros(count, dtype=np.int32),
-        confidence=np.full(count, np.nan),
+    return detections.replaced(
+        detection_count=np.zeros(count, dtype=np.int32), confidence=np.full(count, np.nan)
     )
 
 

@@ -181,7 +181,8 @@ class TrackPicture:
 
     `mean` (n, 6) and `covariance` (n, 6, 6) are of inertial position and velocity, m and m/s,
     `shared_covariance` is that of the errors that sensors share, None without.
-    `sensor_silence_s` (sensors,) is the longest silence, s, that missed detections explain.
+    For `silent_s` (n,), s, they were looked at in vain; `sensor_silence_s` (sensors,) is the
+    longest silence, s, that missed detections explain.
     `sightings` are the recent scans with detections, `existence` (n,) is that of the association.
     `known_errors` (sensors, 3) are taken off lines of sight: two angles, rad, and the clock, s;
     `bias_sigma_rad` (sensors,) is left.
@@ -192,6 +193,7 @@ class TrackPicture:
     mean: FloatArray
     covariance: FloatArray
     shared_covariance: FloatArray | None
+    silent_s: FloatArray
     sensor_silence_s: FloatArray
     sightings: SharedDetections
     known_errors: FloatArray

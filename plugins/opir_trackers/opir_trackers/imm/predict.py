@@ -12,6 +12,7 @@ from opir_estimation import (
     ModeEstimates,
     PredictedMeasurements,
     Registration,
+    Watched,
 )
 
 from opir_trackers.imm.models import TrackingModels
@@ -22,7 +23,8 @@ class SlicePrediction(NamedTuple):
     """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are
     those in the slice, `pairs` those within gates.
 
-    Without tracks or lines no measurements are predicted.
+    `watched` is how long tracks were looked at in it, None for throughout. Without tracks or lines
+    no measurements are predicted.
     """
 
     estimates: ModeEstimates
@@ -31,6 +33,7 @@ class SlicePrediction(NamedTuple):
     lines: LinesOfSight
     end_s: float
     span_s: float
+    watched: Watched | None = None
 
 
 def predict(
@@ -53,8 +56,10 @@ def _predicted(
 ) -> SlicePrediction:
     span_s = end_s - start_s
     estimates = models.memo.of("moved", models.filter.predicted_open, table.estimates, span_s)
+    watched = models.watched(table, end_s, span_s)
+    times = end_s, span_s, watched
     if not table.number.size or not lines.scan.size:
-        return SlicePrediction(estimates, _NO_PATH, GatedPairs.empty(), lines, end_s, span_s)
+        return SlicePrediction(estimates, _NO_PATH, GatedPairs.empty(), lines, *times)
     path = models.path(estimates, end_s)
     if registration.widens_gates:
         vantages = models.vantages(registration, end_s)
@@ -63,7 +68,7 @@ def _predicted(
             bias_covariance=registration.gate_covariance(state, table.seen, vantages)
         )
     pairs = models.gated_pairs(path, lines, span_s)
-    return SlicePrediction(estimates, path, pairs, lines, end_s, span_s)
+    return SlicePrediction(estimates, path, pairs, lines, *times)
 
 
 _NO_PATH = PredictedMeasurements(0.0, np.empty((0, 5, 3)), np.empty((0, BOOST, BOOST)))

@@ -74,7 +74,7 @@ class UnlikelyPruner(Pruner):
         """Return codes (n,) into `TRACK_ENDS`: 0 for tracks that go on."""
         table = tracks.table
         motion = table.motion
-        drop = tracks.time_s - table.seen_s > self.settings.silence_s
+        drop = tracks.silent_s > self.settings.silence_s
         drop |= motion.is_decided & motion.are_noise
         if tracks.existence is not None:
             drop |= tracks.existence < LAW.least_existence
@@ -82,7 +82,7 @@ class UnlikelyPruner(Pruner):
         below_ground = are_below_ground(tracks.mean[:, :3])
         fallen = below_ground
         if (uncertain | below_ground | (table.hits < self.needed)).any():
-            unseen = tracks.time_s - table.seen_s > tracks.silence_limit_s
+            unseen = tracks.silent_s > tracks.silence_limit_s
             drop |= (uncertain | (table.hits < self.needed)) & unseen
             fallen = below_ground & have_come_down(tracks.mean[:, :3], tracks.covariance, unseen)
             drop |= fallen
@@ -148,6 +148,7 @@ def picture(
         mean=moments[0],
         covariance=moments[1],
         shared_covariance=models.shared_covariance(state, table) if is_shared else None,
+        silent_s=models.silent_s(table, state.time_s),
         sensor_silence_s=models.silence_limit_s,
         sightings=state.sightings,
         known_errors=registration.error,

@@ -8,7 +8,7 @@ import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
 from opir_estimation import ModeEstimates, glided
-from opir_forecast import LaunchForecasts
+from opir_forecast import BoostEstimates, LaunchForecasts
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
@@ -29,6 +29,28 @@ class ReportedTracks(NamedTuple):
     reports: FloatArray
     groups: FloatArray
     end: NDArray[np.uint8]
+
+
+def boost_estimates(reported: ReportedTracks, launched: BoolArray) -> BoostEstimates:
+    """Return the record of tracks that forecasts are made from; `launched` (n,) are forecast."""
+    tracks = reported.tracks
+    estimates = reported.estimates
+    hits, spell, silent_s = estimates.detection_rate.T
+    return BoostEstimates(
+        tracks.track,
+        launched,
+        estimates.weight[:, 0],
+        estimates.burn_share,
+        estimates.burn_mean,
+        estimates.burn_root,
+        estimates.coast_mean,
+        estimates.coast_root,
+        silent_s,
+        spell / np.maximum(hits, 1.0),
+        tracks.launch,
+        tracks.launch_covariance,
+        reported.reports,
+    )
 
 
 def with_launches(

@@ -5,16 +5,17 @@ from collections import deque
 import numpy as np
 from attrs import evolve
 from opir_estimation import LinesOfSight, sensor_health
-from opir_forecast import Forecaster, vehicle_model
+from opir_forecast import Forecaster
 
 from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
-from opir_trackers.imm.report import with_glides, with_launches
+from opir_trackers.imm.report import boost_estimates, with_glides, with_launches
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
+from opir_trackers.parts import PartContext, made_part
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -33,9 +34,12 @@ class ImmTracker(Tracker):
         self._glides = np.array(
             [hypothesis.group == "glide" for hypothesis in context.hypotheses], dtype=np.bool_
         )
-        model = vehicle_model(tracking.config.boost_prior)
-        every_s = tracking.config.regions_every_s
-        self._forecaster = Forecaster(every_s, tracking.forces, context.hypotheses, model)
+        part = PartContext(tracker=context, settings=tracking.config, forces=tracking.forces)
+        self._forecaster = made_part(
+            Forecaster,  # type: ignore[type-abstract]
+            "forecast",
+            part,
+        )
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
@@ -64,9 +68,8 @@ class ImmTracker(Tracker):
         launch_probability = reported.groups[:, LAUNCH]
         launched = launch_probability >= self._tracking.config.least_launch_probability
         launched &= ~reported.tracks.is_brief
-        forecasts = self._forecaster.launch_forecasts(
-            reported.tracks, reported.estimates, reported.reports, launched
-        )
+        estimates = boost_estimates(reported, launched)
+        forecasts = self._forecaster.forecasts(estimates, self._state.time_s)
         glides = launch_probability * forecasts.given_launch[:, self._glides].sum(axis=1)
         hypotheses = self._composition.columns(reported.groups, forecasts.given_launch)
         tracks = with_launches(reported, forecasts, launched, hypotheses)

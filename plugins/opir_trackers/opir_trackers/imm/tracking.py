@@ -130,8 +130,9 @@ class ImmTracking:
         if motion.is_decided.all():
             return state
         pause_s = self.models.longest(self.models.period_s, table)
+        silent_s = self.models.silent_s(table, state.time_s)
         motion = self.models.groups.assessed(
-            motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s
+            motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s, silent_s
         )
         return state._replace(table=table.changed(motion=motion))
 
@@ -190,7 +191,8 @@ class ImmTracking:
         tell a launch.
         """
         table = ended.table
-        silent = time_s - table.seen_s > self.models.longest(self.models.silence_limit_s, table)
+        silent_s = self.models.silent_s(table, time_s)
+        silent = silent_s > self.models.longest(self.models.silence_limit_s, table)
         are_over = (ended.end > 0) | silent
         if True not in are_over:
             return are_over

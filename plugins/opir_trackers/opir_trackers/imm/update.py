@@ -6,6 +6,7 @@ import numpy as np
 from attrs import evolve
 from opir_estimation import (
     FEW_PAIRS,
+    AngleMeasurements,
     Followed,
     GatedPairs,
     LinesOfSight,
@@ -100,7 +101,7 @@ def _relit_motion(
     count = len(state.table)
     owned = owner >= 0
     first_s = group_minima(owner[owned], time_s[owned], count)
-    silent_s = first_s - state.table.seen_s
+    silent_s = models.silent_s(state.table, first_s)
     limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, state.table))
     rows = (np.isfinite(first_s) & ~motion.is_decided & (silent_s > limit_s)).nonzero()[0]
     if not len(rows):
@@ -119,12 +120,7 @@ def _updated_estimates(
     of `_with_outliers`.
     """
     if not prediction.lines.scan.size:
-        estimates = prediction.estimates
-        nothing = no_measurements()
-        return (
-            models.filter.updated(estimates, prediction.end_s, nothing, prediction.span_s),
-            None,
-        )
+        return _filtered(models, prediction, no_measurements()), None
     posterior = _updated(models, prediction, association)
     return _with_outliers(models, posterior, prediction, association, log)
 
@@ -143,16 +139,24 @@ def _updated(
     pairs = association.pairs
     if pairs.track.size <= FEW_PAIRS:
         looks = hard_measurements(pairs)
-        return models.filter.updated(estimates, end_s, looks, prediction.span_s)
+        return _filtered(models, prediction, looks)
     was_silent = (estimates.detection_rate[:, 2] > prediction.span_s)[pairs.track]
     rows = (~was_silent).nonzero()[0]
     means = merged(pairs.take(rows), association.sensor[rows], prediction.path)
     if was_silent.any():
         means = GatedPairs.concatenate([means, pairs.take(was_silent.nonzero()[0])])
     looks = hard_measurements(means)
-    posterior = models.filter.updated(estimates, end_s, looks, prediction.span_s)
+    posterior = _filtered(models, prediction, looks)
     rate = _with_all_looks(posterior.detection_rate, association, means.track, end_s)
     return evolve(posterior, detection_rate=rate)
+
+
+def _filtered(
+    models: TrackingModels, prediction: SlicePrediction, looks: AngleMeasurements
+) -> ModeEstimates:
+    """Return the predicted estimates after the looks of a slice."""
+    times = prediction.end_s, looks, prediction.span_s, prediction.watched
+    return models.filter.updated(prediction.estimates, *times)
 
 
 def _with_all_looks(
