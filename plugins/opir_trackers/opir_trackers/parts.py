@@ -8,6 +8,7 @@ of its association, because late detections return the tracker to an earlier tim
 
 from abc import abstractmethod
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -61,9 +62,12 @@ def maker_of(role: str, context: PartContext) -> PartMaker:
     the settings, with its defaults.
     """
     chosen = context.tracker.parts.get(role)
-    if chosen is not None:
-        return chosen
-    name = getattr(context.settings, role)
+    return _installed(getattr(context.settings, role)) if chosen is None else chosen
+
+
+@cache
+def _installed(name: str) -> PartMaker:
+    """Return what makes an installed part, with its default settings."""
     component = Host.discover().component(TrackerPart, name)
     return PartMaker(
         owner=f"the tracker part {name}", config=component.config(), build=component.build
