@@ -7,6 +7,7 @@ of its association, because late detections return the tracker to an earlier tim
 """
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -39,7 +40,7 @@ class PartContext:
 _Part = TypeVar("_Part", bound=PluginPart)
 
 
-def made_part(contract: type[_Part], role: str, context: PartContext) -> _Part:
+def made_part(contract: Callable[..., _Part], role: str, context: PartContext) -> _Part:
     """Return the part of a role that the settings name; raises `ModelError` with its owner if it
     cannot be built or lacks a method of the contract.
     """
@@ -50,7 +51,9 @@ def made_part(contract: type[_Part], role: str, context: PartContext) -> _Part:
         raise
     except Exception as error:
         raise ModelError(f"{maker.owner}: build raised {described_error(error)}") from error
-    return contract.adopt(part, lambda: maker.owner)
+    base: Any = contract
+    adopted: _Part = base.adopt(part, lambda: maker.owner)
+    return adopted
 
 
 def maker_of(role: str, context: PartContext) -> PartMaker:

@@ -188,7 +188,7 @@ def _with_joining(
     detected = np.zeros(seen.shape, dtype=bool)
     detected[association.pairs.track, association.sensor] = True
     detected &= crowds.holds(number)[:, None] & ~crowds.follows(number, seen.shape[1])
-    rows = (detected.any(axis=1)).nonzero()[0]
+    rows = np.flatnonzero(detected.any(axis=1))
     if rows.size:
         crowds = crowd.joined(crowds, number, rows, problem.path, detected, view)
     return crowds

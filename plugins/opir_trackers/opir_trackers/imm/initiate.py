@@ -123,8 +123,7 @@ def _with_initiated(models: TrackingModels, state: TrackerState) -> TrackerState
         models.parts.initiator,
         models.parts.owners["initiation"],
         f"an Initiation of {len(lines)} lines",
-        is_right=isinstance(initiation_, Initiation)
-        and initiation_.place.shape == lines.scan.shape,
+        is_right=initiation_.place.shape == lines.scan.shape,
     )
     begun = initiation_.begun
     if not len(begun):

@@ -127,27 +127,24 @@ class TrackTable(Columns):
 
     def take(self, rows: Any) -> "TrackTable":
         """Return some of the tracks, by an index array or a mask."""
-        columns = [getattr(self, name) for name in names_of(TrackTable)]
-        return TrackTable(
-            *[
-                column.take(rows) if isinstance(column, Columns) else column[rows]
-                for column in columns
-            ]
-        )
+        columns: list[Any] = [getattr(self, name) for name in names_of(TrackTable)]
+        taken: list[Any] = [
+            column.take(rows) if isinstance(column, Columns) else column[rows] for column in columns
+        ]
+        return TrackTable(*taken)
 
     @classmethod
     def concatenate(cls, records: Iterable["TrackTable"]) -> "TrackTable":
         """Return one table of all tracks, in order."""
         tables = list(records)
         columns = [[getattr(table, name) for table in tables] for name in names_of(TrackTable)]
-        return cls(
-            *[
-                type(column[0]).concatenate(column)
-                if isinstance(column[0], Columns)
-                else np.concatenate(column)
-                for column in columns
-            ]
-        )
+        joined: list[Any] = [
+            type(column[0]).concatenate(column)
+            if isinstance(column[0], Columns)
+            else np.concatenate(column)
+            for column in columns
+        ]
+        return cls(*joined)
 
     def with_detections(
         self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray
