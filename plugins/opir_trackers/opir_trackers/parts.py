@@ -161,8 +161,8 @@ class Associator(PluginPart):
         return self.associate(problem).owner
 
     def settled(self, tracks: "TrackPicture", memory: Any) -> "Settled":
-        """Return the memory, and what it changes of the tracks, at the end of a slice in which there
-        is a memory or tracks began.
+        """Return the memory, and what it changes of the tracks: after tracks began, and at the end of
+        a slice with a memory, when those that ended are out of the table (`tracks.is_pruned`).
         """
         return Settled(memory=memory)
 
@@ -188,7 +188,8 @@ class TrackPicture:
     longest silence, s, that missed detections explain.
     `sightings` are the recent scans with detections, `existence` (n,) is that of the association.
     `known_errors` (sensors, 3) are taken off lines of sight: two angles, rad, and the clock, s;
-    `bias_sigma_rad` (sensors,) is left.
+    `bias_sigma_rad` (sensors,) is left. `is_pruned` is whether the tracks that ended are out of the
+    table.
     """
 
     time_s: float
@@ -202,6 +203,7 @@ class TrackPicture:
     known_errors: FloatArray
     bias_sigma_rad: FloatArray
     existence: FloatArray | None = None
+    is_pruned: bool = False
 
     @property
     def number(self) -> IntArray:

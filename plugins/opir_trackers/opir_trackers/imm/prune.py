@@ -139,6 +139,8 @@ def picture(
     state: TrackerState,
     moments: tuple[FloatArray, FloatArray],
     existence: FloatArray | None = None,
+    *,
+    is_pruned: bool = False,
 ) -> TrackPicture:
     """Return the tracks, with moments of position and velocity, as parts see them."""
     table = state.table
@@ -156,6 +158,7 @@ def picture(
         known_errors=registration.error,
         bias_sigma_rad=registration.apart_rad,
         existence=existence,
+        is_pruned=is_pruned,
     )
 
 
