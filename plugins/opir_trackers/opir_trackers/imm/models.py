@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from attrs import field, frozen
+from numpy.typing import NDArray
 from opir_estimation import (
     GatedPairs,
     ImmFilter,
@@ -60,6 +61,16 @@ class Memo:
         # Records are equal to themselves alone.
         if result is None or result[0] != arguments:
             result = (arguments, function(*arguments))
+            self._results[name] = result
+        return result[1]
+
+    def of_column(
+        self, name: str, function: Callable[[Any], _Answer], column: NDArray[Any]
+    ) -> _Answer:
+        """Return the value of a function of a column, stored if that was the same array."""
+        result = self._results.get(name)
+        if result is None or result[0][0] is not column:
+            result = ((column,), function(column))
             self._results[name] = result
         return result[1]
 

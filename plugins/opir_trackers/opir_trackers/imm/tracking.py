@@ -178,14 +178,18 @@ class ImmTracking:
         if added is not None:
             covariance = covariance + added
         is_brief = self.are_brief(tracks, state.time_s)
-        types = type_evidence(table.reports, self.type_log_likelihood)
         return ReportedTracks(
             tracks_of(mean, covariance, table, state.time_s, is_brief),
             table.estimates,
-            hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES),
+            self.models.memo.of_column("reports", self._log_reports, table.reports),
             table.motion.probability,
             tracks.end,
         )
+
+    def _log_reports(self, reports: IntArray) -> FloatArray:
+        """Return the log likelihoods (n, H) of the sensors' reports (n, sensors)."""
+        types = type_evidence(reports, self.type_log_likelihood)
+        return hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
 
     def are_brief(self, ended: EndedTracks, time_s: float) -> BoolArray:
         """Return which tracks (n,) went out, or are silent for too long, before their looks could
