@@ -13,7 +13,7 @@ from opir_forecast import BoostEstimates, LaunchForecasts
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
-from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.imm.state import TrackTable
 
 
 class ReportedTracks(NamedTuple):
@@ -62,7 +62,7 @@ def with_launches(
     (n,) have no launch point and no impact.
     """
     tracks = reported.tracks
-    no_launch = np.flatnonzero(~launched)
+    no_launch = (~launched).nonzero()[0]
     launch = tracks.launch
     covariance = tracks.launch_covariance
     if len(no_launch):

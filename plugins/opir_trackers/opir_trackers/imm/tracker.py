@@ -56,9 +56,9 @@ class ImmTracker(Tracker):
         if self._tracking.config.late_s:
             detections = self._waited(tick_s, detections)
         is_late = self._rays.of(detections).time_s < self._state.time_s
-        if np.count_nonzero(is_late):
-            self._go_back(detections.take(np.flatnonzero(is_late)))
-            detections = detections.take(np.flatnonzero(~is_late))
+        if is_late.any():
+            self._go_back(detections.take(is_late.nonzero()[0]))
+            detections = detections.take((~is_late).nonzero()[0])
         self._advance(tick_s, detections)
         return self._reported()
 
@@ -74,7 +74,7 @@ class ImmTracker(Tracker):
         hypotheses = self._composition.columns(reported.groups, forecasts.given_launch)
         tracks = with_launches(reported, forecasts, launched, hypotheses)
         tracks = with_glides(tracks, reported.estimates, glides)
-        if np.count_nonzero(forecasts.end):
+        if forecasts.end.any():
             # Nothing new can come of them.
             ended = tracks.track[forecasts.end > 0]
             self._state = self._state.without(np.isin(self._state.table.number, ended))
@@ -99,10 +99,10 @@ class ImmTracker(Tracker):
         self._context = evolve(self._context, sensors=sensors)
         self._tracking = ImmTracking.of(self._tracking.config, self._context)
         self._rays = LineOfSightCache(LinesOfSight.of)
-        pace = self._state.estimates.detection_rate * [share, 1.0, 1.0]
-        self._state = evolve(
-            self._state, estimates=evolve(self._state.estimates, detection_rate=pace)
-        )
+        table = self._state.table
+        pace = table.estimates.detection_rate * [share, 1.0, 1.0]
+        estimates = evolve(table.estimates, detection_rate=pace)
+        self._state = self._state._replace(table=table.with_estimates(estimates))
 
     def _waited(self, tick_s: float, detections: Detections) -> Detections:
         """Return the detections before a tick, once each and in order, of these and the waiting
@@ -149,7 +149,7 @@ def _with_late(
     before_late: Detections, late_detections: Detections, start_s: float, end_s: float
 ) -> Detections:
     """Return a tick's detections with the late ones of its time."""
-    rows = np.flatnonzero((late_detections.time_s >= start_s) & (late_detections.time_s < end_s))
+    rows = ((late_detections.time_s >= start_s) & (late_detections.time_s < end_s)).nonzero()[0]
     return (
         _once_in_order(Detections.concatenate([before_late, late_detections.take(rows)]))
         if len(rows)
