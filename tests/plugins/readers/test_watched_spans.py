@@ -84,8 +84,9 @@ def table(folder: Path, *lines: str) -> list[str]:
 def test_events_of_a_run_are_watched_as_its_manifest_says(
     folder: Path, track: Track, tmp_path: Path
 ) -> None:
-    assert "WEST watched 0.0–100.0 s; after that nothing is known (by run.manifest.json)" in track(
-        "run.jsonl"
+    assert (
+        "WEST watched 0.0–100.0 s; after that nothing is known (by the manifest beside the events)"
+        in track("run.jsonl")
     )
     tracks = records(tmp_path / "tracked.jsonl")
     expected = records(folder / "run.jsonl")

@@ -81,10 +81,9 @@ def watched_of(
     if scene.watched_s:
         throughout = dict.fromkeys(ids, ((0.0, scene.duration_s),))
         return Watched({**throughout, **scene.watched_s}, "the scene")
-    path = Path(arguments.file).with_suffix(".manifest.json")
-    spans_of_run = _spans_of_manifest(path, len(rows), ids, scene.epoch_us)
+    spans_of_run = _spans_of_manifest(Path(arguments.file), len(rows), ids, scene.epoch_us)
     if spans_of_run:
-        return Watched({**by_lines, **spans_of_run}, path.name)
+        return Watched({**by_lines, **spans_of_run}, "the manifest beside the events")
     return Watched(by_lines, "first and last lines, and gaps")
 
 
@@ -180,15 +179,18 @@ def _time_s(cell: str, layout: Layout, line: int, which: str, epoch_us: int) -> 
 
 
 def _spans_of_manifest(
-    path: Path, count: int, ids: Sequence[str], epoch_us: int
+    events: Path, count: int, ids: Sequence[str], epoch_us: int
 ) -> dict[str, Spans]:
     """Return the spans of the manifest of a run beside its events, none where there is none, or it
-    is of another number of events.
+    is of other events.
     """
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = json.loads(events.with_suffix(".manifest.json").read_text(encoding="utf-8"))
         later_s = (epoch_us_of_text(manifest["scene"]["epoch"]) - epoch_us) * 1e-6
-        is_of_events = manifest["counts"]["detections"] == count
+        outputs = manifest["scene"]["outputs"]
+        paths = {settings.get("path") for output in outputs for settings in output.values()}
+        is_of_events = events.name in {Path(str(path)).name for path in paths}
+        is_of_events &= manifest["counts"]["detections"] == count
         spans = {
             name: tuple((start_s + later_s, end_s + later_s) for start_s, end_s in of_sensor)
             for name, of_sensor in manifest["watched_s"].items()
