@@ -148,17 +148,12 @@ def _misread(table: StateTable) -> list[str]:
 
 
 def _two_places(table: StateTable) -> list[str]:
-    """Return the reason to refuse states that repeat others, and times with two places each."""
+    """Return the reason to refuse states that repeat others, or times with two places each."""
     rows = np.flatnonzero(np.diff(table.time_s) == 0.0)
     apart_m = lengths(table.position_m[rows + 1] - table.position_m[rows])
     repeated = rows[apart_m <= _LIMITS.jump_m]
     if len(repeated) >= max(_LIMITS.jumps, _LIMITS.repeated_share * len(table.time_s)):
-        row = int(repeated[0])
-        words = (
-            f"line {table.line_of(row + 1)}: repeats line {table.line_of(row)}; so do"
-            f" {len(repeated)} of {len(table.time_s)} states: leave them out"
-        )
-        return [words]
+        return [_repeats_text(table, int(repeated[0]), len(repeated))]
     jumps = np.flatnonzero(apart_m > _LIMITS.jump_m)
     if len(jumps) < max(_LIMITS.jumps, _LIMITS.jump_share * len(table.time_s)):
         return []
@@ -169,6 +164,13 @@ def _two_places(table: StateTable) -> list[str]:
         " or one state for each"
     )
     return [words]
+
+
+def _repeats_text(table: StateTable, row: int, count: int) -> str:
+    return (
+        f"line {table.line_of(row + 1)}: repeats line {table.line_of(row)}; so do {count} of"
+        f" {len(table.time_s)} states: leave them out"
+    )
 
 
 def _coarse_steps(table: StateTable) -> list[str]:

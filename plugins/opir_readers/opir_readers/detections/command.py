@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core import Engine, Plan, Tracks, Window, compile_plan
+from opir_core import Detections, Engine, Plan, Tracks, Window, compile_plan
 from opir_core.cli import answers, grouped, prints_on_standard_error, reported_tables, table
 from opir_core.errors import Problem, SceneError
 from opir_core.output import RunOutcome, deliver, timestamp_text
@@ -183,19 +183,23 @@ def _read_text(
     watched: Watched,
 ) -> Iterator[str]:
     """Yield the sentences on the detections that were read, and their number by sensor."""
-    scene = plan.scene
-    detections = columns.detections
-    start_s, end_s = (detections.time_ns[[0, -1]] / NS_PER_S).tolist()
-    epoch = timestamp_text(np.array([scene.epoch_us]))[0]
-    head = (
-        f"{arguments.file}: {_counted(len(detections))} ({reader.name}), {start_s:.3f} to"
-        f" {end_s:.3f} s of a scene of {scene.duration_s:g} s from {epoch}, tracker"
-        f" {scene.tracker.name}, as of {scene.duration_s:.1f} s"
-    )
+    head = _head_text(arguments.file, plan, reader, columns.detections)
     yield "\n".join([head, *watched_lines(watched)])
-    count = np.bincount(detections.sensor, minlength=len(plan.sensors)).tolist()
+    count = np.bincount(columns.detections.sensor, minlength=len(plan.sensors)).tolist()
     rows = [
         (sensor.id, sensor.type, grouped(number), spans_text(watched.spans[sensor.id]))
         for sensor, number in zip(plan.sensors, count, strict=True)
     ]
     yield table(("sensor", "type", "detections", "watched s"), rows, numbers=(2,))
+
+
+def _head_text(path: str, plan: Plan, reader: FileReader, detections: Detections) -> str:
+    """Return what was read, and of which scene, in a sentence."""
+    scene = plan.scene
+    start_s, end_s = (detections.time_ns[[0, -1]] / NS_PER_S).tolist()
+    epoch = timestamp_text(np.array([scene.epoch_us]))[0]
+    return (
+        f"{path}: {_counted(len(detections))} ({reader.name}), {start_s:.3f} to"
+        f" {end_s:.3f} s of a scene of {scene.duration_s:g} s from {epoch}, tracker"
+        f" {scene.tracker.name}, as of {scene.duration_s:.1f} s"
+    )

@@ -64,27 +64,32 @@ def watched_of(
     """Return when the sensors of a scene looked, by detections of `sensors` (n,) at scene times
     (n,); raises `SceneError` for a table of spans that cannot be taken.
     """
-    ids = [sensor.id for sensor in scene.sensors]
     names = np.array(sensors)
     by_lines = {
         sensor.id: _spans_of_lines(time_ns[names == sensor.id], _period_ns(sensor.model.config))
         for sensor in scene.sensors
     }
+    said = _said(arguments, len(rows), scene)
+    return Watched({**by_lines, **said.spans}, said.source)
+
+
+def _said(arguments: argparse.Namespace, count: int, scene: Scene) -> Watched:
+    """Return when sensors looked as far as somebody says so, of a file of `count` detections."""
+    ids = [sensor.id for sensor in scene.sensors]
+    throughout = dict.fromkeys(ids, ((0.0, scene.duration_s),))
     if arguments.watched == THROUGHOUT:
-        return Watched(dict.fromkeys(ids, ((0.0, scene.duration_s),)), "--watched throughout")
+        return Watched(throughout, "--watched throughout")
     if arguments.watched is not None:
         try:
             spans = _spans_of_table(file_text(arguments.watched).text, ids, scene.epoch_us)
         except BadFileError as error:
             raise refused(arguments.watched, error) from error
-        return Watched({**by_lines, **spans}, arguments.watched)
+        return Watched(spans, arguments.watched)
     if scene.watched_s:
-        throughout = dict.fromkeys(ids, ((0.0, scene.duration_s),))
         return Watched({**throughout, **scene.watched_s}, "the scene")
-    spans_of_run = _spans_of_manifest(Path(arguments.file), len(rows), ids, scene.epoch_us)
-    if spans_of_run:
-        return Watched({**by_lines, **spans_of_run}, "the manifest beside the events")
-    return Watched(by_lines, "first and last lines, and gaps")
+    spans = _spans_of_manifest(Path(arguments.file), count, ids, scene.epoch_us)
+    source = "the manifest beside the events" if spans else "first and last lines, and gaps"
+    return Watched(spans, source)
 
 
 def _period_ns(config: Any) -> float:
@@ -129,17 +134,12 @@ def _spans_of_table(text: str, ids: Sequence[str], epoch_us: int) -> dict[str, S
     spans = dict[str, Spans]()
     for line, cells in layout.rows(text):
         name, start, end = (cells[place].strip() if place < len(cells) else "" for place in places)
-        if name not in ids:
-            nearest = nearest_names(name, ids)
-            hint = f"did you mean {nearest[0]}?" if nearest else f"there are {', '.join(ids[:12])}"
-            raise BadFileError(f"line {line}: {name!r} is no sensor of --sensors; {hint}")
-        start_s, end_s = (
-            _time_s(cell, layout, line, which, epoch_us)
-            for cell, which in ((start, "start"), (end, "end"))
-        )
+        _require_sensor(name, ids, line)
+        start_s = _time_s(start, layout, line, "start", epoch_us)
+        end_s = _time_s(end, layout, line, "end", epoch_us)
+        before = spans.get(name, ())
         if not start_s < end_s:
             raise BadFileError(f"line {line}: its end, {end}, is not after its start, {start}")
-        before = spans.get(name, ())
         if before and start_s < before[-1][1]:
             raise BadFileError(
                 f"line {line}: its start, {start}, is before the end of the span of {name} above it;"
@@ -149,6 +149,13 @@ def _spans_of_table(text: str, ids: Sequence[str], epoch_us: int) -> dict[str, S
     if not spans:
         raise BadFileError("has no span below the names of its columns")
     return {name: _from_start(of_sensor) for name, of_sensor in spans.items()}
+
+
+def _require_sensor(name: str, ids: Sequence[str], line: int) -> None:
+    if name not in ids:
+        nearest = nearest_names(name, ids)
+        hint = f"did you mean {nearest[0]}?" if nearest else f"there are {', '.join(ids[:12])}"
+        raise BadFileError(f"line {line}: {name!r} is no sensor of --sensors; {hint}")
 
 
 def _from_start(spans: Spans) -> Spans:
@@ -187,19 +194,22 @@ def _spans_of_manifest(
     try:
         manifest = json.loads(events.with_suffix(".manifest.json").read_text(encoding="utf-8"))
         later_s = (epoch_us_of_text(manifest["scene"]["epoch"]) - epoch_us) * 1e-6
-        outputs = manifest["scene"]["outputs"]
-        paths = {settings.get("path") for output in outputs for settings in output.values()}
-        is_of_events = events.name in {Path(str(path)).name for path in paths}
-        is_of_events &= manifest["counts"]["detections"] == count
-        spans = {
-            name: tuple((start_s + later_s, end_s + later_s) for start_s, end_s in of_sensor)
-            for name, of_sensor in manifest["watched_s"].items()
+        if manifest["counts"]["detections"] != count or not _wrote(manifest, events.name):
+            return {}
+        return {
+            name: _from_start(tuple((start + later_s, end + later_s) for start, end in spans))
+            for name, spans in manifest["watched_s"].items()
+            if name in ids
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
-    if not is_of_events:
-        return {}
-    return {name: _from_start(of_sensor) for name, of_sensor in spans.items() if name in ids}
+
+
+def _wrote(manifest: Mapping[str, Any], name: str) -> bool:
+    """Return whether a run wrote a file of a name, by its manifest."""
+    outputs = manifest["scene"]["outputs"]
+    paths = [settings.get("path") for output in outputs for settings in output.values()]
+    return name in [Path(str(path)).name for path in paths]
 
 
 def watched_lines(watched: Watched, most: int = 4) -> Iterator[str]:
