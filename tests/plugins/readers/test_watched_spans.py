@@ -175,3 +175,22 @@ def test_a_table_without_times_is_refused(folder: Path, track: Track) -> None:
     (folder / "bare.csv").write_text("sensor_id,start_s\nWEST,0\n")
     words = track("cut.jsonl", "--watched", str(folder / "bare.csv"), code=2)
     assert "line 1: lacks end_s; a line has sensor_id, start_s and end_s" in words
+
+
+def test_detections_outside_of_spans_are_told_and_kept(
+    folder: Path, track: Track, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = str(folder / "scene.yaml")
+    out = ["--out", str(tmp_path / "tracked.jsonl")]
+    words = table(folder, "WEST,0,20", "EAST,0,30")
+    assert main(["track", str(folder / "run.jsonl"), "--sensors", scene, *out, *words]) == 0
+    printed = capsys.readouterr()
+    count = sum(
+        seconds(json.loads(line)) > 20.0 and json.loads(line)["sensor_id"] == "WEST"
+        for line in (folder / "run.jsonl").read_text().splitlines()
+    )
+    assert f"{count} detections of WEST are outside of the spans that it watched" in printed.err
+    lines = (folder / "run.jsonl").read_text().splitlines()
+    last_s = max(seconds(json.loads(line)) for line in lines)
+    assert f"as of {last_s:.1f} s" in printed.out
+    assert burning(records(tmp_path / "tracked.jsonl"), 60.0) > 0.99

@@ -55,7 +55,8 @@ def track_file(arguments: argparse.Namespace) -> int:
             ids = sensor_ids(rows, [sensor.id for sensor in scene.sensors], names)
             times = times_ns(rows, scene.epoch_us)
             watched = watched_of(arguments, source.rows, ids, times, scene)
-            plan = compile_plan(watched_scene(arguments, scene, watched), host)
+            last_s = int(times.max()) / NS_PER_S
+            plan = compile_plan(watched_scene(arguments, scene, watched, last_s), host)
             columns = columns_of(rows, plan, names)
         except BadFileError as error:
             raise refused(arguments.file, error) from error

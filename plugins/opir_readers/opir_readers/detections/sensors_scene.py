@@ -47,8 +47,11 @@ def scene_of_sensors(arguments: argparse.Namespace, rows: Rows, host: Host) -> S
     )
 
 
-def watched_scene(arguments: argparse.Namespace, scene: Scene, watched: Watched) -> Scene:
-    """Return the scene in which sensors look as they did, and that ends with their last looks.
+def watched_scene(
+    arguments: argparse.Namespace, scene: Scene, watched: Watched, last_s: float
+) -> Scene:
+    """Return the scene in which sensors look as they did, and that ends with their last looks, not
+    before the last detection at `last_s`.
 
     A length that `--set` gives stays; one that a file of sensors lacks may grow.
     """
@@ -56,7 +59,8 @@ def watched_scene(arguments: argparse.Namespace, scene: Scene, watched: Watched)
     is_file = Path(arguments.sensors).exists() and "duration_s" in _keys(arguments.sensors)
     end_s = scene.duration_s
     if not is_set and watched.end_s > 0.0:
-        end_s = min(watched.end_s, end_s) if is_file else watched.end_s
+        looked_s = max(watched.end_s, last_s)
+        end_s = min(looked_s, end_s) if is_file else looked_s
     return evolve(scene, duration_s=end_s, watched_s=watched.spans)
 
 

@@ -108,8 +108,8 @@ def _spans_of_lines(time_ns: IntArray, period_ns: float) -> Spans:
         is_long = gaps_ns > _longest_gap_ns(gaps_ns, period_ns)
     starts = times_ns[np.append(True, is_long)] / NS_PER_S
     ends = times_ns[np.append(is_long, True)] / NS_PER_S
-    # A look lasts no time; a span of one line has the length that times are told apart by.
-    return tuple(zip(starts.tolist(), np.maximum(ends, starts + 1e-9).tolist(), strict=True))
+    # A look lasts no time; the span of a line alone is long enough to be one.
+    return tuple(zip(starts.tolist(), np.maximum(ends, starts + 1e-6).tolist(), strict=True))
 
 
 def _longest_gap_ns(gaps_ns: IntArray, period_ns: float) -> float:
