@@ -41,8 +41,8 @@ class PlausibleLimits:
     #: bends of a path below this, m, are the rounding of positions,
     least_bend_m: float = 20.0
     #: and those below this, m, are noise where none is so many times the median of all: 20 m of noise
-    #: leave 300 m.
-    noisy_bend_m: float = 1000.0
+    #: leave 100 m in the median, and up to 1300 m in the first and the last step.
+    noisy_bend_m: float = 2500.0
     isolated: float = 30.0
     #: A step that goes farther around the Earth than this, rad, cannot be interpolated: there, the
     #: polynomials of states with velocities are some 60 m off a low orbit,

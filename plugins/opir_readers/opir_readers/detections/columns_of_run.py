@@ -233,8 +233,8 @@ def _way(row: Row) -> int:
 def _require_angles(rows: Rows, angle_rad: FloatArray, name: str) -> None:
     for place in np.flatnonzero(np.abs(angle_rad) > 0.5 * np.pi + 1e-9).tolist():
         raise BadFileError(
-            f"{place_of(rows[place])}{name} is {rows[place][name]}, beyond 90 deg; are its units"
-            " others?"
+            f"{place_of(rows[place])}{name} is {rows[place][name]}, beyond 90 deg; name the columns"
+            " of zenith angles, other units or exchanged angles with --columns"
         )
 
 

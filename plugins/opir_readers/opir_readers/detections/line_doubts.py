@@ -57,6 +57,6 @@ def rare_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
         period_ms = float(np.median(gaps_ns)) * 1e-6
         yield (
             f"lines of {sensor.id} are {period_ms * 1e-3:.3g} s apart in the median, and its scans"
-            f" in the scene {sensor.scan.period_ns / NS_PER_S:g} s: looks between count as"
-            f" darkness; if the file is thinned, set scan_period_ms: {period_ms:.0f}"
+            f" in the scene {sensor.scan.period_ns / NS_PER_S:g} s; if the file is thinned, set"
+            f" scan_period_ms: {period_ms:.0f}"
         )
