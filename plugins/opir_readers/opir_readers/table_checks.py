@@ -40,9 +40,9 @@ class PlausibleLimits:
     acceleration_m_s2: float = 250.0
     #: bends of a path below this, m, are the rounding of positions,
     least_bend_m: float = 20.0
-    #: and those below this, m, are noise where none is so many times the median of all: 20 m of noise
-    #: leave 100 m in the median, and up to 1300 m in the first and the last step.
-    noisy_bend_m: float = 2500.0
+    #: and where their median is below this, m, all are noise that are not so many times the median:
+    #: 20 m of noise leave 100 m in the median, and 13 times as much in the first and the last step.
+    noisy_bend_m: float = 125.0
     isolated: float = 30.0
     #: A step that goes farther around the Earth than this, rad, cannot be interpolated: there, the
     #: polynomials of states with velocities are some 60 m off a low orbit,
@@ -342,9 +342,10 @@ def _hardest(table: StateTable) -> tuple[int, float]:
     spans_s = np.diff(time_s, axis=1)[..., None]
     turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / spans_s
     hardest = lengths(turn).max(axis=1)
-    is_isolated = hardest > _LIMITS.isolated * np.median(hardest)
-    least_m = np.where(is_isolated, _LIMITS.least_bend_m, _LIMITS.noisy_bend_m)
-    hardest[hardest * length_s**2 < least_m] = 0.0
+    bends_m = hardest * length_s**2
+    is_told = hardest > _LIMITS.isolated * np.median(hardest)
+    is_told |= np.median(bends_m) > _LIMITS.noisy_bend_m
+    hardest[~is_told | (bends_m < _LIMITS.least_bend_m)] = 0.0
     row = hardest.argmax()
     return int(rows[row]), float(hardest[row])
 
