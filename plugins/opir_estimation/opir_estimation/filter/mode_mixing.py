@@ -139,7 +139,7 @@ def _into_coast(estimates: ModeEstimates, ended: FloatArray, scan_s: float) -> G
     """Return coasts mixed with boosts that ended, with probabilities (n,)."""
     burnt = coast_from_boost(estimates, scan_s)
     share = np.stack([ended, 1.0 - ended], axis=1)
-    if not np.count_nonzero(share[:, 1]):
+    if not share[:, 1].any():
         return burnt
     coast = estimates.coast
     return moment_matched(share, (burnt.mean, coast.mean), (burnt.root, coast.root))

@@ -349,7 +349,7 @@ class ImmFilter:
         are_open = estimates.weight[:, 1:] >= least
         boost_mean = estimates.boost_mean[:, :COAST]
         boost_side = square_root.inverse_root(estimates.boost_root)[:, :COAST]
-        if not np.count_nonzero(are_open):
+        if not are_open.any():
             return boost_mean, square_root.gram(boost_side)
         weight = np.where(are_open, estimates.weight, [1.0, 0.0])
         boost = weight[:, :1]
