@@ -193,9 +193,9 @@ class PlumeConfig:
 LOWTRAN = "LOWTRAN7 as shipped in opir_core/data"
 CLIMATES = ("us1976", "tropical", "midlat_summer", "midlat_winter", "subarctic_winter")
 TABLE_BANDS = ("SWIR", "SWIR_N", "MWIR", "MWIR_N", "LWIR", "STG_2.0_2.4", "MWIRW_3.5_4.0")
-#: Bands 7 to 10 of civil imagers; the table of backgrounds has them under clear skies and opaque
+#: Bands 7 to 16 of civil imagers; the table of backgrounds has them under clear skies and opaque
 #: cloud alone.
-IMAGER_BANDS = ("ABI_07", "ABI_08", "ABI_09", "ABI_10")
+IMAGER_BANDS = tuple(f"ABI_{number:02}" for number in range(7, 17))
 
 
 def _stand_ins_complaint(bands: Mapping[str, Any]) -> str | None:

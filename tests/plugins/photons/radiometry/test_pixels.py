@@ -77,7 +77,7 @@ def test_a_plume_at_height_is_shifted_away_from_the_satellite():
     )
 
 
-@pytest.mark.parametrize(("name", "scans"), [("GOES-ABI", 4), ("AHI", 3)])
+@pytest.mark.parametrize(("name", "scans"), [("GOES-ABI", 5), ("AHI", 4)])
 def test_the_imagers_are_sensor_models_with_presets_by_scan(name, scans):
     model = Host.discover().component(SensorModel, name)
     assert len(model.presets) == scans
