@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from foreign_flights import directions, ecef
 from one_flight import START_S, flight_scene, longest_track, table_target, write_table
+from opir_forecast import launch_points
 from opir_scoring import nees, regions_given
 from opir_scoring.containments import on_normal_scale
-from opir_trackers import launch_points
 from prior_flights import drawn_flights_of_prior
 from scipy.stats import chi2, norm
 
@@ -134,7 +134,7 @@ def ranks_of(task):
         write_table(path, flight.seen_table())
         duration_s = START_S + flight.seen_s + MARKS_S[-1] + 2.0
         longitude_deg = float(np.degrees(flight.launch[1]))
-        tracker = {"model": "imm", "regions_every_s": 10.0}
+        tracker = {"model": "imm"}
         target = table_target(path, flight.kind)
         scene = flight_scene(target, longitude_deg, duration_s, seed, tracker=tracker)
         run = opir.run_of_plan(opir.compile_plan(scene))

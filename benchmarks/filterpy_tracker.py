@@ -3,11 +3,9 @@ tracker protocol.
 """
 
 import numpy as np
+from opir_estimation import LinesOfSight, earth_rotated, emission_s, tangent_axes, triangulated
 from opir_trackers.imm.report import earth_fixed
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
-from opir_trackers.triangulation import triangulated
 
-from opir_core.estimation import tangent_axes
 from opir_core.interfaces.records import Tracks
 
 #: How fast the acceleration wanders, m/s²/√s, and how surely the filter starts: m, m/s, m/s².

@@ -9,9 +9,9 @@ this is the posterior (van Trees) bound. Biases of sensors are further parameter
 from typing import NamedTuple
 
 import numpy as np
+from opir_estimation import tangent_axes
 
 from opir_core.arrays import FloatArray
-from opir_core.estimation import tangent_axes
 
 
 class KnownValues(NamedTuple):

@@ -1,7 +1,7 @@
 """Flights drawn from the tracker's own prior of boosts, flown by SciPy over the rotating Earth, as
 tables.
 
-Vehicles are those of its law of stages (`opir_trackers.forecast.vehicles`), sites and clouds those
+Vehicles are those of its law of stages (`opir_forecast.vehicles`), sites and clouds those
 of `launch_points`: all that is taken from the tracker. Missiles are kept so that their ranges are
 log-uniform over the ranges of all classes, as the prior's. Space launchers are steered to a
 circular orbit; those whose burns do not suffice are drawn again, and some are cut off early, as
@@ -26,9 +26,9 @@ from foreign_flights import (
     geodetic,
     ground,
 )
-from opir_trackers.configs import HypothesesConfig
-from opir_trackers.forecast.burning_on import drawn_steering
-from opir_trackers.forecast.vehicles import (
+from opir_forecast.burning_on import drawn_steering
+from opir_forecast.launch_points import AT_ONCE, BEFORE_S, SITES, site_shares
+from opir_forecast.vehicles import (
     BURN,
     FORCE,
     GAP,
@@ -38,7 +38,7 @@ from opir_trackers.forecast.vehicles import (
     STAGES,
     vehicle_model,
 )
-from opir_trackers.launch_points import AT_ONCE, BEFORE_S, SITES, site_shares
+from opir_trackers.configs import HypothesesConfig
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 

@@ -22,13 +22,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import yaml
 from attrs import evolve
+from opir_estimation import tangent_axes
 from opir_scoring import energy_scores
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.tracker import imm_tracker
 from pages import options_of, publish
 
 import opir_core as opir
-from opir_core.estimation import tangent_axes
 from opir_core.interfaces.contexts import TrackerContext
 
 DISC_RAD = 0.15

@@ -14,11 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
+from opir_estimation import BOOST, FIRST_HEIGHT_M, Motion, tangent_axes
 from opir_stonesoup.upkeep import ground_prior
-from opir_trackers import FIRST_HEIGHT_M
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import BOOST, Motion, tangent_axes
 from opir_core.flight import Forces
 from opir_core.geometry import (
     ecef_to_eci,

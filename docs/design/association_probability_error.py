@@ -14,7 +14,7 @@ import argparse
 from itertools import permutations
 
 import numpy as np
-from opir_trackers.assignment import belief_propagation, swap_probabilities
+from opir_estimation import belief_propagation, swap_probabilities
 
 
 def exact(log: np.ndarray) -> np.ndarray:

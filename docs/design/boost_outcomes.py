@@ -7,8 +7,8 @@ python docs/design/boost_outcomes.py [--draws 60000] [--seed 1]
 import argparse
 import json
 
-from opir_trackers.forecast.marginals import marginal_of
-from opir_trackers.forecast.vehicles import vehicle_model
+from opir_forecast.marginals import marginal_of
+from opir_forecast.vehicles import vehicle_model
 
 
 def main() -> None:

@@ -14,11 +14,17 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
-from opir_trackers.filter.measurement_updates import measurement_update
-from opir_trackers.lines_of_sight import AngleMeasurements
+from opir_estimation import (
+    COAST,
+    AngleMeasurements,
+    Motion,
+    square_root,
+    tangent_axes,
+    taylor_positions,
+    taylor_weights,
+)
+from opir_estimation.filter.measurement_updates import measurement_update
 
-from opir_core.estimation import square_root, tangent_axes
-from opir_core.estimation.motion import COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 
 SIGMA_RAD = 2e-5

@@ -9,9 +9,9 @@ a share of the force, beside the filter's.
 from itertools import pairwise
 
 import numpy as np
-from opir_trackers.filter.thrust import across_share_at
-from opir_trackers.forecast.burning_on import drawn_steering
-from opir_trackers.forecast.vehicles import BURN, FORCE, MISSILE, RATIO, vehicle_model
+from opir_estimation.filter.thrust import across_share_at
+from opir_forecast.burning_on import drawn_steering
+from opir_forecast.vehicles import BURN, FORCE, MISSILE, RATIO, vehicle_model
 
 COUNT = 4000
 STEP_S = 0.25

@@ -1,6 +1,4 @@
-"""Estimation shared by the trackers and the bounds of scoring: square-root filters, motion models,
-tangent axes.
-"""
+"""Ellipses of containment, which outputs, scores and reports share."""
 
 from opir_core.doors import door
 

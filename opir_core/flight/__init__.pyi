@@ -33,6 +33,7 @@ from opir_core.flight.forces import (
     forces_of as forces_of,
 )
 from opir_core.flight.gravity_and_drag import (
+    Gravity as Gravity,
     height_and_up as height_and_up,
     height_m as height_m,
 )

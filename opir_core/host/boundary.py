@@ -177,6 +177,27 @@ class PluginErrors:
             yield _root(getattr(build, "__module__", "") or ""), choice
 
 
+def error_of_part(host: Host, choice: Choice, error: BaseException) -> ModelError | None:
+    """Return the error of the part of a component in whose code an exception was raised, None if it
+    was not in the code of any.
+    """
+    own_package = _package_of(host, choice)
+    packages = {_package_of(host, part): part for part in choice.parts.values()}
+    for frame in _frames(error):
+        package = _root(frame.f_globals.get("__name__", ""))
+        if package in packages and package != own_package and is_of_plugin(frame):
+            part = packages[package]
+            words = f"{frame.f_code.co_name} raised {described_error(error)}"
+            return ModelError(f"{owner_text(host, part)}: {words}; {check_hint(part.name)}")
+    return None
+
+
+def _package_of(host: Host, choice: Choice) -> str:
+    """Return the package of the function that builds a component."""
+    build = host.component(choice.hook, choice.name).build
+    return _root(getattr(getattr(build, "func", build), "__module__", "") or "")
+
+
 def blamed_call(owner: Callable[[], str], hint: str, method: str, call: Callable[[], Any]) -> Any:
     """Call a component; re-raise its exceptions as `ModelError` (opir's own errors and
     KeyboardInterrupt pass).

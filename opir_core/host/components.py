@@ -154,6 +154,23 @@ class TrackerModel(Component):
     kind = "tracker"
 
 
+@frozen(kw_only=True)
+class TrackerPart(Component):
+    """`build(config, context) -> part`: an exchangeable part of trackers, for example association.
+
+    `role` is the key of the tracker's block that chooses it; the tracker's distribution has the
+    contract of each role, and the context. `trackers` are the names of the trackers that it fits,
+    () for all that have the key. `state_size` is that of a motion model.
+    """
+
+    hook = "opir_tracker_parts"
+    kind = "tracker part"
+
+    role: str
+    trackers: Sequence[str] = ()
+    state_size: int | None = None
+
+
 class TargetModel(Component):
     """`build(configs, context) -> Trajectories`: the trajectories of all targets of the model."""
 
@@ -331,6 +348,7 @@ CATALOGUE: Mapping[str, type[Component] | type[Constellation] | type[TargetClass
         ConfidenceModel,
         ClassifierModel,
         TrackerModel,
+        TrackerPart,
         TargetModel,
         TargetClass,
         SignatureModel,

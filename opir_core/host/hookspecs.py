@@ -148,6 +148,25 @@ class CatalogueHooks:
         """
 
     @hookspec
+    def opir_tracker_parts(self) -> Iterable[c.TrackerPart]:  # type: ignore[empty-body]
+        """Yield parts of trackers: association, motion, initiation, pruning, forecast.
+
+        Chosen by the key of its `role` in a tracker's block, `tracker: {model: imm, association:
+        NAME}`.
+
+        >>> from opir_core.plugin import Host, TrackerPart, hookimpl
+        >>> def nearest(config, context):
+        ...     from my_package.nearest import Nearest  # an opir_trackers.Associator
+        ...     return Nearest()
+        >>> class Plugin:
+        ...     @hookimpl
+        ...     def opir_tracker_parts(self):
+        ...         yield TrackerPart(name="nearest", summary="nearest line", role="association", build=nearest)
+        >>> Host.of(Plugin()).component(TrackerPart, "nearest").role
+        'association'
+        """
+
+    @hookspec
     def opir_target_models(self) -> Iterable[c.TargetModel]:  # type: ignore[empty-body]
         """Yield target models: launches to trajectories and plumes. Chosen with `model: NAME` in a
         target's block.

@@ -3,9 +3,11 @@ from opir_core.interfaces.columns import (
     names_of as names_of,
 )
 from opir_core.interfaces.contexts import (
+    PartMaker as PartMaker,
     Surroundings as Surroundings,
 )
 from opir_core.interfaces.contract import (
+    PluginPart as PluginPart,
     has_own as has_own,
 )
 from opir_core.interfaces.impact_regions import (

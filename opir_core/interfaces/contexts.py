@@ -1,6 +1,6 @@
 """The contexts of components: the second argument of `build`, after the configuration."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -107,13 +107,29 @@ class ModelContext:
 
 
 @frozen(kw_only=True)
+class PartMaker:
+    """The part of a tracker that a scene chose: its `build` function, its settings, and its owner
+    in words.
+    """
+
+    owner: str
+    config: Any
+    build: Callable[[Any, Any], Any]
+
+    def made(self, context: Any) -> Any:
+        """Return what `build` makes with the context of its role."""
+        return self.build(self.config, context)
+
+
+@frozen(kw_only=True)
 class TrackerContext:
     """The context of a tracker; it has no targets.
 
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light
     is instantaneous. `hypotheses` are what a hot object may be, in the order of
     `Tracks.hypothesis_probability`. `false_alarms_per_scan` (sensors,) is the mean number of false
-    alarms in a scan of the whole field of regard, None where it is unknown.
+    alarms in a scan of the whole field of regard, None where it is unknown. `parts` are the parts
+    that the scene chose, by the keys of the tracker's block.
     """
 
     sensors: tuple[Sensor, ...]
@@ -123,6 +139,7 @@ class TrackerContext:
     light_time: bool = True
     hypotheses: tuple[Hypothesis, ...] = field(factory=core_hypotheses)
     false_alarms_per_scan: tuple[float, ...] | None = None
+    parts: Mapping[str, PartMaker] = field(factory=dict, eq=False)
 
 
 #: Returns lines of text, given their number and their columns.

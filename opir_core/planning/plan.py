@@ -17,6 +17,7 @@ from opir_core.host.host import Host
 from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.contexts import (
     ModelContext,
+    PartMaker,
     SensorContext,
     Surroundings,
     TargetContext,
@@ -270,18 +271,16 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     built_sensors = list[Sensor]()
     for choice in scene.sensors:
         with problems.of(choice.model.path):
-            built_sensors.append(
-                _sensor(
-                    host,
-                    choice.model,
-                    SensorContext(
-                        id=choice.id,
-                        epoch_us=scene.epoch_us,
-                        readers=host.readers,
-                        duration_s=scene.duration_s,
-                    ),
-                )
+            context = SensorContext(
+                id=choice.id,
+                epoch_us=scene.epoch_us,
+                readers=host.readers,
+                duration_s=scene.duration_s,
             )
+            sensor = _sensor(host, choice.model, context)
+            if choice.id in scene.watched_s:
+                sensor = evolve(sensor, watched_s=scene.watched_s[choice.id])
+            built_sensors.append(sensor)
     sensors = tuple(built_sensors)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
@@ -401,7 +400,14 @@ def _tracker_context(
         light_time=scene.light_time,
         hypotheses=offered_hypotheses(host),
         false_alarms_per_scan=(0.0,) * len(sensors) if rates is None else tuple(map(float, rates)),
+        parts={key: _part_maker(host, choice) for key, choice in scene.tracker.parts.items()},
     )
+
+
+def _part_maker(host: Host, choice: Choice) -> PartMaker:
+    """Return what makes a chosen part of a tracker."""
+    component = host.component(choice.hook, choice.name, choice.path)
+    return PartMaker(owner=owner_text(host, choice), config=choice.config, build=component.build)
 
 
 def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:

@@ -20,6 +20,7 @@ from opir_core.host.components import (
     SourceModel as SourceModel,
     TargetModel as TargetModel,
     TrackerModel as TrackerModel,
+    TrackerPart as TrackerPart,
 )
 from opir_core.host.hookspecs import (
     hookimpl as hookimpl,
@@ -110,6 +111,7 @@ from opir_core.scene.fields import (
     named as named,
     nested as nested,
     number as number,
+    part as part,
     text as text,
     with_defaults as with_defaults,
 )

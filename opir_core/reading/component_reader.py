@@ -9,7 +9,7 @@ from attrs import NOTHING, Factory, evolve, fields, frozen
 
 from opir_core.errors import PluginError, install_command, nearest as nearest_words
 from opir_core.host.boundary import is_interruption
-from opir_core.host.components import CATALOGUE
+from opir_core.host.components import CATALOGUE, TrackerPart
 from opir_core.host.error_messages import described_error
 from opir_core.host.host import Host
 from opir_core.interfaces.file_contents import BadFileError
@@ -36,7 +36,14 @@ from opir_core.reading.structuring import (
     required,
 )
 from opir_core.scene.field_rows import field_rows, nested_config
-from opir_core.scene.fields import Alternatives, alternatives, error_of_both, field_infos, info_of
+from opir_core.scene.fields import (
+    Alternatives,
+    FieldInfo,
+    alternatives,
+    error_of_both,
+    field_infos,
+    info_of,
+)
 from opir_core.scene.scene import Choice
 
 #: Keys reserved by scenes, besides those of the block.
@@ -198,7 +205,7 @@ class ComponentReader:
                 reader, block, settings.block, beside, partial(self._home, component, settings)
             )
             self._require_names(component.config, block, path)
-            return result
+            return self._with_parts(component, result, block, path)
         except InvalidNode as refused:
             fault = _fault_of_default(component.config, block)
             if fault:
@@ -233,6 +240,53 @@ class ComponentReader:
                     with collector.at(*steps):
                         self._require_name(info.names_of, name, node, path, steps)
         collector.require_whole()
+
+    def _with_parts(self, component: Any, config: Any, block: Mapping[str, Node], path: str) -> Any:
+        """Return a configuration with the choices of the parts that its fields name."""
+        collector = ErrorCollector()
+        choices = dict[str, Choice]()
+        for key, info in field_infos(type(config)).items():
+            if info.role:
+                node = block.get(key) or Node(getattr(config, key))
+                with collector.at(key_step(key)):
+                    choices[key] = self._part(component, info, node, f"{path}.{key}")
+        collector.require_whole()
+        return evolve(config, **choices) if choices else config
+
+    def _part(self, component: Any, info: FieldInfo, node: Node, path: str) -> Choice:
+        """Return the choice of a tracker part; one that the tracker cannot use is refused, with
+        those that it can.
+        """
+        name = node.value.get("model", node) if isinstance(node.value, dict) else node
+        if isinstance(name.value, str):
+            words = self._misfit(component, info, name.value)
+            if words:
+                usable = [
+                    part
+                    for part in self.names(TrackerPart.hook)
+                    if not self._misfit(component, info, part)
+                ]
+                near = nearest_words(name.value, usable)
+                raise name.refused(f"{words}{near}; there are {', '.join(usable) or 'none'}")
+        return self.named(TrackerPart.hook, node, path)
+
+    def _misfit(self, component: Any, info: FieldInfo, name: str) -> str:
+        """Return why a tracker cannot have a part of a name for a role, "" if it can."""
+        if name not in self.names(TrackerPart.hook):
+            return f"no tracker part is named {shown_text(name)}"
+        part = self.offered(TrackerPart.hook, name)
+        if part is None:
+            return ""
+        if part.role != info.role:
+            return f"{name} is a part for {part.role}, not for {info.role}"
+        if part.trackers and component.name not in part.trackers:
+            return f"{name} is a part of {', '.join(part.trackers)}, not of {component.name}"
+        if info.state_size is not None and part.state_size != info.state_size:
+            return (
+                f"{name} has {part.state_size or 'no stated number of'} states,"
+                f" {component.name} needs {info.state_size}"
+            )
+        return ""
 
     def _require_name(
         self, hook: str, name: str, node: Node, path: str, steps: Sequence[str]

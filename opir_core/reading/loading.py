@@ -40,7 +40,7 @@ _BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "UTF-8", b"\xff\xfe": "UTF-16", b"\xfe\xff
 def load_scene(
     path: str | os.PathLike[str], *, overrides: Sequence[str] = (), host: Host | None = None
 ) -> Scene:
-    """Return the scene of a YAML file.
+    """Return the scene of a YAML file, or of the manifest of a run (JSON).
 
     `overrides` (`sensors[0].scan_period_ms=50`, or `sensors[*].scan_period_ms=50` for every item)
     change it before it is checked. Components come from `host`, by default from the installed
@@ -52,7 +52,15 @@ def load_scene(
         root = node_of_yaml(_text_of_file(source))
     except InvalidNode as refused:
         raise _scene_error(refused.complaints, source) from None
-    return _scene_of_node(root, overrides, host, source)
+    return _scene_of_node(_of_manifest(root), overrides, host, source)
+
+
+def _of_manifest(root: Node) -> Node:
+    """Return the scene in the manifest of a run; any other node is a scene itself."""
+    if not isinstance(root.value, dict) or "manifest_version" not in root.value:
+        return root
+    scene = root.value.get("scene")
+    return scene if isinstance(scene, Node) and isinstance(scene.value, dict) else root
 
 
 def scene_from_mapping(

@@ -97,6 +97,9 @@ class FieldInfo:
 
     The keys of a mapping with `keys_of` are those of this other field.
 
+    A field with a `role` holds a tracker part of this role: its name, or a block of `model` and
+    settings, which the scene reader replaces by a `Choice`; a motion model has `state_size` states.
+
     A field with a `subject` is read only by components that read this subject, one with `read_if`
     only under this condition. A scene that sets a field which nothing reads is warned of it.
     """
@@ -118,6 +121,8 @@ class FieldInfo:
     keys_of: str = ""
     subject: str = ""
     read_if: ReadIf | None = None
+    role: str = ""
+    state_size: int | None = None
 
     @property
     def plausible_range(self) -> tuple[float, float] | None:
@@ -254,6 +259,21 @@ def flag(
 ) -> Any:
     """Return an attrs field for a truth value (annotate it `bool`)."""
     info = FieldInfo(help, source=source, subject=subject, read_if=read_if)
+    return field(default=default, metadata={METADATA_KEY: info}, kw_only=True)
+
+
+def part(
+    *,
+    help: str,  # noqa: A002
+    role: str,
+    default: str,
+    state_size: int | None = None,
+    source: str = "notional",
+) -> Any:
+    """Return an attrs field (annotate it `Any`) for a tracker part of a role, by default the one
+    named; a motion model has `state_size` states.
+    """
+    info = FieldInfo(help, source=source, role=role, state_size=state_size)
     return field(default=default, metadata={METADATA_KEY: info}, kw_only=True)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from attrs import field, frozen
+from attrs import field, fields, frozen, has
 
 from opir_core.errors import number_of
 from opir_core.scene.fields import flag, nested, number, text
@@ -56,6 +56,14 @@ class Choice:
     spool: Any = None
     reason: str = field(default="", eq=False, repr=False)
     written: Mapping[str, str] = field(factory=dict, eq=False, repr=False)
+
+    @property
+    def parts(self) -> "Mapping[str, Choice]":
+        """Return the choices of parts in the configuration, by their keys."""
+        config_class: type = type(self.config)
+        names = [item.name for item in fields(config_class)] if has(config_class) else []
+        values = {name: getattr(self.config, name) for name in names}
+        return {name: value for name, value in values.items() if isinstance(value, Choice)}
 
 
 @frozen
@@ -234,6 +242,8 @@ class Scene:
     reported_types: str = PAPER_TYPES
     limits: WorkLimits = WorkLimits()
     allow_implausible: bool = False
+    #: By sensor the spans in which it looks, s; other sensors look throughout.
+    watched_s: Mapping[str, tuple[tuple[float, float], ...]] = field(factory=dict, hash=False)
     #: The keys of the file that are set to other values than their defaults.
     written: Mapping[str, Any] = field(factory=dict, eq=False)
 
@@ -258,6 +268,7 @@ class Scene:
             self.classification,
             self.confidence,
             self.tracker,
+            *self.tracker.parts.values(),
             self.atmosphere,
             self.background,
             *self.outputs,

@@ -14,8 +14,8 @@ T⁴ is the variance of t² about its best straight line, and ln 19 the ratio th
 
 import numpy as np
 import pytest
+from opir_estimation import LinesOfSight
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.motion_statistics import GROUND, LAUNCH, NONE, MotionStatistics
 from opir_trackers.onset.posterior import GroupPosterior
 

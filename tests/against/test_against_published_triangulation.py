@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from opir_trackers.triangulation import information, triangulated
+from opir_estimation import triangulated
+from opir_estimation.triangulation import information
 from repository import DATA
 
 CASES = [

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from opir_trackers.forecast.map_edge import FARTHEST_M, LONGEST_EDGE_M, within_map
+from opir_forecast.map_edge import FARTHEST_M, LONGEST_EDGE_M, within_map
 from shapely import Polygon, box, segmentize
 from shapely.affinity import rotate, scale, translate
 from shapely.geometry import MultiPolygon, Point

@@ -8,13 +8,10 @@ projection of a point onto the plane across a line of sight, and the same looks,
 import datetime
 
 import numpy as np
-from opir_trackers.filter.burn_modes import carried
-from opir_trackers.filter.iterated_update import Mode, updated
-from opir_trackers.filter.measurement_updates import Gaussian
-from opir_trackers.lines_of_sight import AngleMeasurements
+from opir_estimation import BOOST, AngleMeasurements, Gaussian, Motion, square_root, tangent_axes
+from opir_estimation.filter.burn_modes import carried
+from opir_estimation.filter.iterated_update import Mode, updated
 
-from opir_core.estimation import square_root, tangent_axes
-from opir_core.estimation.motion import BOOST, Motion
 from opir_core.flight.forces import Forces, ZonalField
 
 STEP_S = 0.5

@@ -123,6 +123,7 @@ OWN = (
     "opir_core",
     "opir_bench",
     "opir_coverage",
+    "opir_estimation",
     "opir_photons",
     "opir_scoring",
     "opir_testing",

@@ -43,3 +43,10 @@ def test_the_command_names_the_folder_and_extras_of_each_distribution(path):
         )
         folder = place.strip("'").partition("[")[0]
         assert (ROOT / folder).resolve() == path.parent
+
+
+@pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)
+def test_each_distribution_carries_the_licence(path):
+    project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
+    assert project["license-files"] == ["LICENSE"]
+    assert (path.parent / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()

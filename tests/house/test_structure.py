@@ -66,6 +66,8 @@ DISTRIBUTIONS = (
         "opir_readers",
     ),
     *(
+        "opir_estimation",
+        "opir_forecast",
         "opir_trackers",
         "opir_stonesoup",
         "opir_render",

@@ -15,9 +15,10 @@ from repository import ROOT
 
 #: Where trackers and their mathematics live.
 FOLDERS = (
+    "plugins/opir_forecast/opir_forecast",
     "plugins/opir_trackers/opir_trackers",
     "plugins/opir_stonesoup/opir_stonesoup",
-    "opir_core/estimation",
+    "plugins/opir_estimation/opir_estimation",
 )
 
 #: Boosts, target models and plumes; a module counts with those within it.
@@ -47,7 +48,7 @@ RECORDS = ("opir_core.scene.target_classes",)
 TABLES = ("class_profiles", "stagings", "target_classes")
 
 #: Packages that hand on names of other modules.
-DOORS = tuple(sorted(PUBLIC | {"opir_trackers"}))
+DOORS = tuple(sorted(PUBLIC | {"opir_estimation", "opir_forecast", "opir_trackers"}))
 
 
 def is_among(module, packages):

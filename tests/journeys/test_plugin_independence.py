@@ -21,17 +21,20 @@ from opir_core.simulation.manifest import run_manifest
 from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
 
-PLUGINS = sorted(
-    path.parent
-    for path in (ROOT / "plugins").glob("*/pyproject.toml")
-    if "entry-points" in path.read_text("utf-8")
-)
+PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml"))
 
 #: Scenes by name, and the plugins that each needs.
 SCENES = {
     "first_light": {"opir_dsp"},
     "pacific_test_range": {
-        *("opir_dsp", "opir_sbirs", "opir_nextgen", "opir_photons", "opir_trackers"),
+        *(
+            "opir_dsp",
+            "opir_sbirs",
+            "opir_nextgen",
+            "opir_photons",
+            "opir_estimation",
+            "opir_trackers",
+        ),
     },
 }
 
@@ -79,7 +82,7 @@ def real(folder, source):
     """Install a plugin of this house into a folder of its own."""
     project = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     place = folder / source.name
-    metadata(place, project["name"], project["version"], project["entry-points"])
+    metadata(place, project["name"], project["version"], project.get("entry-points", {}))
     (place / source.name).symlink_to(source / source.name)
     return place
 

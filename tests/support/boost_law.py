@@ -1,8 +1,8 @@
 """The law of boosts of the tracker `imm` with the core's hypotheses, for tests of its forecast."""
 
-from opir_trackers.forecast.ascents import ascents_of
-from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.vehicles import FAMILIES, StageRow, vehicle_model
+from opir_forecast.ascents import ascents_of
+from opir_forecast.outcomes import Outcomes
+from opir_forecast.vehicles import FAMILIES, StageRow, vehicle_model
 
 from opir_core.scene import core_hypotheses
 

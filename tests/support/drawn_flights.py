@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
-from opir_trackers.lines_of_sight import LinesOfSight
+from opir_estimation import LinesOfSight, tangent_axes
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation import tangent_axes
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import (

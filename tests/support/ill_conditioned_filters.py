@@ -11,12 +11,19 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
-from opir_trackers.filter.iterated_update import Mode, updated
-from opir_trackers.filter.measurement_updates import measurement_update
-from opir_trackers.lines_of_sight import AngleMeasurements
+from opir_estimation import (
+    BOOST,
+    COAST,
+    AngleMeasurements,
+    Motion,
+    square_root,
+    tangent_axes,
+    taylor_positions,
+    taylor_weights,
+)
+from opir_estimation.filter.iterated_update import Mode, updated
+from opir_estimation.filter.measurement_updates import measurement_update
 
-from opir_core.estimation import square_root, tangent_axes
-from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 
 DIGITS = 50

@@ -1,6 +1,6 @@
 """Roots of the position covariances of predictions, term by term."""
 
-from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_estimation import PredictedMeasurements
 
 from opir_core.arrays import FloatArray, IntArray
 

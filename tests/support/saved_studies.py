@@ -49,7 +49,7 @@ def written_study(folder):
             )
     parquet.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
     definition = {
-        "study_version": 2,
+        "study_version": 3,
         "study": "revisit",
         "scene": "first-light",
         "design": "factorial",

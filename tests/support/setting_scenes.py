@@ -72,8 +72,8 @@ SCENES: Mapping[str, Mapping[str, Any]] = {
     "bodies": {**SKY, "targets": [HOT], "sensors": [FOLLOWING], "duration_s": 120.0},
     "calibrated": {"targets": [BRIGHT], "detection": {"model": "snr", "calibrate": "paper"}},
     "exact": {**LIGHT, "detection": {"model": "snr", "exact": True}},
-    "coasts alone": {"tracker": {"model": "imm", "motion": "coast"}},
-    "boosts alone": {"tracker": {"model": "imm", "motion": "boost"}},
+    "coasts alone": {"tracker": {"model": "imm", "modes": "coast"}},
+    "boosts alone": {"tracker": {"model": "imm", "modes": "boost"}},
     "kepler-arc": {"tracker": {"model": "kepler-arc"}},
     "paper": {**LIGHT, "targets": [FAINT], "classification": {"model": "paper"}},
 }

@@ -116,7 +116,7 @@ def write_study(
     parquet.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
     parquet.write_table(pa.Table.from_pylist(runs), folder / "runs.parquet")
     numbers = [{"design": number} for number in range(len(designs))]
-    head = {"study_version": 2, "scene": "s", "vary": list(paths), "runs": count, "until": ""}
+    head = {"study_version": 3, "scene": "s", "vary": list(paths), "runs": count, "until": ""}
     text = json.dumps(head | {"designs": numbers} | definition)
     (folder / "study.json").write_text(text, encoding="utf-8")
     return folder

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from opir_scoring import percent_text
 
 from opir_core.arrays import BoolArray
@@ -18,8 +18,14 @@ from opir_report.words import level_value, level_words, setting_words
 DEFINITION = "study.json"
 RESULTS = "results.parquet"
 RUNS = "runs.parquet"
+LAUNCHES = "launches.parquet"
+SHARES = "shares.parquet"
+#: The version of the definition that is read.
+STUDY_VERSION = 3
 #: The setting by which studies side by side differ.
 STUDY = "study"
+#: The setting that stands for all conditions of a study, and for what it is split by.
+CONDITION = "condition"
 
 
 @frozen(eq=False)
@@ -32,6 +38,9 @@ class SavedStudy:
     results: FigureData
     #: A row per run, if the folder has them.
     runs: FigureData | None = None
+    #: A row per launch of each run, and one per required share of launches, if the folder has them.
+    launches: FigureData | None = None
+    shares: FigureData | None = None
 
     @property
     def paths(self) -> list[str]:
@@ -47,6 +56,16 @@ class SavedStudy:
     def split(self) -> str:
         """The path whose values are answered one by one, "" for none."""
         return str(self.definition.get("split", ""))
+
+    @property
+    def choices(self) -> list[str]:
+        """The paths that vary and are no conditions, nor what the study is split by."""
+        return [path for path in self.paths if path != self.split]
+
+    @property
+    def varied(self) -> list[str]:
+        """The paths that vary and are no conditions."""
+        return [str(path) for path in self.definition.get("varied", self.definition["vary"])]
 
     @property
     def units(self) -> dict[str, str]:
@@ -226,11 +245,40 @@ def read_study(path: Path) -> SavedStudy:
         words = f"has damaged results ({reason}); run the study again: its runs are kept"
         raise _study_error(words, folder) from error
     version = definition.get("study_version") if isinstance(definition, dict) else None
-    if version != 2:
-        words = f"of study version {version}, where 2 is read: run the study anew"
+    if version != STUDY_VERSION:
+        words = f"of study version {version}, where {STUDY_VERSION} is read: run the study anew"
         raise SceneError([Problem("study_version", words)], source=str(folder / DEFINITION))
-    runs = parquet.read_table(folder / RUNS) if (folder / RUNS).is_file() else None
-    return SavedStudy(definition, _columns(table), None if runs is None else _columns(runs))
+    runs, launches, shares = (
+        _columns(parquet.read_table(folder / name)) if (folder / name).is_file() else None
+        for name in (RUNS, LAUNCHES, SHARES)
+    )
+    return _with_condition(SavedStudy(definition, _columns(table), runs, launches, shares))
+
+
+def _with_condition(study: SavedStudy) -> SavedStudy:
+    """Return a study whose conditions are one setting, which it is split by: `night, overcast`."""
+    conditions = list(study.definition.get("conditions", ()))
+    if not conditions:
+        return study
+    joined = list(dict.fromkeys([*([study.split] if study.split else []), *conditions]))
+
+    def merged(rows: FigureData) -> FigureData:
+        columns = {name: column for name, column in rows.columns.items() if name not in joined}
+        return FigureData({**columns, CONDITION: np.array(study.short_labels(rows, joined))})
+
+    vary = [*(path for path in study.paths if path not in joined), CONDITION]
+    return evolve(
+        study,
+        definition={
+            **study.definition,
+            "vary": vary,
+            "split": CONDITION,
+            "varied": [path for path in study.paths if path not in conditions],
+        },
+        results=merged(study.results),
+        runs=merged(study.runs) if study.runs else None,
+        launches=merged(study.launches) if study.launches else None,
+    )
 
 
 def _definition(folder: Path) -> Any:

@@ -11,6 +11,7 @@ from opir_scoring.containments import (
     nees as nees,
 )
 from opir_scoring.errors import (
+    PointErrors as PointErrors,
     ground_error as ground_error,
     last_rows as last_rows,
     place_of as place_of,
@@ -41,6 +42,18 @@ from opir_scoring.impacts import (
     main_regions as main_regions,
     phase_scores as phase_scores,
     regions_given as regions_given,
+)
+from opir_scoring.launch_recognition import (
+    SURE as SURE,
+    recognition as recognition,
+)
+from opir_scoring.launch_shares import (
+    NOT_SHOWN as NOT_SHOWN,
+    TAILS as TAILS,
+    LaunchShare as LaunchShare,
+    Tails as Tails,
+    joint_verdict as joint_verdict,
+    share_curve as share_curve,
 )
 from opir_scoring.launch_warnings import (
     WarningRequirement as WarningRequirement,

@@ -9,11 +9,11 @@ launch site or a profile. Constant sensor biases are part of the state of both.
 from typing import NamedTuple
 
 import numpy as np
+from opir_estimation import BOOST, Motion, tangent_axes, taylor_weights
+from opir_estimation.square_root import covariance, time_update, triangular
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation import BOOST, Motion, tangent_axes, taylor_weights
-from opir_core.estimation.square_root import covariance, time_update, triangular
 from opir_core.flight import Forces
 from opir_core.geometry import ecef_to_eci
 

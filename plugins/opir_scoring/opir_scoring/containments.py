@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from opir_estimation import matvec, tangent_axes
 from scipy.stats import chi2, kstest, t as student
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, SPEED_OF_LIGHT_M_S
-from opir_core.estimation import matvec, tangent_axes
 from opir_core.interfaces import TRACK_CONTAINMENTS, Columns
 from opir_core.plugin import Tracks
 from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force

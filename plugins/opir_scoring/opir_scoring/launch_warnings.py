@@ -7,6 +7,7 @@ right is another question, which containments answer.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from opir_core.estimation import containment_ellipse
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.plugin import Tracks
 from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force
-from opir_scoring.impacts import impact_scores
+from opir_scoring.impacts import ImpactScores, impact_scores
 
 
 @frozen(kw_only=True)
@@ -106,13 +107,19 @@ def _region_columns(
     """
     # Rows of scores are those of the tracks whose launch is known to come down, or not, in the same
     # order.
-    scores = impact_scores(evidence, owners)
+    scores = _scores_of(evidence, owners)
     place = int(np.argmin(np.abs(np.array(TRACK_CONTAINMENTS) - containment)))
     is_scored = np.isin(target, scores.target)
     area_km2, contained = np.full((2, len(target)), np.nan)
     area_km2[is_scored] = scores.area_km2[:, place]
     contained[is_scored] = scores.contained[:, place]
     return area_km2, contained
+
+
+@lru_cache(maxsize=1)
+def _scores_of(evidence: RunEvidence, owners: Ownership) -> ImpactScores:
+    """Return the scores of impacts; several requirements on one run share them."""
+    return impact_scores(evidence, owners)
 
 
 def _impacts_s(truths: Sequence[Mapping[str, Any]]) -> FloatArray:

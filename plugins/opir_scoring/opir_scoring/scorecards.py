@@ -29,7 +29,7 @@ from opir_scoring.errors import PointErrors, StateErrors, last_rows, point_error
 from opir_scoring.evidence import Ownership, RunEvidence, ownership
 from opir_scoring.hypothesis_scores import HypothesisScores, hypothesis_figures, hypothesis_scores
 from opir_scoring.impacts import ImpactScores, phase_figures, phase_scores
-from opir_scoring.recognition import Recognition, recognition, recognition_figures
+from opir_scoring.launch_recognition import Recognition, recognition, recognition_figures
 from opir_scoring.sensor_coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
 
 #: Sensor geometries: whether several sensors detected the target, and whether one of them has a

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
-from opir_trackers import earth_rotated
+from opir_estimation import BOOST, Motion, earth_rotated
 from stonesoup.base import Property
 from stonesoup.models.base import GaussianModel, TimeVariantModel
 from stonesoup.models.measurement.nonlinear import CartesianToElevationBearing
@@ -18,7 +18,6 @@ from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
-from opir_core.estimation import BOOST, Motion
 from opir_core.flight import ForceModel, Forces, forces_of
 
 #: Size of the state of each motion.
@@ -31,7 +30,7 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
     """Motion under gravity in ECEF, with white noise in the last derivative of the state.
 
     Two-body motion (6; with the zonal harmonics of `forces`), a nearly constant specific force (9),
-    or a nearly constant rate of it (12): `opir_core.estimation.motion` in ECEF. Drag is neglected.
+    or a nearly constant rate of it (12): `opir_estimation.motion` in ECEF. Drag is neglected.
     """
 
     ndim_state: int = Property(default=9, doc="6, 9 or 12")
@@ -54,7 +53,7 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
         step_s = _seconds(kwargs["time_interval"])
         columns = np.asarray(state.state_vector, dtype=np.float64)
         start = np.zeros((columns.shape[1], self._full_motion.size))
-        start[:, : self.ndim_state] = (_inertial(self.ndim_state) @ columns).T
+        start[:, : self.ndim_state] = (inertial_matrix(self.ndim_state) @ columns).T
         end = self._full_motion.propagated(start, np.full(len(start), step_s))
         end = end[:, : self.ndim_state].T
         kind = StateVector if columns.shape[1] == 1 else StateVectors
@@ -66,7 +65,7 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
         position = np.asarray(state.state_vector[:3], dtype=np.float64).reshape(1, 3)
         matrix = self._motion.transition(position, np.array([step_s]))[0]
         return np.asarray(
-            _earth_fixed(self.ndim_state, step_s) @ matrix @ _inertial(self.ndim_state)
+            _earth_fixed(self.ndim_state, step_s) @ matrix @ inertial_matrix(self.ndim_state)
         )
 
     def covar(self, **kwargs: Any) -> Any:
@@ -159,7 +158,7 @@ def _seconds(interval: timedelta) -> float:
     return interval.total_seconds()
 
 
-def _inertial(size: int) -> FloatArray:
+def inertial_matrix(size: int) -> FloatArray:
     """Return the matrix (d, d) from ECEF to the inertial frame with the same axes now."""
     matrix = np.eye(size)
     matrix[3:6, :3] = _SPIN

@@ -5,10 +5,10 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+from opir_estimation import FIRST_HEIGHT_M
 from opir_trackers import (
     FIRST_CLIMB_M_S,
     FIRST_FORCE_M_S2,
-    FIRST_HEIGHT_M,
     TrackCandidates,
     prior_axes,
     prior_sigmas,

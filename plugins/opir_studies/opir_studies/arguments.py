@@ -18,6 +18,15 @@ def _study_arguments(parser: argparse.ArgumentParser) -> None:
         help="vary a setting, e.g. sensors[*].scan_period_ms=50,100,200 or tracker=imm,kepler-arc;"
         " repeatable",
     )
+    parser.add_argument(
+        "--condition",
+        metavar="PATH=VALUES",
+        action="append",
+        default=[],
+        dest="conditions",
+        help="a setting that nobody chooses, such as epoch or cloud: each design is answered in all"
+        " of its values, in each and in the worst; repeatable",
+    )
     _add_common(parser)
     parser.add_argument(
         "--runs", metavar="N", type=int, help="runs of each design (default: the study's, or 100)"
@@ -53,7 +62,7 @@ def _running_arguments(parser: argparse.ArgumentParser) -> None:
         "--until",
         metavar="FIGURE:WIDTH",
         help="stop a design when half the 95 %% interval is narrow enough: latency_s:0.5%%, or"
-        " latency_s:0.2 (s)",
+        " latency_s:0.2 (s); `decided`: when every required share of launches is",
     )
     parser.add_argument(
         "--seed", metavar="N", type=int, help="seed of the designs that are drawn (default 0)"
@@ -72,8 +81,8 @@ def _running_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="requirements",
-        help="a bound of a figure's mean, with >= or <=: a line in plots, and which designs meet"
-        " it; repeatable",
+        help="a bound of a figure's mean, with >= or <=, or a share of launches: 'region_km2 < 1000"
+        " within 90 s in 90 %% of launches': a line in plots, and which designs meet it; repeatable",
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
@@ -88,6 +97,17 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--samples", metavar="N", type=int, help="designs of a Latin hypercube (default 20)"
     )
+    parser.add_argument(
+        "--shard",
+        metavar="I/N",
+        help="make only the I-th of N parts of the runs, on machines without a common network;"
+        " `opir merge` joins their folders",
+    )
+    _report_arguments(parser)
+
+
+def _report_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add where the report and its figures go."""
     parser.add_argument(
         "--report", metavar="PAGE", help="write the report too, one HTML file (with opir-report)"
     )
@@ -117,6 +137,34 @@ def optimise_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(design=None, samples=None)
 
 
+def rerun_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is made again, the output and the number of workers."""
+    parser.add_argument(
+        "source",
+        metavar="FOLDER|MANIFEST",
+        help="the folder of a study or of a run, or the manifest of a run",
+    )
+    parser.add_argument(
+        "-o", "--out", metavar="FOLDER", help="where it goes (default: its name, with -again)"
+    )
+    parser.add_argument("--workers", metavar="N", type=int, help="number of worker processes")
+    add_dead_after(parser)
+    parser.add_argument("--json", action="store_true", help="print what differs as JSON")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+
+
+def merge_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the folders of shards and the output."""
+    parser.add_argument(
+        "folders", metavar="FOLDER", nargs="+", help="the folders of `opir sweep --shard`"
+    )
+    parser.add_argument("-o", "--out", metavar="FOLDER", required=True, help="where the study goes")
+    parser.add_argument("--workers", metavar="N", type=int, help="number of worker processes")
+    _report_arguments(parser)
+    add_dead_after(parser)
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+
+
 def compare_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the scene, the trackers, the number of runs, the score settings and the output format."""
     parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
@@ -126,6 +174,14 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         dest="trackers",
         help="a tracker to score, a name or a YAML block; repeatable (default: the scene's)",
+    )
+    parser.add_argument(
+        "--vary",
+        metavar="PATH=VALUES",
+        action="append",
+        default=[],
+        help="score each tracker with each value of a setting, e.g."
+        " tracker.association=crowds,gnn; repeatable, in all combinations",
     )
     parser.add_argument(
         "--runs",

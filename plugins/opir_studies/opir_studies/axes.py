@@ -60,36 +60,60 @@ class Design:
         return [f"{path}={level.text}" for path, level in zip(self.paths, self.levels, strict=True)]
 
     @property
-    def name(self) -> str:
-        """Return the design in words, `design 2 (tracker=imm)`."""
-        labels = ", ".join(
+    def labels(self) -> str:
+        """Return the values in words, `tracker=imm`."""
+        return ", ".join(
             f"{path}={level.label}" for path, level in zip(self.paths, self.levels, strict=True)
         )
+
+    @property
+    def name(self) -> str:
+        """Return the design in words, `design 2 (tracker=imm)`."""
+        labels = self.labels
         return f"design {self.number}{f' ({labels})' if labels else ''}"
 
 
 def designs_of(study: Study) -> tuple[Design, ...]:
     """Return the designs of a study; raises `SceneError` with every axis that is invalid."""
-    axes = list[Axis]()
     problems = list[Problem]()
-    for path, values in study.vary.items():
-        try:
-            axes.append(axis_of(path, values, is_sampled=study.design == LATIN_HYPERCUBE))
-        except AxisError as error:
-            problems.append(Problem(f"vary.{path}", str(error)))
-    if study.design == LATIN_HYPERCUBE and not study.vary:
+    is_sampled = study.design == LATIN_HYPERCUBE
+    axes = axes_of(study.vary, "vary", problems, is_sampled=is_sampled)
+    conditions = axes_of(study.conditions, "conditions", problems)
+    problems += [
+        Problem(f"conditions.{path}", "varies too; name it in `vary` or in `conditions`")
+        for path in study.conditions
+        if path in study.vary
+    ]
+    if is_sampled and not study.vary:
         problems.append(Problem("vary", "a Latin hypercube needs at least one path that varies"))
     if problems:
         raise SceneError(problems, source=f"study {study.study}")
-    rows = list(_limited(_combinations(study, axes)))
+    combinations = list(product(*(axis.levels for axis in conditions)))
+    pairs = product(_limited(_combinations(study, axes)), combinations)
+    rows = list(_limited([*levels, *condition] for levels, condition in pairs))
     if len(rows) > MAXIMUM_DESIGNS:
         words = (
             f"gives more than {MAXIMUM_DESIGNS} designs; vary less, or use design:"
             f" {LATIN_HYPERCUBE}"
         )
         raise refusal("vary", words, f"study {study.study}")
-    paths = tuple(axis.path for axis in axes)
+    paths = tuple(axis.path for axis in (*axes, *conditions))
     return tuple(Design(number, tuple(row), paths) for number, row in enumerate(rows))
+
+
+def axes_of(
+    paths: Mapping[str, Any], key: str, problems: list[Problem], *, is_sampled: bool = False
+) -> list[Axis]:
+    """Return the axes of paths with values under a key of the study; problems are added to those
+    that there are.
+    """
+    axes = list[Axis]()
+    for path, values in paths.items():
+        try:
+            axes.append(axis_of(path, values, is_sampled=is_sampled))
+        except AxisError as error:
+            problems.append(Problem(f"{key}.{path}", str(error)))
+    return axes
 
 
 def _limited(rows: Iterable[Sequence[Level]]) -> Iterator[Sequence[Level]]:
@@ -243,6 +267,25 @@ def vary_of_text(words: str) -> tuple[str, Any]:
     return path.strip(), values[0] if is_block and {"from", "uniform", "named"} & values[
         0
     ].keys() else values
+
+
+def vary_argument(words: str, flag: str = "--vary") -> tuple[str, Any]:
+    """Return path and values of an argument of a flag; raises `SceneError` for any other text."""
+    try:
+        return vary_of_text(words)
+    except AxisError as error:
+        raise refusal(flag, str(error)) from error
+
+
+def combinations(vary: Mapping[str, Any]) -> list[Design]:
+    """Return the designs of all values of paths, one without any; raises `SceneError`."""
+    try:
+        axes = [axis_of(path, values) for path, values in vary.items()]
+    except AxisError as error:
+        raise refusal("--vary", str(error)) from error
+    rows = _limited(product(*(axis.levels for axis in axes)))
+    paths = tuple(axis.path for axis in axes)
+    return [Design(number, tuple(row), paths) for number, row in enumerate(rows)]
 
 
 def _value(text: str) -> Any:

@@ -140,3 +140,56 @@ class WarningConfig:
 
     def __attrs_post_init__(self) -> None:
         _require_containment(self.containment_percent)
+
+
+#: Quantities of a track that have bounds, and whether each is to be above its bound.
+QUANTITIES: dict[str, bool] = {
+    "region_km2": False,
+    "launch_point_km": False,
+    "missile_probability": True,
+}
+
+
+def milestone_name(quantity: str, bound: float) -> str:
+    """Return the name of a quantity within a bound, `region_km2_below_1000`."""
+    words = f"{bound:g}".replace("+", "").replace("-", "m").replace(".", "_")
+    return f"{quantity}_{'above' if QUANTITIES[quantity] else 'below'}_{words}"
+
+
+def _bounds_complaint(bounds: Any) -> str | None:
+    if 0.0 in bounds:
+        return "a bound of 0 is never met; give one above 0"
+    return "a bound is repeated" if len(set(bounds)) < len(bounds) else None
+
+
+def _bounds(what: str, unit: str, default: tuple[float, ...], largest: float) -> Any:
+    return nested(
+        help=f"bounds of {what}",
+        default=default,
+        unit=unit,
+        minimum=0.0,
+        maximum=largest,
+        check=_bounds_complaint,
+        source="notional",
+    )
+
+
+@frozen(kw_only=True)
+class MilestonesConfig:
+    """The settings of the metric `milestones`: bounds, each reached when all later estimates of a
+    launch are within it too.
+    """
+
+    region_km2: tuple[float, ...] = _bounds(
+        "the reported impact region", "km2", (1e6, 1e5, 1e4, 1e3), 6e8
+    )
+    launch_point_km: tuple[float, ...] = _bounds(
+        "the semi-major axis of the reported launch point's ellipse", "km", (), 2.1e4
+    )
+    missile_probability: tuple[float, ...] = _bounds("P(missile)", "", (), 1.0)
+    containment_percent: float = _containment_percent("region and ellipse")
+
+    def __attrs_post_init__(self) -> None:
+        _require_containment(self.containment_percent)
+        if not any(getattr(self, quantity) for quantity in QUANTITIES):
+            raise ValueError("give a bound of region_km2, launch_point_km or missile_probability")

@@ -13,7 +13,7 @@ from attrs import evolve, frozen
 from opir_core.errors import Problem, SceneError
 from opir_core.host import DEAD_AFTER_S
 from opir_core.plugin import ExecutorContext, Host
-from opir_studies.axes import Axis, AxisError, Design, axis_of
+from opir_studies.axes import Axis, Design, axes_of
 from opir_studies.parts import PARTS, Parts, remove_unfinished
 from opir_studies.planning import PlannedStudy, planned_study
 from opir_studies.refusals import refusal
@@ -21,6 +21,7 @@ from opir_studies.requirements import FigureRequirement, require_figures
 from opir_studies.result import StudyResult, written_result
 from opir_studies.runs import RunRecord
 from opir_studies.search import DesignSearch, Outcome, Point
+from opir_studies.share_requirements import is_sentence
 from opir_studies.statistics import interval
 from opir_studies.study import Study
 from opir_studies.sweeping import StudyProgress, SweepState
@@ -111,12 +112,13 @@ def optimise(
 
 def _axes(study: Study) -> list[Axis]:
     problems = list[Problem]()
-    axes = list[Axis]()
-    for path, values in study.vary.items():
-        try:
-            axes.append(axis_of(path, values))
-        except AxisError as error:
-            problems.append(Problem(f"vary.{path}", str(error)))
+    axes = axes_of(study.vary, "vary", problems)
+    if study.conditions:
+        problems.append(Problem("conditions", "are for opir sweep: a search has one condition"))
+    if any(map(is_sentence, map(str, study.requirements))):
+        problems.append(
+            Problem("requirements", "on shares are for opir sweep; give bounds of means")
+        )
     if not study.vary:
         problems.append(Problem("vary", "nothing varies: give --vary PATH=VALUES"))
     if problems:
@@ -176,7 +178,7 @@ class _Evaluation:
         planned = planned_study(
             self._study, self.host, [self.design(*record) for record in enumerate(points)]
         )
-        finished = Parts(self._folder / PARTS, tuple(planned.units))
+        finished = Parts(self._folder / PARTS, tuple(planned.units), planned.launch_units)
         keys = {
             design.key(number) for design in planned.designs for number in range(self._study.runs)
         }

@@ -16,6 +16,7 @@ from attrs import frozen
 
 from opir_core.errors import SceneError, reason_of
 from opir_core.output import OutputFiles
+from opir_studies.launches import NAMES
 from opir_studies.refusals import refusal
 from opir_studies.runs import RunRecord
 
@@ -26,14 +27,19 @@ _UNFINISHED = ".parquet.part"
 _DIGEST_LENGTH = 64
 _MARK = {b"opir_study_part": b"1"}
 _COLUMNS = ("key", "replicate", "seed", "run_time_s")
+#: How the names of columns of launches begin: lists, one value per launch.
+_LAUNCHES = "launches."
 
 
 @frozen
 class Parts:
-    """The parts in a study's folder; `figures` are the names of the columns of values."""
+    """The parts in a study's folder; `figures` are the names of the columns of values, `launches`
+    those of launches with their units.
+    """
 
     folder: Path
     figures: tuple[str, ...]
+    launches: Mapping[str, str]
 
     def found(self, keys: Collection[str]) -> dict[str, RunRecord]:
         """Return the records of the wanted keys that are on the disk.
@@ -44,7 +50,7 @@ class Parts:
         records: dict[str, RunRecord] = {}
         for path in sorted(self.folder.glob(f"*{_SUFFIX}")):
             rows = _rows(path, keys)
-            records.update({str(row["key"]): _record(row, self.figures) for row in rows})
+            records.update({str(row["key"]): self._record(row) for row in rows})
         return records
 
     def write(self, records: Mapping[str, RunRecord]) -> None:
@@ -60,12 +66,32 @@ class Parts:
                 name: pa.array([row.values[place] for row in rows], pa.float64())
                 for place, name in enumerate(self.figures)
             },
+            **{
+                f"{_LAUNCHES}{name}": pa.array(
+                    [row.launches[place] for row in rows], pa.list_(launch_type(unit))
+                )
+                for place, (name, unit) in enumerate(self.launches.items())
+            },
         }
         content = parquet_bytes(pa.table(columns).replace_schema_metadata(_MARK))
         name = hashlib.sha256(content).hexdigest()
         with OutputFiles() as files:
             files.make_folder(self.folder, parents=True, is_made_up=True)
             files.write(self.folder / f"{name}{_SUFFIX}", content, "study's", is_made_up=True)
+
+    def _record(self, row: Mapping[str, Any]) -> RunRecord:
+        return RunRecord(
+            int(row["replicate"]),
+            int(row["seed"]),
+            float(row["run_time_s"]),
+            tuple(float(row[name]) for name in self.figures),
+            launches=tuple(tuple(row[f"{_LAUNCHES}{name}"]) for name in self.launches),
+        )
+
+
+def launch_type(unit: str) -> pa.DataType:
+    """Return the type of a column of launches with a unit."""
+    return pa.string() if unit == NAMES else pa.float64()
 
 
 def parquet_bytes(table: pa.Table) -> bytes:
@@ -106,8 +132,3 @@ def _foreign(path: Path) -> SceneError:
         "is no part of a study of this opir; move it elsewhere, or give another folder with --out"
     )
     return refusal("", words, str(path))
-
-
-def _record(row: Mapping[str, Any], figures: Sequence[str]) -> RunRecord:
-    values = tuple(float(row[name]) for name in figures)
-    return RunRecord(int(row["replicate"]), int(row["seed"]), float(row["run_time_s"]), values)

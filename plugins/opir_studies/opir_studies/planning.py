@@ -28,22 +28,32 @@ from opir_core.reading import (
     scene_from_mapping,
 )
 from opir_core.scene import Choice
-from opir_studies.axes import Design, designs_of, override_text
+from opir_studies.axes import Design, Level, designs_of, override_text
+from opir_studies.launches import BASE_UNITS, FACTS, launch_facts, launch_units
 from opir_studies.refusals import cut_short, refusal
 from opir_studies.requirements import FigureRequirement, require_figures, requirements_of
-from opir_studies.runs import identity_of, run_key
+from opir_studies.runs import identity_of, installed_version, owners_of, run_key
+from opir_studies.share_requirements import (
+    ShareRequirement,
+    missing_milestones,
+    require_columns,
+    require_conditions,
+    share_requirements_of,
+)
 from opir_studies.statistics import share_with_value
 from opir_studies.study import Study
 from opir_studies.subsets import parted, with_subset
-from opir_studies.until import Until, until_of
+from opir_studies.until import DECIDED, Until, until_of
 
 #: The most problems that one message lists, and notes of a study.
 _MOST_PROBLEMS = 20
 _MOST_NOTES = 3
 #: Metrics whose figures change when a burnout is recognised, and how long after it a scene should
 #: last, s: the phases of `impact_region` end 20 s after it.
-_OF_WHOLE_BURNS = {"impact_region", "warning_time"}
+_OF_WHOLE_BURNS = {"impact_region", "warning_time", "milestones"}
 AFTER_BURNOUT_S = 30.0
+#: The metric of bounds of quantities over time.
+MILESTONES = "milestones"
 
 
 @frozen
@@ -53,6 +63,10 @@ class PlannedDesign:
     design: Design
     scene: Scene
     identity: str
+    #: Id, class and site of each launch.
+    launches: tuple[tuple[str, str, str], ...] = ()
+    #: The distributions of the components of its scene, with their versions.
+    owners: tuple[tuple[str, str], ...] = ()
 
     def key(self, replicate: int) -> str:
         """Return the key of a run of the design."""
@@ -69,10 +83,13 @@ class PlannedStudy:
     metrics: tuple[Metric, ...]
     until: Until | None
     requirements: tuple[FigureRequirement, ...] = ()
+    share_requirements: tuple[ShareRequirement, ...] = ()
     #: What a reader must know of the scenes, in sentences.
     notes: tuple[str, ...] = ()
     #: The settings of each metric, by its name.
     settings: Mapping[str, Any] = field(factory=dict)
+    #: The versions of all that makes the results, by distribution.
+    versions: Mapping[str, str] = field(factory=dict)
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -89,6 +106,31 @@ class PlannedStudy:
             for metric in self.metrics
             for name, share in getattr(metric, "shares", {}).items()
         }
+
+    @property
+    def launch_units(self) -> Mapping[str, str]:
+        """Return the columns of launches with their units, by name."""
+        return launch_units(self.metrics)
+
+    @property
+    def containments(self) -> Mapping[str, float]:
+        """Return the stated containment of each column that says whether a launch's region held."""
+        return {
+            name: nominal
+            for metric in self.metrics
+            for name, nominal in getattr(metric, "launch_containments", {}).items()
+        }
+
+    @property
+    def groups(self) -> list[list[int]]:
+        """Return the numbers of the designs that differ in their conditions alone, by what
+        varies.
+        """
+        groups: dict[tuple[Level, ...], list[int]] = {}
+        chosen = len(self.study.vary)
+        for number, planned in enumerate(self.designs):
+            groups.setdefault(planned.design.levels[:chosen], []).append(number)
+        return list(groups.values())
 
     def share_of(self, values: FloatArray, figure: str) -> float:
         """Return the share of launches, or else runs, that have a figure, of values (runs,
@@ -110,16 +152,22 @@ def planned_study(
     """
     host = host or Host.discover()
     source = f"study {study.study}"
-    choices = [
-        _choice(MetricModel.hook, metric, f"metrics[{row}]", host)
-        for row, metric in enumerate(study.metrics)
-    ]
     _require_split(study)
-    metrics = tuple(_built_metric(choice, host) for choice in choices)
-    _require_distinct(metrics, source)
+    shares = share_requirements_of(study.requirements, source)
+    require_conditions(shares, study.conditions, source)
+    choices, metrics = _metrics(study, shares, host)
+    require_columns(shares, launch_units(metrics), source)
+    if study.until == DECIDED and not shares:
+        words = f"{DECIDED} needs a requirement on a share of launches, and the study has none"
+        raise refusal("until", words, source)
     settings = [asdict(choice.config) for choice in choices]
     metric_identities = [
-        (choice.name, config, _owner(choice, host), list(metric.units))
+        (
+            choice.name,
+            config,
+            _owner(choice, host),
+            [*metric.units, *getattr(metric, "launch_units", {})],
+        )
         for choice, config, metric in zip(choices, settings, metrics, strict=True)
     ]
     ready, end_notes = _ready_designs(study, host, designs, metric_identities)
@@ -138,9 +186,65 @@ def planned_study(
         metrics,
         until_of(study, figures),
         requirements,
-        (*detection_notes, *cut_short(end_notes, _MOST_NOTES, template)),
+        shares,
+        (
+            *detection_notes,
+            *_partial_notes(requirements, metrics),
+            *cut_short(end_notes, _MOST_NOTES, template),
+        ),
         dict(zip(names, settings, strict=True)),
+        _versions(ready, choices, host),
     )
+
+
+def _metrics(
+    study: Study, shares: Sequence[ShareRequirement], host: Host
+) -> tuple[list[Choice], tuple[Metric, ...]]:
+    """Return the metrics of a study, and `milestones` with the bounds that requirements on shares
+    need besides; raises `SceneError`.
+    """
+    choices = [
+        _choice(MetricModel.hook, metric, f"metrics[{row}]", host)
+        for row, metric in enumerate(study.metrics)
+    ]
+    metrics = [_built_metric(choice, host) for choice in choices]
+    bounds = missing_milestones(shares, launch_units(metrics))
+    if bounds is not None:
+        choices.append(_choice(MetricModel.hook, {MILESTONES: bounds}, "requirements", host))
+        metrics.append(_built_metric(choices[-1], host))
+    _require_distinct(metrics, f"study {study.study}")
+    return choices, tuple(metrics)
+
+
+def _versions(
+    designs: Sequence[PlannedDesign], metrics: Sequence[Choice], host: Host
+) -> dict[str, str]:
+    """Return the versions of opir-core, NumPy and the plugins of scenes and metrics."""
+    owners = {
+        host.provenance(choice.hook, choice.name).distribution: host.provenance(
+            choice.hook, choice.name
+        ).version
+        for choice in metrics
+    }
+    owners |= {name: version for design in designs for name, version in design.owners}
+    names = dict.fromkeys(["opir-core", "numpy", "opir-studies"])
+    return dict(sorted({**{name: installed_version(name) for name in names}, **owners}.items()))
+
+
+def _partial_notes(
+    requirements: Sequence[FigureRequirement], metrics: Sequence[Metric]
+) -> Iterator[str]:
+    """Yield a note on each required mean of a figure that launches may lack."""
+    shares = {
+        name: share for metric in metrics for name, share in getattr(metric, "shares", {}).items()
+    }
+    for required in requirements:
+        if required.figure in shares:
+            yield (
+                f"{required} is on a mean over the launches that have it, which a design meets only"
+                f" if all have it; require a share of launches instead, such as 'detected within 30"
+                " s in 90 % of launches'"
+            )
 
 
 def _ready_designs(
@@ -161,7 +265,9 @@ def _ready_designs(
         except SceneError as error:
             problems += [Problem(design.name, str(problem)) for problem in error.problems]
             continue
-        ready.append(PlannedDesign(design, plan.scene, identity_of(plan, metrics)))
+        identity = identity_of(plan, metrics)
+        facts = launch_facts(plan)
+        ready.append(PlannedDesign(design, plan.scene, identity, facts, owners_of(plan)))
         notes[_end_note(plan)] = None
     if problems:
         more = len(problems) - _MOST_PROBLEMS
@@ -273,17 +379,25 @@ def _built_metric(choice: Choice, host: Host) -> Metric:
 
 
 def _require_split(study: Study) -> None:
-    if study.split and study.split not in study.vary:
-        words = f"{study.split!r} does not vary; {', '.join(study.vary) or 'nothing'} does"
+    paths = [*study.vary, *study.conditions]
+    if study.split and study.split not in paths:
+        words = f"{study.split!r} does not vary; {', '.join(paths) or 'nothing'} does"
         raise refusal("split", words, f"study {study.study}")
 
 
 def _require_distinct(metrics: Sequence[Metric], source: str) -> None:
     names = [name for metric in metrics for name in metric.units]
+    columns = [name for metric in metrics for name in getattr(metric, "launch_units", {})]
+    names_of_launches = [*FACTS, *BASE_UNITS, *columns]
     twice = sorted({name for name in names if names.count(name) > 1})
     reserved = sorted(set(names) & {"key", "replicate", "seed", "run_time_s", "design"})
     words = [
         *(f"two metrics give {name}" for name in twice),
+        *(
+            f"two metrics give launches {name}"
+            for name in dict.fromkeys(columns)
+            if names_of_launches.count(name) > 1
+        ),
         *(f"{name} is reserved" for name in reserved),
         *([] if names else ["name one at least"]),
     ]

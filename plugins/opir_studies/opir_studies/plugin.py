@@ -7,12 +7,20 @@ from importlib import import_module
 from typing import Any
 
 from opir_core.plugin import ExecutorModel, MetricModel, hookimpl
-from opir_studies.configs import DetectionByTimeConfig, ImpactConfig, ProcessesConfig, WarningConfig
+from opir_studies.configs import (
+    DetectionByTimeConfig,
+    ImpactConfig,
+    MilestonesConfig,
+    ProcessesConfig,
+    WarningConfig,
+)
 
 _SUMMARIES = {
     "compare": "run a scene with several trackers, many times, and score them",
+    "merge": "join the shards of a study that several machines made",
     "optimise": "find the best design under requirements, by evaluating a small part of all"
     " designs",
+    "rerun": "make a study or a run again from its folder, and say whether the bytes are the same",
     "sweep": "run a scene over many settings and seeds, and print metrics with intervals",
     "tune": "choose the accuracy settings of a scene: least run time for wanted errors",
 }
@@ -80,6 +88,13 @@ def _track_metrics() -> Iterable[MetricModel]:
         config=WarningConfig,
         build=_built_by("metrics.warning_metric", "warning_time_metric"),
     )
+    yield MetricModel(
+        name="milestones",
+        summary="time from ignition until impact region, launch point or P(missile) stay within each"
+        " of some bounds; shares of launches and regions that hold the impact then",
+        config=MilestonesConfig,
+        build=_built_by("metrics.warning_metric", "milestones_metric"),
+    )
 
 
 @hookimpl
@@ -100,7 +115,7 @@ def opir_executors() -> Iterable[ExecutorModel]:
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add `opir sweep`, `opir optimise`, `opir compare` and `opir tune`."""
+    """Add `opir sweep`, `opir merge`, `opir rerun`, `opir optimise`, `opir compare` and `opir tune`."""
     arguments = import_module("opir_studies.arguments")
     for name, summary in _SUMMARIES.items():
         parser = commands.add_parser(name, help=summary)

@@ -15,6 +15,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import nearest
 from opir_studies.refusals import refusal
+from opir_studies.share_requirements import is_sentence
 
 _FORM = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>|≤|≥)\s*(\S+)\s*")
 
@@ -52,23 +53,26 @@ class FigureRequirement:
 def requirements_of(
     texts: Sequence[str], units: Mapping[str, str], source: str
 ) -> tuple[FigureRequirement, ...]:
-    """Return requirements on figures with these units; raises `SceneError` for what cannot be read,
-    or is unknown.
+    """Return the requirements on means of figures with these units among some requirements; raises
+    `SceneError` for what cannot be read, or is unknown.
     """
     return tuple(
-        _requirement(text, f"requirements[{row}]", units, source) for row, text in enumerate(texts)
+        _requirement(text, f"requirements[{row}]", units, source)
+        for row, text in enumerate(map(str, texts))
+        if not is_sentence(text)
     )
 
 
 def _requirement(text: str, path: str, units: Mapping[str, str], source: str) -> FigureRequirement:
-    match = _FORM.fullmatch(str(text))
+    match = _FORM.fullmatch(text)
     try:
         limit = float(match[3]) if match is not None else math.nan
     except ValueError:
         limit = math.nan
     if match is None or not math.isfinite(limit):
         words = (
-            f"{text!r} is not FIGURE >= VALUE or FIGURE <= VALUE, such as 'warning_time_s >= 900'"
+            f"{text!r} is not FIGURE >= VALUE or FIGURE <= VALUE, such as 'warning_time_s >= 900',"
+            " nor a share of launches, such as 'detected within 30 s in 95 % of launches'"
         )
         raise refusal(path, words, source)
     require_figures([match[1]], path, units, source)

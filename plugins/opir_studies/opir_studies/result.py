@@ -2,7 +2,8 @@
 order.
 
 `results.parquet` and `results.csv` have a row per design and figure, `runs.parquet` a row per run,
-`study.json` the definition. Processor times are in `run_times.csv` alone, which differs from one
+`launches.parquet` a row per launch of each run, `shares.parquet` and `shares.csv` a row per required
+share, `study.json` the definition. Processor times are in `run_times.csv` alone, which differs from one
 execution to the next.
 """
 
@@ -21,19 +22,28 @@ from attrs import asdict, frozen
 
 from opir_core.errors import reason_of
 from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
+from opir_core.random_streams import SCHEME
+from opir_core.reading import data_of_node, node_of_yaml
+from opir_core.scene import file_bytes, text_of
 from opir_studies.axes import Level
-from opir_studies.parts import parquet_bytes
+from opir_studies.launches import FACTS
+from opir_studies.parts import launch_type, parquet_bytes
 from opir_studies.planning import PlannedStudy
 from opir_studies.refusals import refusal
 from opir_studies.runs import RunRecord
+from opir_studies.shares import SHARE_COLUMNS, share_rows
 from opir_studies.statistics import difference_of, figures_of
+from opir_studies.study import Study
 
 RESULTS = "results.parquet"
 RESULTS_CSV = "results.csv"
 RUNS = "runs.parquet"
+LAUNCHES = "launches.parquet"
+SHARES = "shares.parquet"
+SHARES_CSV = "shares.csv"
 DEFINITION = "study.json"
 TIMES = "run_times.csv"
-_VERSION = 2
+_VERSION = 3
 #: How the names of figures begin that are shares of launches; others without a unit are counts,
 #: which may exceed 1.
 _SHARES = (
@@ -56,13 +66,17 @@ class StudyResult:
     `high_95`, `sd`, `q10`, `median`, `q90`, and the paired `difference` from design 0 with its 95 %
     interval. `share` is that of launches, or else of runs, which have a value; all that follows is
     of these alone. `runs` has a row per run: `design`, the paths, `replicate`, `seed` and a column
-    per figure. `definition` is the content of `study.json`.
+    per figure. `launches` has a row per launch of each run: `design`, the paths, `replicate`,
+    `seed`, `launch`, `class`, `site` and the columns of `launch_units`; inf is never, nan does not
+    apply. `shares` has the rows of `share_rows`. `definition` is the content of `study.json`.
     """
 
     folder: Path
     definition: Mapping[str, Any]
     table: pa.Table
     runs: pa.Table
+    launches: pa.Table
+    shares: pa.Table
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -113,9 +127,8 @@ def load_study(folder: str | Path) -> StudyResult:
         for entry in definition.get(FILES_KEY, ()):
             if file_digest(place / entry["name"]) != entry["sha256"]:
                 raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
-        return StudyResult(
-            place, definition, pq.read_table(place / RESULTS), pq.read_table(place / RUNS)
-        )
+        tables = (pq.read_table(place / name) for name in (RESULTS, RUNS, LAUNCHES, SHARES))
+        return StudyResult(place, definition, *tables)
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
         raise refusal("", words, str(place)) from error
@@ -147,10 +160,15 @@ def written_result(
     """
     runs = _runs_table(planned, records)
     table = _results_table(planned, records)
+    launches = _launches_table(planned, records)
+    shares = _shares_table(planned, records)
     contents = {
         RUNS: parquet_bytes(runs),
         RESULTS: parquet_bytes(table),
         RESULTS_CSV: _csv_bytes(table),
+        LAUNCHES: parquet_bytes(launches),
+        SHARES: parquet_bytes(shares),
+        SHARES_CSV: _csv_bytes(shares),
     }
     with (
         OutputFiles() as times
@@ -169,7 +187,7 @@ def written_result(
     except BaseException:
         files.abandon()
         raise
-    return StudyResult(folder, definition, table, runs)
+    return StudyResult(folder, definition, table, runs, launches, shares)
 
 
 def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
@@ -182,12 +200,19 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
         "scene": planned.designs[0].scene.name,
         "design": study.design,
         "vary": list(planned.designs[0].design.paths),
+        "conditions": list(study.conditions),
         "runs": study.runs,
         "until": study.until,
         "figures": dict(planned.units),
         "shares": dict(planned.shares),
+        "launches": dict(planned.launch_units),
+        "containments": dict(planned.containments),
         "shown": list(study.show),
-        "requirements": [asdict(planned_design) for planned_design in planned.requirements],
+        "requirements": [asdict(required) for required in planned.requirements],
+        "share_requirements": [
+            {**asdict(required), "bound": None if math.isnan(required.bound) else required.bound}
+            for required in planned.share_requirements
+        ],
         "notes": list(planned.notes),
         "settings": json.loads(
             json.dumps(dict(planned.settings))
@@ -196,6 +221,9 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
             name: list(metric.units)
             for name, metric in zip(planned.names, planned.metrics, strict=True)
         },
+        "versions": dict(planned.versions),
+        "random_numbers": SCHEME,
+        "made_of": made_of(study),
         "designs": [
             {
                 "design": planned_design.design.number,
@@ -212,6 +240,19 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
     }
 
 
+def made_of(study: Study) -> Mapping[str, Any]:
+    """Return the keys of a study, with its scene, from which it is made again; without what changes
+    no result.
+    """
+    keys = asdict(study, recurse=False)
+    del keys["executor"]
+    if not isinstance(study.scene, Mapping):
+        keys["scene"] = data_of_node(node_of_yaml(text_of(file_bytes(study.scene))))
+        if "manifest_version" in keys["scene"]:
+            keys["scene"] = keys["scene"]["scene"]
+    return dict(json.loads(json.dumps(keys, default=float)))
+
+
 def _bounds(planned: PlannedStudy, runs: pa.Table) -> dict[str, list[float | None]]:
     """Return the bounds of each figure's mean: 0 where no run has less, and 1 of shares; None for
     no bound.
@@ -226,13 +267,20 @@ def _bounds(planned: PlannedStudy, runs: pa.Table) -> dict[str, list[float | Non
 
 
 def _labels(planned: PlannedStudy, counts: Sequence[int]) -> dict[str, pa.Array]:
-    """Return the columns of the designs: the number, and the label of each path, repeated `counts`
-    times.
+    """Return the columns of the designs, repeated `counts` times."""
+    rows = np.repeat(np.arange(len(planned.designs)), counts).tolist()
+    return _labels_of(planned, rows, planned.designs[0].design.paths)
+
+
+def _labels_of(
+    planned: PlannedStudy, rows: Sequence[int], paths: Sequence[str]
+) -> dict[str, pa.Array]:
+    """Return the columns of designs by their numbers (n,): the number, and the label of each
+    path.
     """
     designs = [design.design for design in planned.designs]
-    rows = np.repeat(np.arange(len(designs)), counts).tolist()
     columns = {"design": pa.array(rows, pa.int64())}
-    for place, path in enumerate(designs[0].paths):
+    for place, path in enumerate(paths):
         labels = _labels_of_one_kind([design.levels[place] for design in designs])
         columns[path] = pa.array([labels[row] for row in rows])
     return columns
@@ -260,13 +308,50 @@ def _runs_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | No
     return pa.table(columns)
 
 
+def _launches_table(
+    planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]
+) -> pa.Table:
+    finished = [list(filter(None, runs)) for runs in records]
+    pairs = zip(planned.designs, finished, strict=True)
+    counts = [len(runs) * len(design.launches) for design, runs in pairs]
+    columns = _labels(planned, counts)
+    rows = [
+        (run, facts, place)
+        for design, runs in zip(planned.designs, finished, strict=True)
+        for run in runs
+        for place, facts in enumerate(design.launches)
+    ]
+    columns["replicate"] = pa.array([run.replicate for run, *_ in rows], pa.int64())
+    columns["seed"] = pa.array([run.seed for run, *_ in rows], pa.int64())
+    for number, name in enumerate(FACTS):
+        columns[name] = pa.array([facts[number] for _, facts, _ in rows], pa.string())
+    for number, (name, unit) in enumerate(planned.launch_units.items()):
+        values = [run.launches[number][place] for run, _, place in rows]
+        columns[name] = pa.array(values, launch_type(unit))
+    return pa.table(columns)
+
+
+def _shares_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
+    rows = share_rows(planned, records)
+    labels = _labels_of(planned, [design for design, _ in rows], tuple(planned.study.vary))
+    columns = {
+        name: pa.array([row[name] for _, row in rows], kind) for name, kind in SHARE_COLUMNS.items()
+    }
+    return pa.table({**labels, **columns})
+
+
 def _results_table(
     planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]
 ) -> pa.Table:
     units = planned.units
     values = [_values(runs, len(units)) for runs in records]
     rows = list[dict[str, Any]]()
-    for design, runs, columns in zip(planned.designs, records, values, strict=True):
+    # Designs are compared with the first one in the same condition.
+    conditions = len(planned.groups[0])
+    references = [values[row % conditions] for row in range(len(values))]
+    for design, runs, columns, reference in zip(
+        planned.designs, records, values, references, strict=True
+    ):
         finished = columns[[run is not None for run in runs]]
         seeds = {
             "runs": len(finished),
@@ -280,7 +365,7 @@ def _results_table(
                 **seeds,
                 "share": planned.share_of(finished, name),
                 **figures_of(columns[:, place]),
-                **difference_of(columns[:, place], values[0][:, place]),
+                **difference_of(columns[:, place], reference[:, place]),
             }
             for place, (name, unit) in enumerate(units.items())
         ]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from opir_scoring import percent_text
+from opir_scoring import NOT_SHOWN, percent_text
 
 from opir_studies.requirements import FigureRequirement
 from opir_studies.result import StudyResult
@@ -82,6 +82,58 @@ def verdict_lines(result: StudyResult) -> Sequence[str]:
                 f"  not by a mean over some, as {of} without the figure miss it: {'; '.join(examples)}"
             )
     return ["\n".join(lines)] if lines else []
+
+
+def share_verdict_lines(result: StudyResult) -> Sequence[str]:
+    """Return for each required share of launches the verdict on every design, over all conditions
+    and in the worst.
+    """
+    rows = [row for row in result.shares.to_pylist() if not row["by"]]
+    lines = []
+    for requirement in dict.fromkeys(row["requirement"] for row in rows):
+        of_requirement = [row for row in rows if row["requirement"] == requirement]
+        designs = dict.fromkeys(row["design"] for row in of_requirement)
+        lines += [
+            requirement,
+            *(
+                f"  {_verdict_text(result, [row for row in of_requirement if row['design'] == number])}"
+                for number in designs
+            ),
+        ]
+    return ["\n".join(lines)] if lines else []
+
+
+def _verdict_text(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the verdict on a design from its share over all conditions and those in each."""
+    overall, *conditions = rows
+    chosen = [path for path in result.paths if path not in result.definition["conditions"]]
+    name = ", ".join(label_text(overall[path]) for path in chosen)
+    parts = [f"{interval_of_share(overall)} of {overall['launches']} launches"]
+    if conditions:
+        worst = min(conditions, key=lambda row: row["share"])
+        parts.append(f"worst condition {worst['condition']}: {interval_of_share(worst)}")
+    if overall["verdict"] == NOT_SHOWN:
+        runs = overall["deciding_runs"]
+        parts.append(
+            f"about {runs} runs would decide"
+            if runs
+            else "at this share no number of runs up to a million would decide"
+        )
+    return ": ".join(filter(None, (name, overall["verdict"], "; ".join(parts))))
+
+
+def label_text(label: Any) -> str:
+    """Return the label of a level as text, whole numbers without decimals."""
+    return f"{label:g}" if isinstance(label, float) else str(label)
+
+
+def interval_of_share(row: Mapping[str, Any]) -> str:
+    """Return a share with its interval, `12 % [5, 22]`."""
+    share = percent_text(row["share"])
+    if not math.isfinite(row["low"]):
+        return f"{share} (one run: no interval)"
+    ends = (f"{100.0 * row[name]:.0f}" for name in ("low", "high"))
+    return f"{share} [{', '.join(ends)}]"
 
 
 def _few(names: Sequence[str]) -> list[str]:

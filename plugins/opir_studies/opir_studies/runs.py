@@ -18,6 +18,7 @@ from opir_core.plugin import Host, Metric
 from opir_core.random_streams import SCHEME
 from opir_core.reading import scene_hash
 from opir_core.simulation import components_used
+from opir_studies.launches import launch_columns
 
 
 @frozen
@@ -33,6 +34,8 @@ class RunTask:
 class RunRecord:
     """A finished run: the values of the figures in the order of the metrics, or the reason of its
     failure.
+
+    `launches` are the columns of its launches, in the order of `launch_units`.
     """
 
     replicate: int
@@ -40,6 +43,7 @@ class RunRecord:
     run_time_s: float
     values: tuple[float, ...] = ()
     failure: str = ""
+    launches: tuple[tuple[Any, ...], ...] = ()
 
 
 @frozen
@@ -103,11 +107,12 @@ def _record(task: RunTask, replicate: int) -> RunRecord:
             for metric in task.metrics
             for value in _in_order(metric, metric.values(run))
         )
+        launches = launch_columns(run, task.metrics)
     except Exception as error:  # of any plugin: the other runs go on, and the study reports it
         return RunRecord(
             replicate, seed, time.perf_counter() - start, failure=described_error(error)
         )
-    return RunRecord(replicate, seed, time.perf_counter() - start, values)
+    return RunRecord(replicate, seed, time.perf_counter() - start, values, launches=launches)
 
 
 def _in_order(metric: Metric, values: Mapping[str, float]) -> Sequence[float]:
@@ -132,19 +137,22 @@ def identity_of(
     These are the scene, the files that it reads, opir-core, the plugins of its components, and the
     metrics: name, settings, owner and figures of each.
     """
-    owners = sorted(
-        {(component["distribution"], component["version"]) for component in components_used(plan)}
-    )
     files = run_files(plan)
     contents = [
         scene_hash(plan.scene),
         files,
         SCHEME,
         __version__,
-        owners,
+        owners_of(plan),
         [list(metric) for metric in metrics],
     ]
     return hashlib.sha256(json.dumps(contents, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def owners_of(plan: Plan) -> tuple[tuple[str, str], ...]:
+    """Return the distributions of a plan's components with their versions, sorted."""
+    components = components_used(plan)
+    return tuple(sorted({(each["distribution"], each["version"]) for each in components}))
 
 
 def run_files(plan: Plan) -> list[Any]:

@@ -52,6 +52,13 @@ class Study:
         default={},
         source="arbitrary",
     )
+    conditions: Mapping[str, Any] = nested(
+        help="what nobody chooses, such as epoch, cloud or launch site: paths to values, as in"
+        " `vary`. Each design runs in all of their combinations, and is answered in each, in all and"
+        " in the worst",
+        default={},
+        source="arbitrary",
+    )
     split: str = text(
         help="the path of `vary` whose values are answered one by one, such as `targets` of one"
         " launch and of a raid;"
@@ -90,7 +97,8 @@ class Study:
     until: str = text(
         help="stop a design early when the half width of the 95 % interval of a figure is small"
         " enough:"
-        " `latency_s:0.5%` of the mean, or `latency_s:0.2` in its unit; '' for never",
+        " `latency_s:0.5%` of the mean, or `latency_s:0.2` in its unit; `decided`: when every"
+        " required share of launches is; '' for never",
         default="",
         source="arbitrary",
     )
@@ -106,8 +114,9 @@ class Study:
         source="arbitrary",
     )
     requirements: tuple[str, ...] = nested(
-        help="bounds of means, `warning_time_s >= 900`: lines in plots, and which designs meet"
-        " them",
+        help="bounds of means, `warning_time_s >= 900`, or shares of launches, `region_km2 < 1000"
+        " within 90 s in 90 % of launches, in every condition`: lines in plots, and which designs"
+        " meet them",
         default=(),
         source="arbitrary",
     )

@@ -15,13 +15,20 @@ from opir_core.cli import grouped, table
 from opir_core.errors import install_command
 from opir_core.host import ended_if_stuck
 from opir_core.reading import InvalidNode
-from opir_studies.axes import AxisError, value_of_text, vary_of_text
+from opir_studies.axes import value_of_text, vary_argument
 from opir_studies.refusals import refusal, require_positive
 from opir_studies.result import RESULTS_CSV, StudyResult
-from opir_studies.result_words import cell, difference_cell, share_lines, verdict_lines
+from opir_studies.result_words import (
+    cell,
+    difference_cell,
+    share_lines,
+    share_verdict_lines,
+    verdict_lines,
+)
+from opir_studies.sharding import sweep_shard
 from opir_studies.study import Study, is_study, read_study
 from opir_studies.subsets import SUBSET_PATHS
-from opir_studies.sweeping import StudyProgress, sweep as result_of_sweep
+from opir_studies.sweeping import Shard, StudyProgress, sweep as result_of_sweep
 
 #: The most designs that are printed; all are in the files.
 _MOST_ROWS = 40
@@ -37,8 +44,12 @@ def sweep(arguments: argparse.Namespace) -> int:
     study = study_of(arguments)
     folder = Path(arguments.out or f"{Path(arguments.study).stem}-study")
     limits = {"workers": arguments.workers, "dead_after_s": arguments.dead_after}
+    if arguments.shard is not None:
+        return _shard(arguments, study, folder, limits)
     with watched_runs(arguments, folder) as on_progress:
-        result = result_of_sweep(study, folder, **limits, on_progress=on_progress)
+        result = result_of_sweep(
+            study, folder, **limits, on_progress=on_progress, on_notes=_shown_notes(arguments)
+        )
     written = write_report(folder)
     if arguments.quiet:
         return 0
@@ -48,6 +59,18 @@ def sweep(arguments: argparse.Namespace) -> int:
         else "\n".join([as_text(result), *written])
     )
     sys.stdout.write(text + "\n")
+    return 0
+
+
+def _shard(
+    arguments: argparse.Namespace, study: Study, folder: Path, limits: Mapping[str, Any]
+) -> int:
+    """Make the shard of the arguments, and print how many runs it has."""
+    shard = Shard.of(arguments.shard)
+    with watched_runs(arguments, folder) as on_progress:
+        runs = sweep_shard(study, folder, shard, **limits, on_progress=on_progress)
+    if not arguments.quiet:
+        sys.stdout.write(f"{runs} runs in {folder}; join all shards with `opir merge`\n")
     return 0
 
 
@@ -89,7 +112,11 @@ def study_of(arguments: argparse.Namespace) -> Study:
     metrics = tuple(_value("--metric", words) for words in arguments.metrics)
     study = evolve(
         study,
-        vary={**study.vary, **dict(map(_vary, arguments.vary))},
+        vary={**study.vary, **dict(map(vary_argument, arguments.vary))},
+        conditions={
+            **study.conditions,
+            **dict(vary_argument(words, "--condition") for words in arguments.conditions),
+        },
         overrides={**study.overrides, **dict(map(_override, arguments.overrides))},
         metrics=metrics or study.metrics,
         show=tuple(arguments.show) or study.show,
@@ -106,13 +133,6 @@ def study_of(arguments: argparse.Namespace) -> Study:
         except ValueError as error:
             raise refusal(f"--{name}", str(error)) from error
     return study
-
-
-def _vary(words: str) -> tuple[str, Any]:
-    try:
-        return vary_of_text(words)
-    except AxisError as error:
-        raise refusal("--vary", str(error)) from error
 
 
 def _override(words: str) -> tuple[str, Any]:
@@ -149,6 +169,19 @@ def watched_runs(
             f"stopped; finished runs are kept in {folder}, and the same command continues\n"
         )
         raise
+
+
+def _shown_notes(arguments: argparse.Namespace) -> Callable[[Sequence[str]], None]:
+    """Return a function that shows notes on a terminal before the first run; they follow with the
+    results too.
+    """
+    is_shown = sys.stderr.isatty() and not arguments.quiet
+
+    def show(notes: Sequence[str]) -> None:
+        if is_shown:
+            sys.stderr.writelines(f"note: {note}\n" for note in notes)
+
+    return show
 
 
 @contextmanager
@@ -200,6 +233,7 @@ def as_text(result: StudyResult) -> str:
             *map("note: {}".format, result.definition["notes"]),
             _heading(result),
             *verdict_lines(result),
+            *share_verdict_lines(result),
             *_tables(head, body, len(head) - len(shown)),
             *([f"and {more} more designs"] if more > 0 else []),
             *share_lines(result, shown),
@@ -270,16 +304,19 @@ def _differences(
     """Return the table of differences from the first design, of the same seeds; none for a single
     design.
     """
-    designs = result.definition["designs"][1:_MOST_ROWS]
-    if not designs:
+    conditions = result.definition["conditions"]
+    designs = result.definition["designs"][:_MOST_ROWS]
+    count = len({tuple(design[path] for path in conditions) for design in designs})
+    if len(designs) <= count:
         return ()
-    head = ["minus the first design", *shown]
+    head = [f"minus the first design{' in that condition' if conditions else ''}", *shown]
     body = [
         [
             ", ".join(str(design[path]) for path in result.paths),
-            *(difference_cell(rows[name][place], rows[name][0]) for name in shown),
+            *(difference_cell(rows[name][place], rows[name][place % count]) for name in shown),
         ]
-        for place, design in enumerate(designs, start=1)
+        for place, design in enumerate(designs)
+        if place >= count
     ]
     return _tables(head, body, 1)
 

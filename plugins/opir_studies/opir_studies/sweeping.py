@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from attrs import define, field, frozen
+from opir_scoring import NOT_SHOWN
 
 from opir_core.errors import OpirError
 from opir_core.host import DEAD_AFTER_S
@@ -14,8 +15,9 @@ from opir_studies.planning import PlannedDesign, PlannedStudy, built_executor, p
 from opir_studies.refusals import cut_short, refusal
 from opir_studies.result import StudyResult, written_result
 from opir_studies.runs import RunRecord, RunTask, TaskResult, installed_version, result_of
+from opir_studies.shares import verdict_of
 from opir_studies.study import Study
-from opir_studies.until import rounds
+from opir_studies.until import DECIDED, rounds
 
 #: Approximate number of tasks of a round; each is one file when it has ended.
 _TASKS = 64
@@ -29,6 +31,30 @@ class StudyError(OpirError):
     """Runs of a study that failed; all others are kept."""
 
     exit_code = 4
+
+
+@frozen
+class Shard:
+    """A part of each design's runs: every `count`-th from `place` on, from 0."""
+
+    place: int
+    count: int
+
+    def numbers(self, runs: int) -> range:
+        """Return the numbers of the runs of a design that are in the shard."""
+        return range(self.place, runs, self.count)
+
+    @classmethod
+    def of(cls, text: str) -> "Shard":
+        """Return the shard of a text, `2/7`; raises `SceneError` for any other text."""
+        place, slash, count = text.partition("/")
+        is_whole = slash and place.strip().isdigit() and count.strip().isdigit()
+        if not is_whole or not 1 <= int(place) <= int(count):
+            raise refusal("--shard", f"{text!r} is not I/N, such as 2/7 for the second of seven")
+        return cls(int(place) - 1, int(count))
+
+
+WHOLE = Shard(0, 1)
 
 
 @frozen
@@ -49,9 +75,13 @@ def sweep(
     workers: int | None = None,
     dead_after_s: float = DEAD_AFTER_S,
     on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
+    on_notes: Callable[[Sequence[str]], None] = lambda _notes: None,
 ) -> StudyResult:
     """Run a study into a folder and return its result; runs that are there already are not run
     again.
+
+    `on_notes` is given what a reader must know of the scenes and requirements, before the first
+    run.
 
     `workers` is for the study's executor; a run fails in which one call of a component lasts
     `dead_after_s`. A script with the executor `processes` needs `if __name__ == "__main__":`.
@@ -59,16 +89,11 @@ def sweep(
     `StudyError`, when everything else has ended, with the runs that failed.
     """
     planned = planned_study(study)
+    on_notes(planned.notes)
     place = Path(folder)
-    remove_unfinished(place)
-    keys = {design.key(number) for design in planned.designs for number in range(study.runs)}
-    finished = Parts(place / PARTS, tuple(planned.units))
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
-    state = SweepState(planned, finished, finished.found(keys), context, on_progress)
-    try:
-        counts = state.run()
-    finally:
-        state.close()
+    state = SweepState.of(planned, place, context, on_progress)
+    counts = state.finished_run()
     result = written_result(
         planned,
         place,
@@ -87,6 +112,7 @@ class SweepState:
     records: dict[str, RunRecord]
     context: ExecutorContext
     on_progress: Callable[[StudyProgress], None]
+    shard: Shard = WHOLE
     executor: Executor | None = None
     found: int = field(init=False)
     failures: list[str] = field(factory=list)
@@ -94,17 +120,62 @@ class SweepState:
     def __attrs_post_init__(self) -> None:
         self.found = len(self.records)
 
+    @classmethod
+    def of(
+        cls,
+        planned: PlannedStudy,
+        folder: Path,
+        context: ExecutorContext,
+        on_progress: Callable[[StudyProgress], None],
+        shard: Shard = WHOLE,
+    ) -> "SweepState":
+        """Return the state of a study, or of a shard of its runs, with the runs that are in its
+        folder.
+        """
+        remove_unfinished(folder)
+        numbers = shard.numbers(planned.study.runs)
+        keys = {design.key(number) for design in planned.designs for number in numbers}
+        parts = Parts(folder / PARTS, tuple(planned.units), planned.launch_units)
+        return cls(planned, parts, parts.found(keys), context, on_progress, shard)
+
+    def finished_run(self) -> Sequence[int]:
+        """Make the missing runs as `run` does, and end the workers."""
+        try:
+            return self.run()
+        finally:
+            self.close()
+
     def run(self) -> Sequence[int]:
         """Make the missing runs, round by round; return the number of runs of each design."""
         planned = self.planned
         counts = [0] * len(self.planned.designs)
         active = list(range(len(counts)))
-        for number in rounds(planned.study.runs, planned.until):
+        for number in rounds(planned.study.runs, stops_early=bool(planned.study.until)):
             for place in active:
                 counts[place] = number
             self._run_missing(counts, active)
-            active = [place for place in active if not self._is_narrow(place, number)]
+            if planned.study.until == DECIDED:
+                active = self._undecided(counts, active)
+            else:
+                active = [place for place in active if not self._is_narrow(place, number)]
         return counts
+
+    def _undecided(self, counts: Sequence[int], active: Sequence[int]) -> list[int]:
+        """Return the designs of which a requirement on a share is not decided, with all their
+        conditions.
+        """
+        planned = self.planned
+        records = [self.records_of(*design) for design in zip(planned.designs, counts, strict=True)]
+        undecided = [
+            group
+            for group in planned.groups
+            if group[0] in active
+            and any(
+                verdict_of(planned, each, records, group) == NOT_SHOWN
+                for each in planned.share_requirements
+            )
+        ]
+        return [place for group in undecided for place in group]
 
     def close(self) -> None:
         """End the executor's workers."""
@@ -150,7 +221,7 @@ class SweepState:
         missing = {
             place: [
                 number
-                for number in range(counts[place])
+                for number in self.shard.numbers(counts[place])
                 if self.planned.designs[place].key(number) not in self.records
             ]
             for place in active
@@ -204,4 +275,5 @@ class SweepState:
         )
 
     def _report(self, counts: Sequence[int]) -> None:
-        self.on_progress(StudyProgress(len(self.records), sum(counts), self.found))
+        total = sum(len(self.shard.numbers(count)) for count in counts)
+        self.on_progress(StudyProgress(len(self.records), total, self.found))

@@ -17,6 +17,8 @@ from opir_studies.study import MINIMUM_RUNS, Study
 
 #: Runs of a round, as a multiple of those of the one before.
 _GROWTH = 1.5
+#: The condition that every requirement on a share of launches is decided.
+DECIDED = "decided"
 
 
 @frozen
@@ -42,7 +44,7 @@ def until_of(study: Study, units: Mapping[str, str]) -> Until | None:
     """Return the condition of an early stop; raises `SceneError` for an invalid text, or an unknown
     figure.
     """
-    if not study.until:
+    if study.until in ("", DECIDED):
         return None
     source = f"study {study.study}"
     figure, colon, width = study.until.partition(":")
@@ -52,7 +54,10 @@ def until_of(study: Study, units: Mapping[str, str]) -> Until | None:
     except ValueError:
         value = np.nan
     if not colon or not 0.0 < value < np.inf:
-        words = f"{study.until!r} is not FIGURE:WIDTH; write latency_s:0.5% or latency_s:0.2"
+        words = (
+            f"{study.until!r} is not FIGURE:WIDTH; write latency_s:0.5% or latency_s:0.2, or"
+            f" {DECIDED} for requirements on shares of launches"
+        )
         raise refusal("until", words, source)
     if figure.strip() not in units:
         figures = ", ".join(units)
@@ -63,9 +68,9 @@ def until_of(study: Study, units: Mapping[str, str]) -> Until | None:
     return Until(figure.strip(), value, is_relative)
 
 
-def rounds(runs: int, until: Until | None) -> Iterator[int]:
+def rounds(runs: int, *, stops_early: bool) -> Iterator[int]:
     """Yield the numbers of runs of a design after which it may stop; the last one is `runs`."""
-    if until is None:
+    if not stops_early:
         yield runs
         return
     number = min(MINIMUM_RUNS, runs)

@@ -6,19 +6,23 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
-
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.estimation import dot, tangent_axes
-from opir_trackers.assignment import (
+from opir_estimation import (
+    FEW_PAIRS,
+    AngleMeasurements,
+    GatedPairs,
+    LinesOfSight,
+    PredictedMeasurements,
     cheapest_assignment,
     components,
+    dot,
     group_sums,
     ranks,
+    scan_numbers,
+    tangent_axes,
     unambiguous,
 )
-from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.gating import FEW_PAIRS, GatedPairs
-from opir_trackers.lines_of_sight import AngleMeasurements, LinesOfSight
+
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 _UNIT = np.eye(2)
 
@@ -73,7 +77,7 @@ def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
     scan.
     """
     rivals = ~unambiguous(scan_groups(pairs, lines), pairs.line)
-    return np.flatnonzero(np.bincount(pairs.track[rivals]))
+    return np.bincount(pairs.track[rivals]).nonzero()[0]
 
 
 def connected_tracks(track: IntArray, line: IntArray, tracks: IntArray) -> BoolArray:
@@ -87,14 +91,6 @@ def connected_tracks(track: IntArray, line: IntArray, tracks: IntArray) -> BoolA
         touched = np.bincount(group, connected[track], count) > 0.0
         connected[track[touched[group]]] = True
     return connected
-
-
-def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
-    """Return a number (n,), from 0, for each sensor's scan."""
-    if not len(scan):
-        return np.empty(0, dtype=np.int64)
-    since = scan - scan.min()
-    return ranks(sensor * (since.max() + 1) + since)
 
 
 def is_unambiguous(pairs: GatedPairs, lines: LinesOfSight) -> bool:
@@ -139,7 +135,7 @@ def hard_association(pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArra
     assigned = (
         pairs
         if np.count_nonzero(is_chosen) == len(is_chosen)
-        else pairs.take(np.flatnonzero(is_chosen))
+        else pairs.take(is_chosen.nonzero()[0])
     )
     owner = unassigned(len(lines.scan))
     owner[assigned.line] = assigned.track

@@ -1,16 +1,21 @@
 """Settings of the trackers. Nothing heavy is imported here."""
 
+from typing import Any
+
 from attrs import frozen
 
-from opir_core.plugin import nested, number, text
+from opir_core.plugin import nested, number, part, text
 
 #: Default gate, standard deviations: two axes exceed it with a probability of 4 · 10⁻⁵.
 GATE_SIGMAS = 4.5
 
-MOTIONS = ("boost-coast", "boost", "coast")
+MODES = ("boost-coast", "boost", "coast")
 
-_COASTS = ("unless motion: boost", lambda config: config.motion != "boost")
-_SWITCHES = ("with motion: boost-coast", lambda config: config.motion == "boost-coast")
+#: States of a motion model: position, velocity, specific force, and its relative growth.
+MOTION_STATES = 10
+
+_COASTS = ("unless modes: boost", lambda config: config.modes != "boost")
+_SWITCHES = ("with modes: boost-coast", lambda config: config.modes == "boost-coast")
 
 
 def _needed_scans() -> int | None:
@@ -288,9 +293,35 @@ class ImmConfig:
     )
     needed_scans: int | None = _needed_scans()
     recent_scans: int = _recent_scans()
-    motion: str = text(
+    association: Any = part(
+        role="association",
+        default="crowds",
+        help="data association: which line of sight belongs to which track",
+    )
+    initiation: Any = part(
+        role="initiation",
+        default="m-of-n",
+        help="track initiation from lines of sight without a track",
+    )
+    motion: Any = part(
+        role="motion",
+        default="thrust",
+        state_size=MOTION_STATES,
+        help="motion model of a burning target",
+    )
+    forecast: Any = part(
+        role="forecast",
+        default="regions",
+        help="hypotheses and impact regions of launches, or none of them",
+    )
+    pruning: Any = part(
+        role="pruning",
+        default="unlikely",
+        help="track deletion: which tracks end",
+    )
+    modes: str = text(
         default="boost-coast",
-        choices=MOTIONS,
+        choices=MODES,
         help="motion modes: boost, coast (free flight), or both (IMM)",
     )
     thrust: ThrustConfig = nested(
@@ -355,14 +386,6 @@ class ImmConfig:
         minimum=0.0,
         maximum=600.0,
         help="detections up to this late are processed in order of time",
-    )
-    regions_every_s: float = number(
-        default=5.0,
-        unit="s",
-        minimum=0.1,
-        maximum=600.0,
-        help="impact regions are worked out anew after this time, and where a target stops or"
-        " starts to burn",
     )
     boost_prior: str | None = text(
         default=None,

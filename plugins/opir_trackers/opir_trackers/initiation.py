@@ -18,27 +18,30 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
-
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.estimation import dot
-from opir_core.geometry import WGS84, ecef_to_geodetic
-from opir_core.interfaces import Columns
-from opir_trackers.assignment import cheapest_assignment, group_maxima, group_sums, ranks
-from opir_trackers.configs import GATE_SIGMAS
-from opir_trackers.lines_of_sight import LinesOfSight
-from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
-from opir_trackers.triangulation import (
+from opir_estimation import (
     FAR_M,
     GRAZING_SINE,
     HIGHEST_M,
     LOWEST_M,
+    LinesOfSight,
     are_low_orbits,
+    cheapest_assignment,
+    dot,
     geostationary_directions,
+    group_maxima,
+    group_sums,
     mean_directions,
     points_near_ground,
     ranges_m,
+    ranks,
     triangulated,
 )
+
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.geometry import WGS84, ecef_to_geodetic
+from opir_core.interfaces import Columns
+from opir_trackers.configs import GATE_SIGMAS
+from opir_trackers.pairing import Directions, SetModel, cheapest_pairing, normal_equations
 
 #: Two lines in one direction differ by more than this many standard deviations with a probability
 #: of 10⁻⁴; clusters are searched in bins of this width.

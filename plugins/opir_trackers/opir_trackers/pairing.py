@@ -16,12 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
+from opir_estimation import FIRST_HEIGHT_M, cheapest_assignment, ranks, swap_probabilities
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import WGS84
 from opir_core.interfaces import Columns
-from opir_trackers.assignment import cheapest_assignment, ranks, swap_probabilities
-from opir_trackers.triangulation import FIRST_HEIGHT_M
 
 
 @frozen

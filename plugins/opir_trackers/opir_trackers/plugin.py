@@ -1,10 +1,12 @@
 """The trackers `kepler-arc` and `imm`; each is imported when it is built."""
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from opir_core.plugin import TrackerModel, hookimpl
-from opir_trackers.configs import ImmConfig, KeplerArcConfig
+from opir_core.plugin import TrackerModel, TrackerPart, hookimpl
+from opir_trackers.configs import MOTION_STATES, ImmConfig, KeplerArcConfig
 
 if TYPE_CHECKING:
     from opir_core.plugin import Tracker, TrackerContext
@@ -44,4 +46,49 @@ def opir_trackers() -> Iterable[TrackerModel]:
         config=ImmConfig,
         build=_imm,
         reads=_subjects_read,
+    )
+
+
+def _built(module: str, name: str, config: Any, context: Any) -> Any:
+    return getattr(import_module(f"opir_trackers.{module}"), name)(config, context)
+
+
+def _build(module: str, name: str) -> Callable[[Any, Any], Any]:
+    """Return the build function of a part: a function of a module, imported when it is called."""
+    return partial(_built, module, name)
+
+
+@hookimpl
+def opir_tracker_parts() -> Iterable[TrackerPart]:
+    """Yield the parts of `imm`."""
+    yield TrackerPart(
+        name="crowds",
+        summary="global nearest neighbour; tracks that share lines are followed in the sensors'"
+        " focal planes",
+        role="association",
+        trackers=("imm",),
+        build=_build("imm.crowd_associator", "crowd_associator"),
+        reads=(),
+    )
+    yield TrackerPart(
+        name="m-of-n",
+        summary="clusters of unassigned lines with detections in M of the last N scans",
+        role="initiation",
+        build=_build("imm.initiate", "m_of_n_initiator"),
+        reads=(),
+    )
+    yield TrackerPart(
+        name="thrust",
+        summary="thrust along the velocity: a gravity turn whose specific force slowly grows",
+        role="motion",
+        state_size=MOTION_STATES,
+        build=_build("track_priors", "thrust_motion"),
+        reads=(),
+    )
+    yield TrackerPart(
+        name="unlikely",
+        summary="tracks that are silent for too long, lost, down, or a copy of another one",
+        role="pruning",
+        build=_build("imm.prune", "unlikely_pruner"),
+        reads=(),
     )

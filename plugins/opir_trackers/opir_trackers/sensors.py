@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 from attrs import Factory, field, frozen
+from numpy.typing import ArrayLike
+from opir_estimation import ErrorFilter, LinesOfSight, Registration, Vantages, earth_rotated
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.plugin import TARGET_TYPES, Detections, Sensor, TrackerContext
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
+from opir_trackers.configs import ImmConfig
 
 #: Detection probability of a sensor that states none for a type.
 _UNSTATED = 0.5
@@ -63,9 +65,6 @@ def clutter_per_sr(context: TrackerContext, assumed: float) -> FloatArray:
 #: Least error of an angle, rad: 4 cm at geostationary range.
 _LEAST_RAD = 1e-9
 
-#: Prior standard deviation of a position in directions that lines do not determine, m.
-_PRIOR_SIGMA_M = 30e3
-
 
 @frozen(eq=False)
 class Biases:
@@ -115,37 +114,6 @@ class Biases:
         return 1.0 / (period_s * np.maximum(noise**2 + shared_rad**2, _LEAST_RAD**2))
 
 
-def shifts_of_positions(
-    position_m: FloatArray, origin_m: FloatArray, visible: BoolArray, weight: FloatArray
-) -> FloatArray:
-    """Return the matrices (n, s, 3, 3) that turn shifts of what one sensor sees, m, into shifts of
-    a position.
-
-    Shifts along the line of sight have no effect. `origin_m` (s, 3) are the sensor positions,
-    `visible` (n, s) marks which sensor sees which target, and `weight` (s,) is that of a sensor's
-    angles, 1/rad² per second: look rate over error variance.
-    """
-    across, weight_m2, total = _least_squares(position_m, origin_m, visible, weight)
-    return np.linalg.inv(total)[:, None] @ (weight_m2[:, :, None, None] * across)
-
-
-def _least_squares(
-    position_m: FloatArray, origin_m: FloatArray, visible: BoolArray, weight: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return projections across (n, s, 3, 3), weights (n, s), 1/m² per second, and information (n,
-    3, 3).
-    """
-    offset = position_m[:, None] - origin_m
-    range_square = np.sum(offset * offset, axis=2)
-    across = (
-        np.eye(3) - offset[:, :, :, None] * offset[:, :, None, :] / range_square[:, :, None, None]
-    )
-    weight_m2 = np.where(visible, weight / range_square, 0.0)
-    # In observed directions the lines of one second outweigh the prior.
-    total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / _PRIOR_SIGMA_M**2
-    return across, weight_m2, total
-
-
 #: The columns that determine the lines of sight of detections.
 _line_of_sight_columns = attrgetter(
     "time_ns", "sensor", "scan", "line_of_sight_ecef", "sensor_ecef_m", "line_of_sight_sigma_rad"
@@ -181,3 +149,48 @@ def _same_lines_of_sight(detections: Detections, reference: Detections) -> bool:
 
 def _same_bytes(array: Any, reference: Any) -> bool:
     return array is reference or array.tobytes() == reference.tobytes()
+
+
+def vantages_of(sensors: Sequence[Sensor], time_s: float) -> Vantages:
+    """Return the vantages of sensors at a scene time, with equal weights."""
+    half_s = 0.5
+    times_s = np.array([time_s - half_s, time_s, time_s + half_s])
+    places = np.array([sensor.orbit.position_ecef_m(times_s) for sensor in sensors])
+    return Vantages.of(places, time_s, 2.0 * half_s)
+
+
+def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registration:
+    """Return the registration of a scene's sensors before the first look."""
+    stated = np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors])
+    period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
+    errors = ErrorFilter.of(stated, config.clock_sigma_s, config.bias_correlation_s)
+    return Registration.of(errors, period_s)
+
+
+#: Detection probability of sensors that state none.
+UNSTATED = 0.8
+
+
+def mean_detection_probability(sensors: Sequence[Sensor]) -> FloatArray:
+    """Return detection probabilities (sensors,), means over the types."""
+    stated = [
+        np.mean(list(sensor.detection_probability.values()) or [UNSTATED]) for sensor in sensors
+    ]
+    return clipped(stated)
+
+
+def clipped(stated: ArrayLike) -> FloatArray:
+    """Return stated detection probabilities (n,), neither certain nor hopeless."""
+    return np.clip(np.asarray(stated, dtype=np.float64), 0.05, 0.98)
+
+
+def longest_silence_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
+    """Return the longest time (sensors,) without detection that is probable for a track in view, of
+    the type with the lowest detection probability.
+    """
+    seldom = [min(sensor.detection_probability.values(), default=UNSTATED) for sensor in sensors]
+    chance = clipped(seldom)
+    period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
+    # So many consecutive misses have a probability of 1e-4.
+    misses = np.log(1e-4) / np.log1p(-chance)
+    return np.maximum(scans, misses) * period_s

@@ -49,12 +49,12 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ),
     (
         "coasts alone",
-        {"tracker": {"model": "imm", "motion": "coast", "boost_s": 99.0}},
+        {"tracker": {"model": "imm", "modes": "coast", "boost_s": 99.0}},
         "tracker.boost_s",
     ),
     (
         "boosts alone",
-        {"tracker": {"model": "imm", "motion": "boost", "coast_noise_m_s": 1.0}},
+        {"tracker": {"model": "imm", "modes": "boost", "coast_noise_m_s": 1.0}},
         "tracker.coast_noise_m_s",
     ),
     ("constant", {"tracking_lag_s": 3.0}, "tracking_lag_s"),

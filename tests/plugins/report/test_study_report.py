@@ -115,7 +115,7 @@ def test_a_damaged_study_gets_one_message(folder: Path, tmp_path: Path, capsys) 
     definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
     newer = written_study(tmp_path / "later")
     (newer / "study.json").write_text(
-        json.dumps({**definition, "study_version": 3}), encoding="utf-8"
+        json.dumps({**definition, "study_version": 2}), encoding="utf-8"
     )
-    with pytest.raises(SceneError, match="study version 3, where 2 is read"):
+    with pytest.raises(SceneError, match="study version 2, where 3 is read"):
         StudyPlots(newer)

@@ -17,8 +17,8 @@ from opir_scoring import (
     scorecard_text,
 )
 from opir_scoring.hypothesis_scores import AGES, hypothesis_scores, true_hypotheses
+from opir_scoring.launch_recognition import recognition
 from opir_scoring.proper_scores import LEAST_PROBABILITY, share_above
-from opir_scoring.recognition import recognition
 from opir_testing import stub_estimates
 
 from opir_core import compile_plan

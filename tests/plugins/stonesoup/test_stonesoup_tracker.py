@@ -9,12 +9,12 @@ from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
+from opir_estimation import FIRST_HEIGHT_M
 from opir_stonesoup.models import EarthFixedTransition, SightModel, sensor_axes
 from opir_stonesoup.reader import OpirDetectionReader
 from opir_stonesoup.tracker import StoneSoupTracker
 from opir_stonesoup.upkeep import SilenceDeleter, ground_prior
 from opir_studies.comparison import compared
-from opir_trackers.triangulation import FIRST_HEIGHT_M
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor
 from stonesoup.predictor.particle import ParticlePredictor
 from stonesoup.tracker.simple import MultiTargetTracker

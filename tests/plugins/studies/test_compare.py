@@ -32,12 +32,26 @@ def compare(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_every_tracker_and_its_settings_have_scores(compare):
-    printed = compare("--runs 2 --json --tracker imm --tracker '{model: imm, motion: boost}'", 40.0)
+    printed = compare("--runs 2 --json --tracker imm --tracker '{model: imm, modes: boost}'", 40.0)
     reported = json.loads(printed)["trackers"]
-    assert list(reported) == ["imm", "{model: imm, motion: boost}"]
+    assert list(reported) == ["imm", "{model: imm, modes: boost}"]
     assert reported["imm"]["seeds"] == [7, 8]
     assert reported["imm"]["tracking_us_a_detection"]["value"] > 0.0
     assert reported["imm"]["tracking_us_a_track_update"]["value"] > 0.0
+
+
+@pytest.mark.slow
+def test_parts_of_a_tracker_are_compared_by_their_settings(compare):
+    words = "--runs 1 --json --tracker imm --vary tracker.association=crowds --vary tracker.modes=boost,boost-coast"
+    reported = json.loads(compare(words, 40.0))["trackers"]
+    names = [f"imm association=crowds, modes={modes}" for modes in ("boost", "boost-coast")]
+    assert list(reported) == names
+
+
+def test_values_of_no_setting_and_parts_of_none_are_refused(compare):
+    assert "write PATH=VALUE,VALUE" in compare("--vary tracker.association", code=2)
+    refused = compare("--tracker imm --vary tracker.association=crowds,gnnn", code=2)
+    assert "tracker.association: no tracker part is named 'gnnn'" in refused
 
 
 @pytest.mark.slow

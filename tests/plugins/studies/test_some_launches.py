@@ -65,8 +65,13 @@ def written(settings, folder, spread_s=10.0):
         seed = design.scene.seed
         chance = design.scene.sensors[0].model.config.detection_probability["ICBM"]
         rows = figures(values_of(seed, settings.runs, chance, spread_s))
-        records.append([RunRecord(run, seed + run, 0.0, row) for run, row in enumerate(rows)])
+        records.append([record(run, seed + run, row) for run, row in enumerate(rows)])
     return written_result(planned, folder, records)
+
+
+def record(run, seed, values):
+    """Return the record of a run with one launch, which is looked at and seen at once."""
+    return RunRecord(run, seed, 0.0, values, launches=((1.0,), (1.0,), (1.0,), ("ICBM",)))
 
 
 def figures(values):
@@ -234,7 +239,7 @@ def test_ranks_put_launches_first_then_requirements_then_the_value():
 
 def test_runs_that_failed_are_not_counted(host, tmp_path):
     planned = planned_study(study(runs=3))
-    runs = [RunRecord(number, number, 0.0, (50.0, 1.0, 50.0)) for number in range(3)]
+    runs = [record(number, number, (50.0, 1.0, 50.0)) for number in range(3)]
     result = written_result(planned, tmp_path, [[runs[0], None, runs[2]], runs])
     counts = [(row["runs"], row["share"]) for row in result.rows("time_s")]
     assert counts == [(2, 1.0), (3, 1.0)]

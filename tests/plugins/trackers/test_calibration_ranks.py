@@ -18,7 +18,7 @@ from calibration_ranks import (
     uniformity,
 )
 from foreign_flights import ecef
-from opir_trackers.launch_points import EDGES_S
+from opir_forecast.launch_points import EDGES_S
 
 
 def test_ranks_of_draws_of_the_stated_distribution_are_uniform_and_others_are_not():

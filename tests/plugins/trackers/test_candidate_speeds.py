@@ -4,8 +4,8 @@ are drawn from.
 
 import numpy as np
 import pytest
+from opir_estimation import LinesOfSight
 from opir_trackers.initiation import TrackCandidates, track_candidates
-from opir_trackers.lines_of_sight import LinesOfSight
 
 from opir_core.geometry import geodetic_to_ecef
 

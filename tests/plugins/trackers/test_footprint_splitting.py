@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from opir_estimation import LinesOfSight
 from opir_trackers.initiation import split_clusters
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.pairing import Directions, SetModel, normal_equations
 
 import opir_core as opir

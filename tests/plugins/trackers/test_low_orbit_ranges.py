@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_trackers.lines_of_sight import LinesOfSight
-from opir_trackers.triangulation import geostationary_directions, points_near_ground
+from opir_estimation import LinesOfSight, geostationary_directions, points_near_ground
 
 import opir_core as opir
 from opir_core.interfaces.records import Tracks

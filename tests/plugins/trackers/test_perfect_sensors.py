@@ -4,7 +4,8 @@ track.
 
 import numpy as np
 import pytest
-from opir_trackers.lines_of_sight import LEAST_SIGMA_M, LinesOfSight
+from opir_estimation import LinesOfSight
+from opir_estimation.lines_of_sight import LEAST_SIGMA_M
 
 import opir_core as opir
 

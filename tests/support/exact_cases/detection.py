@@ -8,11 +8,11 @@ import mpmath as mp
 import numpy as np
 import opir_photons.detection as detection
 import opir_scoring as scoring
-from opir_trackers.filter.measurement_updates import least_squares
+from opir_estimation import square_root, tangent_axes
+from opir_estimation.filter.measurement_updates import least_squares
 
 from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
-from opir_core.estimation import square_root, tangent_axes
 from opir_core.estimation.ellipses import containment_ellipse, sigmas
 from opir_core.geometry.vectors import angle_between_rad
 

@@ -2,12 +2,12 @@
 
 import mpmath as mp
 import numpy as np
+from opir_estimation import square_root
 from opir_photons.classification.gaussian_mixture import Components, Mixture, log_shares, log_sum
 
 from exact_cases import draws
 from exact_cases.measure import Case, dot, norm
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation import square_root
 from opir_core.flight.aiming import hitting_speed_m_s
 from opir_core.geometry import AzimuthalEquidistant, great_circle_m, unit_vectors
 from opir_core.orbits.elements import mean_anomaly_rad

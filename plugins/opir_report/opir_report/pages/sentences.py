@@ -11,7 +11,7 @@ from opir_report.figure_data import FigureData
 from opir_report.plots.panels import rows_with_mean
 from opir_report.plots.responses import Part, parts_of
 from opir_report.plots.trades import is_higher_better
-from opir_report.saved_study import SavedStudy, level_text
+from opir_report.saved_study import CONDITION, SavedStudy, level_text
 from opir_report.words import (
     axis_label,
     figure_words,
@@ -108,6 +108,37 @@ def answers(study: SavedStudy) -> list[str]:
     return (
         [_answer(study, part, figures) for part in parts_of(study, figures[0])] if figures else []
     )
+
+
+def condition_sentences(study: SavedStudy) -> list[str]:
+    """Return a sentence on the designs that meet all requirements on means in every condition, none
+    for a study without conditions or such requirements.
+    """
+    if study.split != CONDITION or not study.requirements:
+        return []
+    rows = study.rows(next(iter(study.units)))
+    names = np.array(
+        study.labels(rows, study.choices) if study.choices else ["the scene"] * len(rows)
+    )
+    verdicts_of_all = Verdicts.of(study, np.arange(len(rows)))
+    groups = {name: names == name for name in dict.fromkeys(names.tolist())}
+    required = ", ".join(requirement_words(study, each) for each in study.requirements)
+    texts = [
+        _names_text(groups, is_met, how)
+        for is_met, how in (
+            (verdicts_of_all.is_sure, "with the whole 95 % intervals"),
+            (verdicts_of_all.is_met, "by the means alone"),
+        )
+    ]
+    return [f"In every condition {required} is met by {', '.join(texts)}."]
+
+
+def _names_text(groups: Mapping[str, BoolArray], is_met: BoolArray, how: str) -> str:
+    """Return how many groups of designs are met as a whole, and which."""
+    meeting = [name for name, of_design in groups.items() if is_met[of_design].all()]
+    more = f"; and {len(meeting) - _NAMED} more" if len(meeting) > _NAMED else ""
+    names = f": {'; '.join(meeting[:_NAMED])}{more}" if meeting else ""
+    return f"{len(meeting)} of {len(groups)} {how}{names}"
 
 
 def _answer(study: SavedStudy, part: Part, figures: Sequence[str]) -> str:

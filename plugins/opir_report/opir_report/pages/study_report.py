@@ -14,7 +14,15 @@ from opir_report.pages.page import ReportFigure, ReportPage, ReportSection, Repo
 from opir_report.pages.paper import write_figures
 from opir_report.pages.response_section import response_section
 from opir_report.pages.run_sections import figure_of, plot_of
-from opir_report.pages.sentences import answers, mean_text, range_sentence, verdicts, words_of
+from opir_report.pages.sentences import (
+    answers,
+    condition_sentences,
+    mean_text,
+    range_sentence,
+    verdicts,
+    words_of,
+)
+from opir_report.pages.share_section import calibration_sentences, share_answers, share_section
 from opir_report.plots.effects import difference_plot, effect_figure, effect_height_in
 from opir_report.plots.panels import SAMPLED, effect_panels
 from opir_report.plots.trades import (
@@ -85,12 +93,14 @@ def study_page(study: SavedStudy) -> ReportPage:
     definition = study.definition
     runs = int(sum(study.rows(next(iter(study.units)))["runs"].tolist())) if study.units else 0
     answer = answers(study) if study.question else []
-    summary = answer or [
-        *verdicts(study),
-        *(range_sentence(study, figure) for figure in study.shown),
+    summary = [
+        *share_answers(study),
+        *condition_sentences(study),
+        *(answer or [*verdicts(study), *(range_sentence(study, figure) for figure in study.shown)]),
     ]
     sections = [
         _answer_section(study),
+        share_section(study),
         response_section(study),
         _trade_section(study),
         *(_metric_section(study, *metric) for metric in study.figures_of_metrics.items()),
@@ -102,7 +112,7 @@ def study_page(study: SavedStudy) -> ReportPage:
             f"{len(definition['designs'])} designs of the scene {definition['scene']},"
             f" {grouped(runs)} runs; varied: {study.names() or 'nothing'}"
         ),
-        summary=[*definition.get("notes", ()), *summary],
+        summary=[*calibration_sentences(study), *definition.get("notes", ()), *summary],
         sections=[section for section in sections if section and (section.parts or section.text)],
         footer="Written by opir-report. Unclassified textbook physics, notional numbers.",
     )

@@ -11,8 +11,10 @@ from attrs import frozen
 from opir_scoring import (
     OLDEST_S,
     PHASES,
+    SURE,
     ImpactScores,
     Ownership,
+    PointErrors,
     RunEvidence,
     coverage,
     evidence_of_run,
@@ -20,11 +22,12 @@ from opir_scoring import (
     ownership,
     phase_scores,
     point_errors,
+    recognition,
     state_errors,
 )
 
 from opir_core import Run
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.plugin import MetricContext, NoConfig
 from opir_studies.configs import ImpactConfig
@@ -47,6 +50,7 @@ class TracksMetric:
         "tracks_a_launch": "tracked",
         "first_track_s": "tracked",
     }
+    launch_units: ClassVar[Mapping[str, str]] = {"tracked_s": "s", "recognised_s": "s"}
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -70,6 +74,25 @@ class TracksMetric:
             "false_tracks": float(np.count_nonzero(owners.target < 0)),
             "tracks_a_launch": mean_of_known(covered.tracks[covered.tracks > 0].astype(np.float64)),
             "first_track_s": mean_of_known(covered.first_track_s),
+        }
+
+    def launches(self, run: Run) -> Mapping[str, FloatArray]:
+        """Return the times from ignition to the first estimate of a track, and to one with P(launch)
+        above 0.95.
+
+        The second is nan for a tracker that weighs no launches.
+        """
+        evidence, owners = run_evidence(run)
+        launches = len(run.plan.scene.targets)
+        target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
+        rows = np.flatnonzero(target >= 0)
+        available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
+        tracked_s = np.full(launches, np.inf)
+        np.minimum.at(tracked_s, target[rows], available_s[rows])
+        recognised = recognition(evidence, owners, SURE)
+        return {
+            "tracked_s": tracked_s - run.plan.targets.ignition_s[:launches],
+            "recognised_s": recognised.sure_after_s,
         }
 
 
@@ -119,6 +142,10 @@ class LaunchErrorMetric:
     shares: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("launch_error_m", "launch_time_error_s"), "share_with_launch"
     )
+    launch_units: ClassVar[Mapping[str, str]] = {
+        "launch_error_m": "m",
+        "launch_time_error_s": "s",
+    }
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -129,12 +156,27 @@ class LaunchErrorMetric:
         """Return both errors, nan without launch estimates, and the share of launches that they are
         of.
         """
-        errors = point_errors(*run_evidence(run))
+        errors = _last_errors(run)
         return {
             "launch_error_m": _rms(errors.launch_m),
             "launch_time_error_s": _rms(errors.launch_time_s),
             "share_with_launch": share_of_known(errors.launch_m, len(run.plan.scene.targets)),
         }
+
+    def launches(self, run: Run) -> Mapping[str, FloatArray]:
+        """Return both errors of each launch's last estimate, inf without one."""
+        errors = _last_errors(run)
+        launches = len(run.plan.scene.targets)
+        values = zip(self.launch_units, (errors.launch_m, errors.launch_time_s), strict=True)
+        return {
+            name: by_launch(errors.target, np.where(np.isnan(column), np.inf, column), launches)
+            for name, column in values
+        }
+
+
+@lru_cache(maxsize=1)
+def _last_errors(run: Run) -> PointErrors:
+    return point_errors(*run_evidence(run))
 
 
 def launch_error_metric(_config: NoConfig, _context: MetricContext) -> LaunchErrorMetric:
@@ -176,23 +218,50 @@ class ImpactRegionMetric:
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return the figures of every instant; nan for those that no track reaches."""
-        evidence, owners = run_evidence(run)
-        truth = evidence.plan.targets.truth()[: len(run.plan.scene.targets)]
-        landing = sum(bool(target.get("impact")) for target in truth)
+        landing = int(comes_down(run).sum())
         figures: dict[str, float] = {}
-        phase, scores = phase_scores(evidence, owners)
-        for name in self.phases:
-            figures |= self._figures(
-                _phase_words(name), scores.take(phase == PHASES.index(name)), landing
-            )
-        scores_at_ticks = impact_scores(evidence, owners) if self.times_s else scores
-        for time_s in self.times_s:
-            figures |= self._figures(
-                f"at_{time_words(time_s)}",
-                scores_at_ticks.take(_rows_at(evidence, scores_at_ticks, time_s)),
-                landing,
-            )
+        for words, scores in self._scores(run).items():
+            figures |= self._figures(words, scores, landing)
         return figures
+
+    @property
+    def launch_units(self) -> Mapping[str, str]:
+        """Return the columns of launches with their units."""
+        columns = [_names(words)[:2] for words in self._instants]
+        return {
+            name: unit for pair in columns for name, unit in zip(pair, ("km2", ""), strict=True)
+        }
+
+    @property
+    def launch_containments(self) -> Mapping[str, float]:
+        """Return the stated containment of the columns that say whether a region held."""
+        nominal = TRACK_CONTAINMENTS[self.place]
+        return {_names(words)[1]: nominal for words in self._instants}
+
+    def launches(self, run: Run) -> Mapping[str, FloatArray]:
+        """Return the area of each launch's region at every instant, inf without one, and whether it
+        contains the impact.
+
+        nan for launches that do not come down, and for the second without a region.
+        """
+        landing = comes_down(run)
+        columns: dict[str, FloatArray] = {}
+        for words, scores in self._scores(run).items():
+            of_landing = scores.take(scores.has_impact)
+            area_km2 = of_landing.area_km2[:, self.place]
+            area_km2 = by_launch(
+                of_landing.target, np.where(np.isnan(area_km2), np.inf, area_km2), len(landing)
+            )
+            contained = by_launch(
+                of_landing.target, of_landing.contained[:, self.place], len(landing)
+            )
+            area_name, contained_name, _ = _names(words)
+            columns[area_name] = np.where(landing, area_km2, np.nan)
+            columns[contained_name] = np.where(np.isfinite(area_km2), contained, np.nan)
+        return columns
+
+    def _scores(self, run: Run) -> Mapping[str, ImpactScores]:
+        return _instant_scores(run, self.phases, self.times_s)
 
     @property
     def _instants(self) -> list[str]:
@@ -214,12 +283,40 @@ class ImpactRegionMetric:
         return dict(zip(_names(words), values, strict=True))
 
 
+@lru_cache(maxsize=1)
+def _instant_scores(
+    run: Run, phases: tuple[str, ...], times_s: tuple[float, ...]
+) -> Mapping[str, ImpactScores]:
+    """Return the scores of the estimates at each instant, by its words."""
+    evidence, owners = run_evidence(run)
+    phase, scores = phase_scores(evidence, owners)
+    at_instants = {_phase_words(name): scores.take(phase == PHASES.index(name)) for name in phases}
+    scores_at_ticks = impact_scores(evidence, owners) if times_s else scores
+    for time_s in times_s:
+        rows = _rows_at(evidence, scores_at_ticks, time_s)
+        at_instants[f"at_{time_words(time_s)}"] = scores_at_ticks.take(rows)
+    return at_instants
+
+
 def impact_region_metric(config: ImpactConfig, _context: MetricContext) -> ImpactRegionMetric:
     """Return the metric `impact_region`."""
     place = int(
         np.argmin(np.abs(np.array(TRACK_CONTAINMENTS) - config.containment_percent / 100.0))
     )
     return ImpactRegionMetric(place, config.phases, config.times_s)
+
+
+def comes_down(run: Run) -> BoolArray:
+    """Return which launches (n,) of a run have a true impact."""
+    truth = run.plan.targets.truth()[: len(run.plan.scene.targets)]
+    return np.array([bool(target.get("impact")) for target in truth], dtype=np.bool_)
+
+
+def by_launch(target: IntArray, values: FloatArray, launches: int) -> FloatArray:
+    """Return values (n,) of targets (n,) by launch (launches,), inf for those without one."""
+    columns = np.full(launches, np.inf)
+    columns[target] = values
+    return columns
 
 
 def _names(words: str) -> tuple[str, str, str]:

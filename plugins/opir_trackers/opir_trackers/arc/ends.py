@@ -3,9 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
+from opir_estimation import LinesOfSight, emission_s, matvec
+from opir_forecast import LaunchPoints
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import matvec
 from opir_core.flight import kepler_impact, propagate_kepler
 from opir_core.geometry import (
     ecef_to_geodetic,
@@ -16,8 +17,6 @@ from opir_core.geometry import (
 )
 from opir_core.plugin import TARGET_TYPES
 from opir_trackers.arc.fit import ArcFits, slopes_of, solved, trial_states
-from opir_trackers.launch_points import LaunchPoints
-from opir_trackers.lines_of_sight import LinesOfSight, emission_s
 from opir_trackers.sensors import SensorSchedule
 
 #: Median burn time of a boost of each of `TARGET_TYPES`, s. Notional.

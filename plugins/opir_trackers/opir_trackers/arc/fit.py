@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import LinesOfSight, earth_rotated, emission_s
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.flight import propagate_kepler
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.interfaces import Columns
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 
 #: Finite-difference steps, m and m/s; an arc is linear over them to parts in a million.
 STEPS = np.array([10.0, 10.0, 10.0, 0.1, 0.1, 0.1])

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
+from opir_forecast import Outcomes, vehicle_model
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.plugin import REPORTED_TYPES, Hypothesis
-from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.vehicles import vehicle_model
 
 
 @frozen(eq=False)

@@ -5,11 +5,11 @@
 from math import erf
 
 import numpy as np
+from opir_forecast import vehicle_model
 
 from opir_core.arrays import FloatArray
 from opir_core.plugin import TARGET_TYPES
 from opir_core.scene import UNKNOWN_TYPE
-from opir_trackers.forecast.vehicles import vehicle_model
 
 
 def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:

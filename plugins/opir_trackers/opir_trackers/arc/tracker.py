@@ -6,6 +6,8 @@ baseline for the others.
 
 import numpy as np
 from attrs import evolve
+from opir_estimation import LinesOfSight, no_lines_of_sight, sensor_health
+from opir_forecast import site_height_m
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import great_circle_m
@@ -35,11 +37,8 @@ from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.imm.report import type_posterior
 from opir_trackers.imm.tracking import ImmTracking
-from opir_trackers.launch_points import site_height_m
-from opir_trackers.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
-from opir_trackers.registration.health import sensor_health
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 
 #: Least number of detections of an arc.
@@ -172,7 +171,7 @@ class ArcTracker(Tracker):
             return owner
         models = self._tracking.models
         lines = self._state.registration.corrected(lines)
-        estimates = self._state.estimates.take(rows)
+        estimates = self._state.table.estimates.take(rows)
         predicted = models.filter.predicted_measurements(estimates, self._state.time_s)
         pairs = models.gated_pairs(predicted, lines, span_s)
         row = associate_nearest(pairs, lines, models.association).owner
@@ -213,7 +212,7 @@ class ArcTracker(Tracker):
         Whether it is a launch follows from its motion, as in `imm`; what was launched, from its
         arc.
         """
-        groups = self._reported.motion.probability
+        groups = self._reported.table.motion.probability
         no_launch = tracks.is_brief | (groups[:, LAUNCH] < self._config.least_launch_probability)
         in_orbit = self._arcs.is_fitted & np.isnan(tracks.impact[:, 2])
         given_launch = self._launches.given_launch(tracks.type_probability, in_orbit)
@@ -261,7 +260,7 @@ class ArcTracker(Tracker):
         elapsed_s = arcs.last_s - _launch_s(arcs)
         expected = expected_looks(self._watch, arcs.seen, elapsed_s, kinds)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
-        share = np.where(reported.estimates.weight[rows, 1] > 0.5, 1.0, share)
+        share = np.where(reported.table.estimates.weight[rows, 1] > 0.5, 1.0, share)
         return self._config.sigma_0_m * np.exp(-self._config.convergence * share)
 
     def _with_end(self, covariance: FloatArray, arcs: ArcFits) -> FloatArray:

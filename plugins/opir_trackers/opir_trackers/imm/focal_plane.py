@@ -15,21 +15,24 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
-
-from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import dot, matvec, tangent_axes
-from opir_core.interfaces import Columns
-from opir_trackers.assignment import (
+from opir_estimation import (
+    LinesOfSight,
     belief_propagation,
     cheapest_assignment,
+    dot,
     group_minima,
     group_sums,
+    matvec,
+    neighbour_pairs,
     ranks,
+    scan_numbers,
+    tangent_axes,
     unambiguous,
 )
-from opir_trackers.association import AssociationModel, scan_numbers
-from opir_trackers.gating import neighbour_pairs
-from opir_trackers.lines_of_sight import LinesOfSight
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.interfaces import Columns
+from opir_trackers.association import AssociationModel
 
 
 @frozen

@@ -7,12 +7,10 @@ two pairings its parts keep their velocities.
 
 import numpy as np
 from attrs import frozen
+from opir_estimation import COAST, ModeEstimates, information_root, square_root
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import COAST, square_root
 from opir_core.interfaces import Columns
-from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.filter.measurement_updates import information_root
 
 
 @frozen(eq=False, repr=False)

@@ -15,13 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import (
+    AngleMeasurements,
+    GatedPairs,
+    ImmFilter,
+    ModeEstimates,
+    PredictedMeasurements,
+    matvec,
+)
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation import matvec
-from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.gating import GatedPairs
-from opir_trackers.lines_of_sight import AngleMeasurements
 
 
 @frozen
@@ -156,10 +159,10 @@ def reweighted(
     log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(prior))
     doubted = np.zeros(len(prior), dtype=np.bool_)
     doubted[assigned.track[weight < 1.0 - LAW.tolerance]] = True
-    rows = np.flatnonzero(doubted)
+    rows = doubted.nonzero()[0]
     if not len(rows):
         return ReweightedEstimates(posterior, log_likelihood)
-    pair_rows = np.flatnonzero(doubted[assigned.track])
+    pair_rows = doubted[assigned.track].nonzero()[0]
     pairs = assigned.take(pair_rows)
     pairs = evolve(pairs, track=(np.cumsum(doubted) - 1)[pairs.track])
     subset = _maximised(

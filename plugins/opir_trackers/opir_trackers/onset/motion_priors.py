@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
+from opir_forecast import AT_ONCE, BEFORE_S, Ground, grounds
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.launch_points import AT_ONCE, BEFORE_S, Ground, grounds
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NONE, ORDERS
 
 #: Horizontal standard deviation of positions about the reference point of a track, m, wider than

@@ -15,12 +15,11 @@ from typing import ClassVar
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_estimation import LinesOfSight, dot, earth_rotated
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation import dot
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces import Columns
-from opir_trackers.lines_of_sight import LinesOfSight, earth_rotated
 
 #: Groups of hypotheses that motion distinguishes, columns of `MotionStatistics.probability`.
 NOISE, GROUND, BOLIDE, LAUNCH, NONE = range(5)
@@ -135,8 +134,10 @@ class MotionStatistics(Columns):
         `log_clutter` (sensors,) is the log density of false alarms over the detection probability.
         Of what is decided to move nothing more is taken in.
         """
-        settled = np.append(self.is_decided & ~self.stands, True)
-        rows = (~settled[owner]).nonzero()[0]
+        is_open = ~self.is_decided | self.stands
+        if True not in is_open:
+            return self
+        rows = np.append(is_open, False)[owner].nonzero()[0]
         if not len(rows):
             return self
         rows = rows[owner[rows].argsort(kind="stable")]

@@ -4,12 +4,12 @@ sigma.
 
 import numpy as np
 import pytest
+from opir_estimation import LinesOfSight
 from opir_testing.doubles import stub_sensor
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits, AssumedHeights
 from opir_trackers.arc.range_types import type_probabilities
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.sensors import SensorSchedule
 from scipy.optimize import least_squares
 

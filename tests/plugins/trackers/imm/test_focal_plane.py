@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from opir_estimation import LinesOfSight
 from opir_trackers.association import AssociationModel
 from opir_trackers.imm import focal_plane
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
-from opir_trackers.lines_of_sight import LinesOfSight
 
 RANGE_M = 3.7e7
 SIGMA_RAD = 2e-5

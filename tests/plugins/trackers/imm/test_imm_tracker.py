@@ -6,15 +6,21 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_estimation import (
+    BOOST,
+    COAST,
+    Motion,
+    PredictedMeasurements,
+    tangent_axes,
+    taylor_positions,
+    taylor_weights,
+)
 from opir_testing.doubles import stub_sensor, stub_window
 from opir_trackers.configs import ImmConfig
-from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.imm.models import needed_scans
 from opir_trackers.imm.tracker import ImmTracker, imm_tracker
+from opir_trackers.track_priors import needed_scans
 from position_roots import position_roots
 
-from opir_core.estimation import tangent_axes
-from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.interfaces.contexts import TrackerContext

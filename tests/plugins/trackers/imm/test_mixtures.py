@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.filter.estimates import ModeEstimates
+from opir_estimation import ModeEstimates
 from opir_trackers.imm.mixtures import Mixtures
 
 

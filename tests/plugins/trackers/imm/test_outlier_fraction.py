@@ -7,8 +7,8 @@ import pytest
 from attrs import evolve
 from drawn_flights import flown
 from hypothesis import given, strategies as st
+from opir_estimation import GatedPairs
 from opir_scoring.containments import nees
-from opir_trackers.gating import GatedPairs
 from opir_trackers.imm.outliers import (
     FRACTIONS,
     OutlierFractions,

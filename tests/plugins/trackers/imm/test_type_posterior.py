@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from drawn_flights import flown
+from opir_forecast.outcomes import Outcomes
+from opir_forecast.vehicles import vehicle_model
 from opir_testing.doubles import stub_sensor
-from opir_trackers.forecast.outcomes import Outcomes
-from opir_trackers.forecast.vehicles import vehicle_model
 from opir_trackers.imm.report import type_log_likelihoods, type_posterior
 from tracked_flights import last_reported, usual
 

@@ -5,9 +5,9 @@ line.
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_estimation import LinesOfSight
+from opir_forecast.launch_points import grounds
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.launch_points import grounds
-from opir_trackers.lines_of_sight import LinesOfSight
 from opir_trackers.onset.motion_priors import MotionPriors
 from opir_trackers.onset.motion_statistics import (
     BOLIDE,

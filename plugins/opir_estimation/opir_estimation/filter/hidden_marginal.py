@@ -1,0 +1,31 @@
+"""Estimates whose motion along an axis is replaced by what is known of it from elsewhere.
+
+All else follows: given what is along the axis, it is as likely as before (Jeffrey's rule).
+"""
+
+import numpy as np
+
+from opir_core.arrays import FloatArray
+from opir_estimation import square_root
+from opir_estimation.filter.measurement_updates import Gaussian, information_root
+
+
+def replaced(
+    burn: Gaussian, axis: FloatArray, along: FloatArray, covariance: FloatArray
+) -> Gaussian:
+    """Return burns (n, d) with position, velocity and force along axes (n, 3) of given moments, (n,
+    3) and (n, 3, 3).
+    """
+    count, size = burn.mean.shape
+    rows = np.zeros((count, 3, size))
+    for order in range(3):
+        rows[:, order, 3 * order : 3 * order + 3] = axis
+    side = square_root.inverse_root(burn.root)
+    projected = rows @ side
+    gain = np.linalg.solve(
+        projected @ projected.transpose(0, 2, 1), projected @ side.transpose(0, 2, 1)
+    ).transpose(0, 2, 1)
+    shift = (gain @ (along[:, :, None] - rows @ burn.mean[:, :, None]))[:, :, 0]
+    spread = gain @ np.linalg.cholesky(covariance)
+    wide = np.concatenate([side - gain @ projected, spread], axis=2)
+    return Gaussian(burn.mean + shift, information_root(wide))

@@ -1,0 +1,153 @@
+"""Shares of launches over runs: their intervals, what they show of a required share, and curves over
+time.
+
+Launches of one run share its sensors, weather and random numbers, so runs are the units that are
+independent: the exact binomial interval is that of the effective number of launches (Korn and
+Graubard, Survey Methodology 24 (1998), 193).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from attrs import frozen
+from scipy.stats import beta, t as student
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+
+#: The level of intervals: each of the two tails has half of the rest.
+LEVEL = 0.95
+MET, NOT_MET, NOT_SHOWN = VERDICTS = ("met", "not met", "not shown")
+#: The most runs that are looked for to decide a requirement.
+MAXIMUM_RUNS = 1_000_000
+
+
+class Tails(NamedTuple):
+    """The probabilities below and above an interval."""
+
+    low: float
+    high: float
+
+
+#: The tails of one interval of its own.
+TAILS = Tails(0.5 * (1.0 - LEVEL), 0.5 * (1.0 - LEVEL))
+
+
+@frozen
+class LaunchShare:
+    """The share of launches that something is true of: over `launches` of `runs`, of which
+    `effective` are independent.
+    """
+
+    share: float
+    launches: int
+    runs: int
+    effective: float
+
+    @classmethod
+    def of(cls, is_true: BoolArray, run: IntArray) -> "LaunchShare":
+        """Return the share of launches (n,), with the number of the run of each (n,)."""
+        _, place = np.unique(run, return_inverse=True)
+        trials = np.bincount(place).astype(np.float64) if len(place) else np.zeros(0)
+        successes = np.bincount(place, is_true, len(trials)).astype(np.float64)
+        launches = len(is_true)
+        share = float(successes.sum()) / launches if launches else np.nan
+        effective = _effective_launches(share, successes, trials)
+        return cls(share, launches, len(trials), effective)
+
+    def interval(self, tails: Tails = TAILS) -> tuple[float, float]:
+        """Return the exact binomial interval (Clopper and Pearson, Biometrika 26 (1934), 404); nan
+        without launches, or where one run has several.
+        """
+        return _exact_interval(self.share, self.effective, tails)
+
+    def verdict(self, required: float, tails: Tails = TAILS) -> str:
+        """Return one of `VERDICTS` on a required share: the interval lies above, below or around
+        it.
+        """
+        low, high = self.interval(tails)
+        if low >= required:
+            return MET
+        return NOT_MET if high < required else NOT_SHOWN
+
+    def deciding_runs(self, required: float, tails: Tails = TAILS) -> int | None:
+        """Return about how many runs decide a required share, if this share stays: those that there
+        are where they do; None where no number up to a million does.
+        """
+        if not self.effective or np.isnan(self.effective):
+            return None
+        a_run = self.effective / self.runs
+
+        def decides(runs: int) -> bool:
+            low, high = _exact_interval(self.share, runs * a_run, tails)
+            return bool(low >= required or high < required)
+
+        few = self.runs
+        if decides(few):
+            return few
+        many = 2 * few
+        while many <= MAXIMUM_RUNS and not decides(many):
+            few, many = many, 2 * many
+        if many > MAXIMUM_RUNS:
+            return None
+        while many - few > 1:
+            middle = (few + many) // 2
+            few, many = (few, middle) if decides(middle) else (middle, many)
+        return many
+
+
+def _effective_launches(share: float, successes: FloatArray, trials: FloatArray) -> float:
+    """Return the number of independent launches that successes (k,) in trials (k,) of runs are
+    worth.
+
+    A share of 0 or 1 shows nothing of the dependence within runs: each run counts as one launch.
+    nan for one run of several launches.
+    """
+    runs = len(trials)
+    launches = float(trials.sum())
+    if launches == runs:
+        return launches
+    if runs < 2:
+        return np.nan
+    if share in (0.0, 1.0):
+        return float(runs)
+    variance = runs / (runs - 1) * np.sum(np.square(successes - share * trials)) / launches**2
+    if variance == 0.0:
+        return launches
+    tail = 0.5 * (1.0 + LEVEL)
+    ratio = student.ppf(tail, launches - 1) / student.ppf(tail, runs - 1)
+    return min(float(share * (1.0 - share) / variance * ratio**2), launches)
+
+
+def _exact_interval(share: float, launches: float, tails: Tails) -> tuple[float, float]:
+    if not launches or np.isnan(launches):
+        return np.nan, np.nan
+    successes = share * launches
+    failures = launches - successes
+    low = beta.ppf(tails.low, successes, failures + 1.0) if successes > 0.0 else 0.0
+    high = beta.ppf(1.0 - tails.high, successes + 1.0, failures) if failures > 0.0 else 1.0
+    return float(low), float(high)
+
+
+def joint_verdict(verdicts: Sequence[str]) -> str:
+    """Return the verdict on a requirement in every condition, of the verdicts in each.
+
+    Met if met in each; not met if in any. So "met" needs no correction for their number; the upper
+    tail of each is to be divided by it.
+    """
+    if all(verdict == MET for verdict in verdicts):
+        return MET
+    return NOT_MET if NOT_MET in verdicts else NOT_SHOWN
+
+
+def share_curve(
+    time_s: FloatArray, run: IntArray, instants_s: FloatArray
+) -> list[tuple[LaunchShare, float, float]]:
+    """Return the share of launches whose time (n,) is at most each instant, with its interval;
+    launches with nan do not count.
+    """
+    applies = ~np.isnan(time_s)
+    shares = [
+        LaunchShare.of(time_s[applies] <= instant_s, run[applies]) for instant_s in instants_s
+    ]
+    return [(share, *share.interval()) for share in shares]

@@ -1,0 +1,139 @@
+"""Runs and studies made again from what their folders hold: the same bytes, or what differs."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from attrs import frozen
+
+from opir_core import compile_plan, load_scene
+from opir_core.errors import reason_of
+from opir_core.output import FILES_KEY, deliver, file_digest
+from opir_studies.refusals import refusal
+from opir_studies.result import DEFINITION
+from opir_studies.runs import installed_version
+from opir_studies.study import Study
+from opir_studies.sweeping import StudyProgress, sweep
+
+_MANIFEST = ".manifest.json"
+_RUN_FILES = "written_files"
+
+
+@frozen
+class Rerun:
+    """What was made again: its folder, the files that have the same bytes, those that do not, and
+    reasons why they may differ.
+    """
+
+    folder: Path
+    same: tuple[str, ...]
+    different: tuple[str, ...]
+    reasons: tuple[str, ...]
+
+
+def rerun(
+    source: str | Path,
+    folder: str | Path,
+    *,
+    workers: int | None = None,
+    on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
+) -> Rerun:
+    """Make a study, or a run, again into a new folder from what its own folder holds.
+
+    `source` is the folder of a study or of one run, or the manifest of a run. Raises `SceneError`
+    where there is none, or where its scene is invalid here.
+    """
+    place = Path(source)
+    target = Path(folder)
+    study = place / DEFINITION if place.is_dir() else place
+    if study.name == DEFINITION and study.is_file():
+        definition = _contents(study)
+        again = Study(**{**definition["made_of"], "executor": "processes"})
+        sweep(again, target, workers=workers, on_progress=on_progress)
+        return _compared(definition, definition[FILES_KEY], study.parent, target)
+    manifest = _manifest_at(place)
+    contents = _contents(manifest)
+    _deliver_again(manifest, contents, target)
+    return _compared(contents, contents[_RUN_FILES], manifest.parent, target)
+
+
+def _manifest_at(place: Path) -> Path:
+    """Return the manifest of the run at a path; raises `SceneError` unless there is one."""
+    if place.is_file() and place.name.endswith(_MANIFEST):
+        return place
+    found = sorted(place.glob(f"*{_MANIFEST}")) if place.is_dir() else []
+    if len(found) != 1:
+        words = "holds no study (study.json) and no manifest of one run (*.manifest.json)"
+        if len(found) > 1:
+            words = f"holds several runs; name one: {', '.join(path.name for path in found)}"
+        raise refusal("", words, str(place))
+    return found[0]
+
+
+def _contents(path: Path) -> dict[str, Any]:
+    try:
+        contents = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        reason = reason_of(error) if isinstance(error, OSError) else str(error)
+        raise refusal("", f"cannot be read: {reason}", str(path)) from error
+    key = "made_of" if path.name == DEFINITION else _RUN_FILES
+    if not isinstance(contents, dict) or key not in contents:
+        words = f"has no {key!r}: it is of another version of opir; run the scene or study again"
+        raise refusal("", words, str(path))
+    return contents
+
+
+def _deliver_again(manifest: Path, contents: Mapping[str, Any], folder: Path) -> None:
+    """Write the files of a run again, of the same kinds and names."""
+    paths = {entry["kind"]: folder / Path(entry["name"]).name for entry in contents[_RUN_FILES]}
+    folder.mkdir(parents=True, exist_ok=True)
+    overrides = []
+    if "events" in paths:
+        sink = "parquet" if paths["events"].suffix == ".parquet" else "jsonl"
+        overrides = [f"outputs=[{{{sink}: {{path: {json.dumps(str(paths['events']))}}}}}]"]
+    outcome = deliver(
+        compile_plan(load_scene(manifest, overrides=overrides)),
+        truth_path=paths.get("truth"),
+        tracks_path=paths.get("tracks"),
+        manifest_path=folder / manifest.name,
+    )
+    outcome.raise_for_failures()
+
+
+def _compared(
+    contents: Mapping[str, Any], entries: Sequence[Mapping[str, Any]], origin: Path, folder: Path
+) -> Rerun:
+    names = {entry["name"]: Path(entry["name"]).name for entry in entries}
+    digests = {entry["name"]: entry["sha256"] for entry in entries}
+    same = [name for name, own in names.items() if _digest(folder / own) == digests[name]]
+    different = [name for name in names if name not in same]
+    reasons = [*_version_reasons(contents), *_file_reasons(origin, names, digests)]
+    return Rerun(folder, tuple(same), tuple(different), tuple(reasons) if different else ())
+
+
+def _digest(path: Path) -> str:
+    return file_digest(path) if path.is_file() else ""
+
+
+def _version_reasons(contents: Mapping[str, Any]) -> list[str]:
+    """Return the versions that are not those that made the files."""
+    versions: dict[str, str] = dict(contents.get("versions", {}))
+    versions.pop("python", None)
+    for component in contents.get("components", ()):
+        versions[component["distribution"]] = component["version"]
+    installed = {name: installed_version(name) for name in versions}
+    return [
+        f"{name} was {version}, and is {installed[name]} here"
+        for name, version in versions.items()
+        if installed[name] != version
+    ]
+
+
+def _file_reasons(origin: Path, names: Mapping[str, str], digests: Mapping[str, str]) -> list[str]:
+    """Return the original files that are no longer what was written."""
+    return [
+        f"{name} is no longer what was written there"
+        for name in names
+        if (origin / name).is_file() and file_digest(origin / name) != digests[name]
+    ]
