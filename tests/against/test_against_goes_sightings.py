@@ -52,7 +52,7 @@ def test_a_plume_is_seen_in_the_bands_in_which_it_was_seen(look, band, expected)
         assert rise_k(look, band) == pytest.approx(missed_k[band], abs=0.006)
 
 
-def test_facts_that_hold_at_the_middle_level_and_within_the_spread():
+def test_facts_that_hold_at_the_level_and_within_the_spread():
     within = 0
     for look, band, expected in FACTS:
         spread = propellants()[look["propellant"]].spread

@@ -134,7 +134,7 @@ def test_what_is_called_validated_has_an_oracle_that_shares_no_code(row):
         ({"oracle": "support imager_pixels"}, "does not import imager_pixels"),
         (
             {
-                "test": "test_against_goes_sightings.py::test_facts_that_hold_at_the_middle_level_and_within_the_spread",
+                "test": "test_against_goes_sightings.py::test_facts_that_hold_at_the_level_and_within_the_spread",
                 "oracle": "support imager_pixels",
             },
             "the oracle imager_pixels imports",
