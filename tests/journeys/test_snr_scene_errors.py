@@ -47,7 +47,7 @@ MISTAKES = {
         2,
         (
             "atmosphere.climate: 'arctic' is not one of us1976, tropical, midlat_summer, midlat_winter,"
-            " subarctic_winter"
+            " subarctic_summer, subarctic_winter"
         ),
     ),
     "a band outside the table": (
