@@ -149,3 +149,8 @@ class Sensor:
     radiometer: Radiometer | None = None
     reporting: tuple[ReportingStage, ...] = ()
     settings: Mapping[str, Any] = field(factory=dict)
+
+    def __repr__(self) -> str:
+        """Return id, type and bands, in one line."""
+        bands = ", ".join(band.name for band in self.bands)
+        return f"<Sensor {self.id}: {self.type}, {bands}>"

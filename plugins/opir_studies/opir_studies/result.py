@@ -12,6 +12,8 @@ import io
 import json
 import math
 from collections.abc import Mapping, Sequence
+from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +111,11 @@ class StudyResult:
     def to_pandas(self) -> Any:
         """Return the table as a data frame of pandas."""
         return self.table.to_pandas()
+
+    def _repr_html_(self) -> str:
+        """Return verdicts, tables and differences as a notebook shows them."""
+        text = import_module("opir_studies.sweep_command").as_text(self)
+        return f"<pre>{escape(text)}</pre>"
 
     def __repr__(self) -> str:
         """Return the study with its size, in one line."""
