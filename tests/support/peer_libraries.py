@@ -16,6 +16,7 @@ NAMES = (
     "boinor",
     "ccsds_ndm",
     "czml3",
+    "duckdb",
     "erfa",
     "fastkml",
     "geojson_validator",
