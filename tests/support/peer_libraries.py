@@ -11,6 +11,7 @@ from pathlib import Path
 
 #: The packages that the distributions of the extra install, as they are imported.
 NAMES = (
+    "SALib",
     "astropy",
     "axe_playwright_python",
     "boinor",
