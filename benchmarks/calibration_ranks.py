@@ -134,7 +134,7 @@ def ranks_of(task):
         write_table(path, flight.seen_table())
         duration_s = START_S + flight.seen_s + MARKS_S[-1] + 2.0
         longitude_deg = float(np.degrees(flight.launch[1]))
-        tracker = {"model": "imm", "regions_every_s": 10.0}
+        tracker = {"model": "imm"}
         target = table_target(path, flight.kind)
         scene = flight_scene(target, longitude_deg, duration_s, seed, tracker=tracker)
         run = opir.run_of_plan(opir.compile_plan(scene))

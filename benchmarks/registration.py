@@ -168,7 +168,7 @@ def tracked(plan, detections):
 def outcome_of(case, seed):
     """Return the results of a run."""
     run = opir.simulate(scene_of(seed, case, {"model": "none"}))
-    plan = opir.compile_plan(scene_of(seed, case, {"model": "imm", "regions_every_s": 600.0}))
+    plan = opir.compile_plan(scene_of(seed, case, {"model": "imm", "forecast": "none"}))
     detections, bias_rad = disturbed(run.detections, case, np.random.default_rng([1, seed]))
     order = np.argsort(detections.time_ns, kind="stable")
     detections = detections.take(order)

@@ -113,7 +113,7 @@ def scene_of(half_km, seed, sensors, fan_deg):
                 for row, slot_deg in enumerate(slots_deg)
             ],
             "targets": targets,
-            "tracker": {"model": "imm", "regions_every_s": 600.0},
+            "tracker": {"model": "imm", "forecast": "none"},
         }
     )
 

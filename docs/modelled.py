@@ -76,12 +76,17 @@ PARTS = (
     Part(
         "Bodies after burnout",
         "notional",
-        "grey body at one temperature that reflects sunlight as a diffuse sphere, with the Earth's"
-        " umbra and penumbra"
-        " ([the Sun](sun.md)), for sensors with `follows_bodies`",
-        "heating at re-entry; earthshine; shape, gloss and spin; albedo that differs from band to"
-        " band",
-        "LWIR: earthshine adds at most about 10 % at emissivity 0.9. Re-entry: signal far too low",
+        "grey body that reflects sunlight as a diffuse sphere, with the Earth's umbra and penumbra"
+        " ([the Sun](sun.md)), and that the air heats:"
+        " [nose, windward and lee side in radiative equilibrium](radiometry.md#bodies-in-the-air)."
+        " Every sensor looks at gliders, those with `follows_bodies` at all bodies",
+        "earthshine; gloss and spin; albedo that differs from band to band; which side a sensor"
+        " sees; in the air turbulent flow, conduction, ablation, wakes, glowing air and plasma"
+        " lines; spent stages, debris and nozzles that cool after burnout; with"
+        " `forces: kepler` the drag of re-entry",
+        "LWIR: earthshine adds at most about 10 % at emissivity 0.9. Re-entry: laminar flow heats"
+        " two to four times less than turbulent flow, so below about 40 km bodies are up to 30 %"
+        " too cold. Shapes are notional",
     ),
     Part(
         "Fires and gas flares",

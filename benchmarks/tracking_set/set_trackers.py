@@ -15,7 +15,7 @@ from opir_core.simulation.tracker_clock import ScheduledTracker
 LMB = "LMB filter"
 #: Settings of each tracker, given a description of a scene; by the names that the page uses.
 TRACKERS = {
-    "imm": lambda scene: {"model": "imm", "regions_every_s": 600.0},
+    "imm": lambda scene: {"model": "imm", "forecast": "none"},
     "kepler-arc": lambda scene: {"model": "kepler-arc"},
     "Stone Soup EKF, GNN": lambda scene: stone_soup(scene, "gnn"),
     "Stone Soup EKF, JPDA": lambda scene: stone_soup(scene, "jpda"),

@@ -37,14 +37,28 @@ BANDS = {
     "LWIR": (8.0, 12.0),
     "STG_2.0_2.4": (2.0, 2.4),
     "MWIRW_3.5_4.0": (3.5, 4.0),
-    # Bands 7 to 10 of the civil imagers ABI and AHI (GOES-R product definition and users' guide).
+    # Bands 7 to 16 of the civil imagers ABI and AHI (GOES-R product definition and users' guide).
     "ABI_07": (3.8, 4.0),
     "ABI_08": (5.77, 6.6),
     "ABI_09": (6.75, 7.15),
     "ABI_10": (7.24, 7.44),
+    "ABI_11": (8.3, 8.7),
+    "ABI_12": (9.42, 9.8),
+    "ABI_13": (10.1, 10.6),
+    "ABI_14": (10.8, 11.6),
+    "ABI_15": (11.8, 12.8),
+    "ABI_16": (13.0, 13.6),
 }
 #: Ranges of frequency, 1/cm, asked for at once: around them lie the bands.
-RANGES = ((830, 1255), (1335, 1740), (1995, 2505), (2495, 2865), (3330, 4005), (4165, 5005))
+RANGES = (
+    (830, 1255),
+    (1335, 1740),
+    (1995, 2505),
+    (2495, 2865),
+    (3330, 4005),
+    (4165, 5005),
+    (720, 900),
+)
 
 MODELS = {"us1976": 6, "tropical": 1, "midlat_summer": 2, "midlat_winter": 3, "subarctic_winter": 5}
 SKIES = (

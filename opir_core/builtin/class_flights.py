@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import define
+from attrs import Factory, define, field
 
 from opir_core.arrays import ByteArray, FloatArray, IndexArray
 from opir_core.builtin.configs import BallisticConfig, PlaceConfig
@@ -32,11 +32,12 @@ EPHEMERIS_TOLERANCE_M = 0.01
 
 @define(eq=False, kw_only=True, repr=False)
 class ClassFlights(Trajectories):
-    """Targets of classes, from ignition to burnout or, where a sensor follows them, to the end of
+    """Targets of classes, from ignition to burnout or, where a sensor looks on, to the end of
     their flight.
 
-    `coast` is the flight after burnout where a sensor follows it, else None; `final_s` (n,) its
-    end; `turns_s` (n, k) the times at which the direction of flight bends.
+    `coast` is the flight after burnout where a sensor looks at it, else None; `final_s` (n,) its
+    end; `turns_s` (n, k) the times at which the direction of flight bends; `watched_s` (n,) those
+    up to which every sensor looks.
     """
 
     classes: tuple[TargetClass, ...]
@@ -48,6 +49,9 @@ class ClassFlights(Trajectories):
     turns_s: FloatArray
     boost: Ephemeris
     coast: Ephemeris | None
+    watched_s: FloatArray = field(
+        default=Factory(lambda flights: flights.burnout_s, takes_self=True)
+    )
 
     @property
     def type_code(self) -> ByteArray:
@@ -174,14 +178,16 @@ def class_flights(
 ) -> Trajectories:
     """Return targets whose boosts follow class profiles, with their flight and other columns.
 
-    `coast` makes the flight after burnout, where a sensor follows it.
+    `coast` makes the flight after burnout, where a sensor looks at it: `watched_s` of `columns`,
+    by default burnout, is the time up to which every sensor does.
     """
+    is_watched = np.any(columns.get("watched_s", flight.burnout_s) > flight.burnout_s)
     return record(
         ids=context.ids,
         ignition_s=flight.path.ignition_s,
         burnout_s=flight.burnout_s,
         boost=boost_ephemeris(flight.path, EPHEMERIS_TOLERANCE_M),
-        coast=coast() if context.free_flight else None,
+        coast=coast() if context.free_flight or is_watched else None,
         flight=flight,
         configs=tuple(configs),
         **{"turns_s": flight.path.breakpoints_s(), **columns},

@@ -1,5 +1,5 @@
 """The target model `glide`: boost on a class profile, equilibrium glide, then free fall to the aim
-point.
+point. The air keeps gliders hot: where light is measured, every sensor looks at them to impact.
 """
 
 from collections.abc import Mapping, Sequence
@@ -76,6 +76,7 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
         classes=classes,
         profiles=profiles,
         final_s=flight.impact_s,
+        watched_s=flight.impact_s if context.measures_light else flight.burnout_s,
         turns_s=np.concatenate([flight.path.breakpoints_s(), flight.release_s[:, None]], axis=1),
     )
 

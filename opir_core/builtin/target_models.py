@@ -195,5 +195,6 @@ def opir_target_models() -> Iterable[TargetModel]:
         summary="boost on a class profile, equilibrium glide at a constant lift-to-drag ratio, and"
         " free fall",
         config=GlideConfig,
+        reads=(BODIES,),
         build=built_by("glide_targets", "glide_targets"),
     )

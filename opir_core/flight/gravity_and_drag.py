@@ -103,6 +103,7 @@ class Gravity:
         self._j2 = field.j2 * field.radius_m**2 if "j2" in zonal else 0.0
         self._j3 = field.j3 * field.radius_m**3 if "j3" in zonal else 0.0
         self._j4 = field.j4 * field.radius_m**4 if "j4" in zonal else 0.0
+        self._is_round = not (self._j2 or self._j3 or self._j4)
 
     def __call__(self, position: FloatArray, velocity: FloatArray | None = None) -> FloatArray:
         """Return accelerations (3, n), m/s², at positions (3, n), m, from the Earth's centre."""
@@ -140,9 +141,11 @@ class Gravity:
         """
         inverse_square = 1.0 / (x * x + y * y + z * z)
         inverse_radius = sqrt(inverse_square)
+        attraction = inverse_square * inverse_radius * -self._mu
+        if self._is_round:
+            return x * attraction, y * attraction, z * attraction, inverse_radius
         ss = z * z * inverse_square
         radial, axial = self._harmonics(inverse_square, z, ss)
-        attraction = inverse_square * inverse_radius * -self._mu
         radial *= attraction
         return x * radial, y * radial, z * radial + axial * attraction, inverse_radius
 

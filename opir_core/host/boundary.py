@@ -15,7 +15,6 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import ModelError, OpirError
-from opir_core.host.components import TrackerPart
 from opir_core.host.error_messages import described_error, is_of_plugin, place_of_frame
 from opir_core.host.host import Host
 from opir_core.scene.scene import Choice, Scene
@@ -151,19 +150,18 @@ class PluginErrors:
         for the core's.
         """
         choice_of_package = dict(self._roots())
-        calls = [
-            (choice, frame.f_code.co_name)
-            for frame in _frames(error)
-            for choice in [choice_of_package.get(_root(frame.f_globals.get("__name__", "")))]
-            if choice is not None and is_of_plugin(frame)
-        ]
-        # A tracker calls its parts.
-        parts = [call for call in calls if call[0].hook == TrackerPart.hook]
-        for choice, method in [*parts, *calls][:1]:
-            return (
-                f"{self._owner(choice)}: {method} raised {described_error(error)};"
-                f" {check_hint(choice.name)}"
+        for frame in _frames(error):
+            choice = (
+                choice_of_package.get(_root(frame.f_globals.get("__name__", "")))
+                if is_of_plugin(frame)
+                else None
             )
+            if choice is not None:
+                method = frame.f_code.co_name
+                return (
+                    f"{self._owner(choice)}: {method} raised {described_error(error)};"
+                    f" {check_hint(choice.name)}"
+                )
         return ""
 
     def _roots(self) -> Iterator[tuple[str, Choice]]:
@@ -177,6 +175,27 @@ class PluginErrors:
                 continue
             build = getattr(component.build, "func", component.build)
             yield _root(getattr(build, "__module__", "") or ""), choice
+
+
+def error_of_part(host: Host, choice: Choice, error: BaseException) -> ModelError | None:
+    """Return the error of the part of a component in whose code an exception was raised, None if it
+    was not in the code of any.
+    """
+    own_package = _package_of(host, choice)
+    packages = {_package_of(host, part): part for part in choice.parts.values()}
+    for frame in _frames(error):
+        package = _root(frame.f_globals.get("__name__", ""))
+        if package in packages and package != own_package and is_of_plugin(frame):
+            part = packages[package]
+            words = f"{frame.f_code.co_name} raised {described_error(error)}"
+            return ModelError(f"{owner_text(host, part)}: {words}; {check_hint(part.name)}")
+    return None
+
+
+def _package_of(host: Host, choice: Choice) -> str:
+    """Return the package of the function that builds a component."""
+    build = host.component(choice.hook, choice.name).build
+    return _root(getattr(getattr(build, "func", build), "__module__", "") or "")
 
 
 def blamed_call(owner: Callable[[], str], hint: str, method: str, call: Callable[[], Any]) -> Any:

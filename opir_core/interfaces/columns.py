@@ -2,13 +2,13 @@
 together.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from operator import is_
-from typing import Any, ClassVar, Generic, Self, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, get_type_hints
 
 import numpy as np
-from attrs import fields
+from attrs import evolve, fields, frozen
 
 from opir_core.arrays import NUMBER_TYPES
 from opir_core.errors import number_of
@@ -44,15 +44,102 @@ LONGEST_REPR = 300
 ROWS_SHOWN = 10
 
 
+@frozen(eq=False)
+class Deferred:
+    """The columns `names` of a record, which `compute` returns of the rows of `inputs` when one of
+    them is first read.
+
+    `compute` treats each row by itself. It is compared: two records whose computations are equal
+    are joined without computing.
+    """
+
+    names: frozenset[str]
+    inputs: "Columns"
+    compute: Callable[[Any], Mapping[str, Any]]
+
+    def take(self, rows: Any) -> "Deferred":
+        """Return the columns of some of the rows."""
+        return evolve(self, inputs=self.inputs.take(rows))
+
+    def is_like(self, other: "Deferred | None") -> bool:
+        """Return whether two records may be joined without computing."""
+        return (
+            other is not None
+            and self.names == other.names
+            and type(self.inputs) is type(other.inputs)
+            and self.compute == other.compute
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence["Deferred | None"]) -> "Deferred | None":
+        """Return the columns of several records, or None if one has none or they are not alike."""
+        first = parts[0] if parts else None
+        alike = [part for part in parts if part is not None and part.is_like(first)]
+        if first is None or len(alike) < len(parts):
+            return None
+        inputs = type(first.inputs).concatenate(part.inputs for part in alike)
+        return evolve(first, inputs=inputs)
+
+
 class Columns:
     """A record of columns; the first attribute gives its length, and any may be None. Records have
     `repr=False`.
 
     A column that is the array of the first one stays so: `take` and `concatenate` copy it once.
+    Columns may be `Deferred`: the first read of one computes them.
     """
 
     #: The shape of a row in the columns that have more than one number a row.
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {}
+
+    @classmethod
+    def deferring(cls, columns: Mapping[str, Any], deferred: Deferred | None) -> Self:
+        """Return the record with these columns, the others deferred."""
+        if deferred is None or not deferred.names:
+            return cls(**columns)
+        record = cls.__new__(cls)
+        record.__dict__["_deferred"] = deferred
+        for name, column in columns.items():
+            object.__setattr__(record, name, column)
+        return record
+
+    @property
+    def deferred(self) -> Deferred | None:
+        """The columns that are not computed yet."""
+        deferred: Deferred | None = self.__dict__.get("_deferred")
+        return deferred
+
+    if not TYPE_CHECKING:  # names stay checked
+
+        def __getattr__(self, name: str) -> Any:
+            """Compute the deferred columns, read-only; called for an attribute without a value."""
+            deferred = self.__dict__.get("_deferred")
+            if deferred is None or name not in deferred.names:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            columns = deferred.compute(deferred.inputs)
+            for column_name in deferred.names:
+                columns[column_name].flags.writeable = False
+                object.__setattr__(self, column_name, columns[column_name])
+            self.__dict__.pop("_deferred", None)
+            return columns[name]
+
+    def computed(self) -> Self:
+        """Compute the deferred columns and return the record."""
+        if self.deferred is not None:
+            getattr(self, min(self.deferred.names))
+        return self
+
+    def _present(self, deferred: Deferred | None) -> Mapping[str, Any]:
+        """Return the columns that are not among the deferred ones, by name."""
+        absent = frozenset() if deferred is None else deferred.names
+        return {name: getattr(self, name) for name in names_of(type(self)) if name not in absent}
+
+    def replaced(self, **columns: Any) -> Self:
+        """Return the record with other columns; those deferred stay so."""
+        deferred = self.deferred
+        if deferred is not None:
+            deferred = evolve(deferred, names=deferred.names - columns.keys())
+        return self.deferring({**self._present(self.deferred), **columns}, deferred)
 
     def __len__(self) -> int:
         return len(getattr(self, names_of(type(self))[0]))
@@ -93,26 +180,33 @@ class Columns:
 
     def take(self, rows: Any) -> Self:
         """Return some of the rows, by an index array, a mask or a slice."""
-        columns = [getattr(self, name) for name in names_of(type(self))]
-        first_column = columns[0]
+        deferred = self.deferred
+        columns = self._present(deferred)
+        first_column = columns[names_of(type(self))[0]]
         if isinstance(rows, np.ndarray) and rows.dtype != np.bool_:
             # For columns of vectors `take` is several times as fast as an index.
             of_first = None if first_column is None else first_column.take(rows, axis=0)
-            taken = [
-                of_first
+            taken = {
+                name: of_first
                 if column is first_column
                 else None
                 if column is None
                 else column.take(rows, axis=0)
-                for column in columns
-            ]
+                for name, column in columns.items()
+            }
         else:
             of_first = None if first_column is None else first_column[rows]
-            taken = [
-                of_first if column is first_column else None if column is None else column[rows]
-                for column in columns
-            ]
-        return type(self)(*taken)
+            taken = {
+                name: of_first
+                if column is first_column
+                else None
+                if column is None
+                else column[rows]
+                for name, column in columns.items()
+            }
+        if deferred is None:
+            return type(self)(*taken.values())
+        return self.deferring(taken, deferred.take(rows))
 
     def part(self, rows: Any) -> Self:
         """Return some of the rows, by distinct sorted indices; the record itself if these are all
@@ -122,14 +216,22 @@ class Columns:
 
     def freeze(self) -> Self:
         """Make every buffer read-only and return the record."""
-        for name in names_of(type(self)):
-            getattr(self, name).flags.writeable = False
+        for column in self._present(self.deferred).values():
+            column.flags.writeable = False
         return self
 
     def overwrite(self, rows: Any, replacement: Self) -> None:
         """Overwrite some rows with the rows of another record."""
-        for name in names_of(type(self)):
-            getattr(self, name)[rows] = getattr(replacement, name)
+        deferred = self.deferred
+        others = replacement.deferred
+        if deferred is not None and others is not None and deferred.is_like(others):
+            deferred.inputs.overwrite(rows, others.inputs)
+        elif deferred is not None:
+            for name in deferred.names:
+                object.__setattr__(self.computed(), name, getattr(self, name).copy())
+            deferred = None
+        for name, column in self._present(deferred).items():
+            column[rows] = getattr(replacement, name)
 
     @classmethod
     def concatenate(cls, records: Iterable[Self]) -> Self:
@@ -139,17 +241,18 @@ class Columns:
             return cls.empty()
         # Empty pieces may have columns of another width.
         pieces = [piece for piece in pieces if len(piece)] or pieces[:1]
-        columns = [[getattr(piece, name) for piece in pieces] for name in names_of(cls)]
-        first_columns = columns[0]
+        deferred = Deferred.joined([piece.deferred for piece in pieces])
+        names = pieces[0]._present(deferred)
+        columns = {name: [getattr(piece, name) for piece in pieces] for name in names}
+        first_columns = columns[names_of(cls)[0]]
         of_first = np.concatenate(first_columns)
-        return cls(
-            *[
-                of_first
-                if column[0] is first_columns[0] and all(map(is_, column, first_columns))
-                else np.concatenate(column)
-                for column in columns
-            ]
-        )
+        joined = {
+            name: of_first
+            if column[0] is first_columns[0] and all(map(is_, column, first_columns))
+            else np.concatenate(column)
+            for name, column in columns.items()
+        }
+        return cls.deferring(joined, deferred)
 
     @classmethod
     def empty(cls) -> Self:
@@ -175,12 +278,17 @@ class Filling(Generic[_Filled]):
         self._given = {} if complete is None else complete
         self._names = [name for name in names_of(record) if name not in self._given]
         self._columns: dict[str, Any] = {}
+        self._deferred: list[Deferred | None] = []
         self._at = 0
 
     def put(self, rows: _Filled) -> None:
-        """Append rows."""
+        """Append rows; all parts have the same columns deferred."""
+        deferred = rows.deferred
+        self._deferred.append(deferred)
         if not self._columns:
-            self._columns = {name: self._blank(getattr(rows, name)) for name in self._names}
+            absent = frozenset() if deferred is None else deferred.names
+            names = [name for name in self._names if name not in absent]
+            self._columns = {name: self._blank(getattr(rows, name)) for name in names}
         for name, column in self._columns.items():
             if column is not None:
                 column[self._at : self._at + len(rows)] = getattr(rows, name)
@@ -188,9 +296,10 @@ class Filling(Generic[_Filled]):
 
     def record(self) -> _Filled:
         """Return the filled record."""
-        return (
-            self._record(**self._columns, **self._given) if self._columns else self._record.empty()
-        )
+        if not self._columns:
+            return self._record.empty()
+        columns = {**self._columns, **self._given}
+        return self._record.deferring(columns, Deferred.joined(self._deferred))
 
     def _blank(self, column: Any) -> Any:
         return None if column is None else np.empty((self._rows, *column.shape[1:]), column.dtype)

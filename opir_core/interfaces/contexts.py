@@ -41,9 +41,10 @@ class TargetContext:
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, with the default ballistic
     coefficient of targets. `epoch_us` is the scene's zero of time, microseconds of UTC since
     1970-01-01, `duration_s` its length. With `free_flight` a sensor follows targets after burnout:
-    the model returns `FreeFlight` trajectories if it can. `target_class` returns the target class
-    of a name; by default the core's. `readers` returns the readers of files that plugins offer
-    (`FileReader`).
+    the model returns `FreeFlight` trajectories if it can. With `measures_light` the scene's
+    detection model computes the light of targets: sensors look at bodies that the air heats.
+    `target_class` returns the target class of a name; by default the core's. `readers` returns the
+    readers of files that plugins offer (`FileReader`).
     """
 
     ids: tuple[str, ...]
@@ -52,6 +53,7 @@ class TargetContext:
     epoch_us: int = 0
     duration_s: float = float("inf")
     free_flight: bool = False
+    measures_light: bool = False
     target_class: Callable[[str], TargetClass] = field(default=core_target_class, eq=False)
     readers: Callable[[], Sequence[Any]] = field(default=tuple, eq=False)
 

@@ -6,6 +6,7 @@ sensors. A model that does not support one of them raises `ModelError` when it i
 finite and element by element: they do not depend on how rows are grouped into calls.
 """
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
@@ -145,6 +146,25 @@ class Signatures(PluginPart):
         The engine adds the reflected light. Only targets that sensors follow after burnout reflect.
         """
         return np.zeros(len(target))
+
+    @optional
+    def heated_below_m(self) -> float:
+        """Altitude below which the engine asks for `air_heated_w_sr`, m; never by default."""
+        return -math.inf
+
+    def air_heated_w_sr(
+        self,
+        bands: Sequence[int],
+        target: IndexArray,
+        altitude_m: FloatArray,
+        speed_m_s: FloatArray,
+    ) -> FloatArray:
+        """Return what bodies radiate more (bands, n), W/sr, since the air heats them; 0 by default.
+
+        The engine adds it for targets that sensors look at after burnout or in dark gaps;
+        `speed_m_s` (n,) is relative to the air, which turns with the Earth.
+        """
+        return np.zeros((len(bands), len(target)))
 
 
 class Sources(PluginPart):

@@ -80,6 +80,11 @@ class ClassifierInputs(Columns):
     bands, (n, 0) if the detection model has none or the classifier goes by pairs.
     """
 
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
+        "band_irradiance_w_m2": (0,),
+        "band_noise_w_m2": (0,),
+    }
+
     time_s: FloatArray
     sensor: IndexArray
     target: IndexArray
@@ -126,7 +131,8 @@ class Detections(Columns):
     has none of them.
 
     `time_s`, `azimuth_rad` and `elevation_rad` are computed at each access; for both angles call
-    `angles()` once.
+    `angles()` once. `reported_type`, `confidence` and the probabilities of a classifier that has
+    such are computed together at the first access to one of them, unless a tracker reads them.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {

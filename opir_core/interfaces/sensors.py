@@ -3,10 +3,14 @@
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+import numpy as np
 from attrs import field, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
+
+#: Spans of time, s: start and end of each, in order.
+Spans = tuple[tuple[float, float], ...]
 
 
 @frozen
@@ -128,6 +132,9 @@ class Sensor:
     `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run. A
     sensor that `follows_bodies` observes targets after burnout, up to impact. The report of a scan
     follows its looks by the sum of the latencies of `reporting`; without stages, at once.
+
+    `watched_s` are the spans of scene time in which it looks, in order; None for all of it. That
+    nothing was detected outside of them says nothing.
     """
 
     id: str
@@ -148,9 +155,26 @@ class Sensor:
     solar_exclusion_rad: float = 0.0
     radiometer: Radiometer | None = None
     reporting: tuple[ReportingStage, ...] = ()
+    watched_s: Spans | None = None
     settings: Mapping[str, Any] = field(factory=dict)
 
     def __repr__(self) -> str:
         """Return id, type and bands, in one line."""
         bands = ", ".join(band.name for band in self.bands)
         return f"<Sensor {self.id}: {self.type}, {bands}>"
+
+    def watched_until_s(self, time_s: FloatArray) -> FloatArray:
+        """Return for how long (n,), s, it has looked from the scene's start to times (n,)."""
+        if self.watched_s is None:
+            return time_s
+        edges_s = np.ravel(self.watched_s)
+        lengths_s = np.diff(edges_s)
+        lengths_s[1::2] = 0.0
+        return np.interp(time_s, edges_s, np.append(0.0, np.cumsum(lengths_s)))
+
+    def is_watching(self, time_s: FloatArray) -> BoolArray:
+        """Return whether it looks at times (n,)."""
+        watching = np.full(len(time_s), self.watched_s is None)
+        for start_s, end_s in self.watched_s or ():
+            watching |= (time_s >= start_s) & (time_s <= end_s)
+        return watching

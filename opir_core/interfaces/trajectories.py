@@ -67,6 +67,13 @@ class Trajectories(PluginPart):
         return self.burnout_s
 
     @optional
+    def watched_s(self) -> FloatArray:
+        """Scene times up to which every sensor looks at the targets, (n,) s: burnout, or the end of
+        a flight that the air keeps hot.
+        """
+        return self.burnout_s
+
+    @optional
     def warnings(self) -> Sequence[Problem]:
         """What of the settings, or of the files they name, may be an error, each with its path in
         the scene.

@@ -62,6 +62,12 @@ _TLE_LENGTH = 69
 #: More turns a day than any orbit above the ground has.
 _MOST_TURNS_A_DAY = 18.0
 
+#: Fewer turns a day than any nearly round orbit has: at 150 000 km, where the Moon's pull is felt.
+#: Elements for SGP4's own code have radians a minute.
+_FEWEST_TURNS_A_DAY = 0.15
+_ROUND = 0.25
+_TURNS_A_DAY = 720.0 / math.pi
+
 #: A larger drag term, per Earth radius, than elements have: 1.2 on the day of a launch, hundreds
 #: where a sign is lost.
 _MOST_BSTAR = 10.0
@@ -129,8 +135,9 @@ def omm_epoch(value: Any) -> datetime:
 
 
 def omm_name(omm: Mapping[str, Any]) -> str:
-    """Return how an OMM calls its object."""
-    return str(omm.get("OBJECT_NAME") or omm.get("NORAD_CAT_ID") or "the satellite")
+    """Return how an OMM calls its object, blanks for characters that are not printable."""
+    name = str(omm.get("OBJECT_NAME") or omm.get("NORAD_CAT_ID") or "the satellite")
+    return "".join(letter if letter.isprintable() else " " for letter in name)
 
 
 def age_warning(name: str, age_days: float) -> str | None:
@@ -220,6 +227,11 @@ def _number_complaints(omm: Mapping[str, Any]) -> list[str]:
     motion, eccentricity, inclination = (numbers[name] for name in OMM_NUMBERS[:3])
     if math.isfinite(motion) and not 0.0 < motion <= _MOST_TURNS_A_DAY:
         errors.append(f"MEAN_MOTION: {motion!r} is outside (0, {_MOST_TURNS_A_DAY:g}] turns a day")
+    elif motion < _FEWEST_TURNS_A_DAY and 0.0 <= eccentricity < _ROUND:
+        errors.append(
+            f"MEAN_MOTION: {motion!r} turns a day is no orbit of a satellite with this eccentricity;"
+            f" in radians a minute it is {_TURNS_A_DAY * motion:.8g} turns a day: give that"
+        )
     if math.isfinite(eccentricity) and not 0.0 <= eccentricity < 1.0:
         errors.append(f"ECCENTRICITY: {eccentricity!r} is outside [0, 1)")
     if math.isfinite(inclination) and not 0.0 <= inclination <= 180.0:

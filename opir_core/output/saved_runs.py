@@ -124,6 +124,7 @@ def read_run(
     detections = _Columns(rows, plan, events).detections(detection_truth.target)
     require_file_of_run("events", events, contents)
     require_file_of_run("truth", truth_path, contents)
+    tally = _tally(plan, detections, detection_truth, estimates, contents)
     return Run(
         detections=detections.freeze(),
         truth=detection_truth.freeze(),
@@ -131,7 +132,8 @@ def read_run(
         estimates=Tracks.empty(),
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
-        summary=_summary(plan, detections, detection_truth, estimates, contents),
+        sightings=tally.sightings(),
+        make_summary=tally.summary_with_types,
         make_manifest=lambda: contents,
         reported_types=plan.reported_types,
         plan=plan,
@@ -369,19 +371,20 @@ def _integers(values: Sequence[int | None]) -> IntArray:
     return np.array([-1 if value is None else value for value in values], dtype=np.int64)
 
 
-def _summary(
+def _tally(
     plan: Plan,
     detections: Detections,
     truth: DetectionTruth,
     tracks: Tracks,
     manifest: Mapping[str, Any],
-) -> Mapping[str, Any]:
-    """Return the summary of the whole run, counted as one window."""
+) -> Tally:
+    """Return the tally of the whole run, counted as one window, without its types."""
     tally = Tally(plan)
     looks = int(manifest.get("counts", {}).get("looks", 0))
-    tally.count(Window(0.0, plan.end_ns * 1e-9, looks, detections, truth, tracks, Tracks.empty()))
+    end_s = plan.end_ns * 1e-9
+    tally.count_sightings(Window(0.0, end_s, looks, detections, truth, tracks, Tracks.empty()))
     tally.health = manifest.get("sensor_health")
-    return tally.summary()
+    return tally
 
 
 def _lines(path: Path, kind: Any, description: str) -> Iterator[Any]:

@@ -47,6 +47,7 @@ from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.work import Workload
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
+from opir_core.scene.fields import LIGHT
 from opir_core.scene.hypotheses import Hypothesis
 from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
 from opir_core.scene.target_classes import TargetClass
@@ -270,18 +271,16 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     built_sensors = list[Sensor]()
     for choice in scene.sensors:
         with problems.of(choice.model.path):
-            built_sensors.append(
-                _sensor(
-                    host,
-                    choice.model,
-                    SensorContext(
-                        id=choice.id,
-                        epoch_us=scene.epoch_us,
-                        readers=host.readers,
-                        duration_s=scene.duration_s,
-                    ),
-                )
+            context = SensorContext(
+                id=choice.id,
+                epoch_us=scene.epoch_us,
+                readers=host.readers,
+                duration_s=scene.duration_s,
             )
+            sensor = _sensor(host, choice.model, context)
+            if choice.id in scene.watched_s:
+                sensor = evolve(sensor, watched_s=scene.watched_s[choice.id])
+            built_sensors.append(sensor)
     sensors = tuple(built_sensors)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
@@ -545,6 +544,7 @@ def _trajectories(
         epoch_us=scene.epoch_us,
         duration_s=scene.duration_s,
         free_flight=free_flight,
+        measures_light=_measures_light(scene, host),
         target_class=partial(host.component, TargetClass),
         readers=host.readers,
     )
@@ -561,6 +561,13 @@ def _trajectories(
     if fault:
         raise ModelError(f"{owner()}: build made trajectories with {fault}; {hint}")
     return adopted
+
+
+def _measures_light(scene: Scene, host: Host) -> bool:
+    """Return whether the scene's detection model computes the light of targets."""
+    choice = scene.detection
+    subjects = host.component(choice.hook, choice.name, choice.path).subjects_read(choice.config)
+    return subjects is None or LIGHT in subjects
 
 
 def _forces(scene: Scene) -> "ForceModel":

@@ -29,6 +29,7 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         **({} if scene.reported_types == PAPER_TYPES else {"reported_types": scene.reported_types}),
         **({} if scene.limits == WorkLimits() else {"limits": _settings(scene.limits)}),
         **({"allow_implausible": True} if scene.allow_implausible else {}),
+        **({"watched_s": plain_spans(scene.watched_s)} if scene.watched_s else {}),
         "forces": ("kepler" if scene.forces.is_kepler else [*scene.forces.zonal, *drag]),
         "sensors": _sensors(scene.sensors),
         "targets": [_target(target) for target in scene.targets],
@@ -38,6 +39,13 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         "tracking_lag_s": scene.tracking_lag_s,
         "outputs": [{choice.name: _output_settings(choice)} for choice in scene.outputs],
     }
+
+
+def plain_spans(
+    watched_s: Mapping[str, tuple[tuple[float, float], ...]],
+) -> dict[str, list[list[float]]]:
+    """Return the spans in which sensors look as plain data."""
+    return {sensor: [list(span) for span in spans] for sensor, spans in watched_s.items()}
 
 
 def scene_hash(scene: Scene) -> str:

@@ -205,6 +205,15 @@ class ChosenDetection:
 _DEFAULTS = {attribute.name: attribute.default for attribute in fields(SceneFile)}
 
 
+def _require_sensors(node: Node, sensors: Sequence[SceneSensor]) -> None:
+    """Raise the error of the first key that is no sensor."""
+    ids = [sensor.id for sensor in sensors]
+    for name, spans in block_of(node).items():
+        if name not in ids:
+            hint = nearest(name, ids) or f"; there are {', '.join(ids[:_FEW_KEYS])}"
+            raise spans.refused(f"there is no sensor {name!r}{hint}", at_key=True)
+
+
 class SceneBuilder:
     """Reads one scene; `collector` has what is wrong with it, `components.failures` what is wrong
     with plugins.
@@ -224,6 +233,9 @@ class SceneBuilder:
         self.components.preset = values.get("preset")
         detection = self._chosen_detection(block_of(root))
         fields = self._parts(values, detection)
+        if "watched_s" in values and "sensors" in fields:
+            with self.collector.at(key_step("watched_s")):
+                _require_sensors(block_of(root)["watched_s"], fields["sensors"])
         if detection.problem is not None and not self.components.failures:
             with self.collector.at(*detection.steps):
                 raise detection.problem
@@ -242,6 +254,7 @@ class SceneBuilder:
             reported_types=file.reported_types,
             limits=file.limits,
             allow_implausible=file.allow_implausible,
+            watched_s=file.watched_s,
             written={name: value for name, value in values.items() if value != _DEFAULTS[name]},
             **fields,
         )

@@ -3,11 +3,13 @@ they choose.
 """
 
 import re
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from attrs import frozen
+from attrs import Factory, frozen
 
+from opir_core.interfaces.sensors import Spans
 from opir_core.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
 from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.scene import (
@@ -58,6 +60,19 @@ def _epoch_complaint(epoch: str) -> str | None:
         epoch_us_of_text(epoch)
     except ValueError as error:
         return str(error)
+    return None
+
+
+def _spans_complaint(watched_s: Mapping[str, Spans]) -> str | None:
+    for sensor, spans in watched_s.items():
+        previous_s = 0.0
+        for start_s, end_s in spans:
+            if not previous_s <= start_s < end_s:
+                return (
+                    f"{sensor}: {start_s:g} to {end_s:g} s is no span after {previous_s:g} s; give"
+                    " spans in order, without overlap"
+                )
+            previous_s = end_s
     return None
 
 
@@ -134,6 +149,15 @@ class SceneFile:
         source="choice",
     )
     sensors: Node = nested(help="constellations and single sensors", source="")
+    watched_s: Mapping[str, tuple[tuple[float, float], ...]] = nested(
+        help="by sensor the spans in which it looks, [start, end] each, in order: outside of them"
+        " it detects nothing, and a tracker knows that nobody looked; other sensors look throughout",
+        default=Factory(dict),
+        unit="s",
+        minimum=0.0,
+        check=_spans_complaint,
+        source="choice",
+    )
     targets: Node | None = nested(help="launches", default=None, source="")
     sources: Node | None = nested(
         help="emitters other than targets: fires, flares, glints, bolides", default=None, source=""

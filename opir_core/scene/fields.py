@@ -59,7 +59,7 @@ READ_BY: Mapping[str, str] = {
     LIGHT: "a detection model that reads light does; constant reads detection_probability alone",
     SOURCES: "the detection model has none for sources",
     BANDS: "sensors do",
-    BODIES: "sensors with follows_bodies: true do",
+    BODIES: "sensors with follows_bodies: true do, and all do where a target glides",
     BIAS: "a tracker does, of sensors with a bias or with clocks that are off",
     DRAG: "it is read with drag among the scene's forces",
     DETECTION_PROBABILITY: "detection: constant does",

@@ -250,6 +250,8 @@ class Scene:
     reported_types: str = PAPER_TYPES
     limits: WorkLimits = WorkLimits()
     allow_implausible: bool = False
+    #: By sensor the spans in which it looks, s; other sensors look throughout.
+    watched_s: Mapping[str, tuple[tuple[float, float], ...]] = field(factory=dict, hash=False)
     #: The keys of the file that are set to other values than their defaults.
     written: Mapping[str, Any] = field(factory=dict, eq=False)
 

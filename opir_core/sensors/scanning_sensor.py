@@ -227,9 +227,9 @@ class ScanningSensorConfig(RadiometerConfig):
     follows_bodies: bool = flag(
         default=False,
         source="false: the opir-simulator paper (2026) watches plumes",
-        help="whether the sensor goes on looking after burnout, at the warm body, to impact; with"
-        " detection: constant"
-        " it then sees it as well as the plume",
+        help="whether the sensor goes on looking after burnout, at the warm body, to impact, as it"
+        " does at gliders where the detection model reads light; with detection: constant it then"
+        " sees it as well as the plume",
     )
     confusion: Mapping[str, Mapping[str, float]] = nested(
         default=Factory(dict),

@@ -8,7 +8,6 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import ByteArray, FloatArray, IntArray, WordArray
-from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.columns import Filling
 from opir_core.interfaces.detection_models import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
@@ -17,10 +16,8 @@ from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
 from opir_core.random_streams.pair_streams import PairStreams, RowDraws, WindowNumbers
 from opir_core.simulation.measurement import (
-    Classified,
-    classified,
+    Classification,
     classifier_inputs,
-    confidences,
     measured_lines_of_sight,
 )
 from opir_core.simulation.observation import Hits, Observation
@@ -34,17 +31,15 @@ class BuildDetections:
 
     `pair_type` (pairs,) are the reported types of a classifier that goes by pairs, None for one
     that uses measurements; `id_keys` (pairs, 2) are the keys of the detection ids, `band_totals`
-    (sensors,) the sensors' numbers of bands, `types` the number of types that events may report.
+    (sensors,) the sensors' numbers of bands.
     """
 
     geometry: LookGeometry
     detection: DetectionProbability
-    classifier: Classifier
-    confidence: Confidence
+    classification: Classification
     pair_type: ByteArray | None
     id_keys: WordArray
     band_totals: IntArray
-    types: int
 
     @classmethod
     def of(cls, plan: Plan, geometry: LookGeometry, streams: PairStreams) -> "BuildDetections":
@@ -56,14 +51,12 @@ class BuildDetections:
         return cls(
             geometry=geometry,
             detection=plan.detection,
-            classifier=plan.classifier,
-            confidence=plan.confidence,
+            classification=Classification.of(plan),
             pair_type=None
             if codes is None
             else checked_types(codes, len(pairs), types, "pair_type"),
             id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, plan.scan_names()),
             band_totals=np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64),
-            types=types,
         )
 
     @property
@@ -145,32 +138,26 @@ class BuildDetections:
         rng: RowDraws,
     ) -> Detections:
         none = np.full(len(hits), -1, dtype=np.int64)
-        types = self._types(sightings, hits, rng)
-        return Detections(
-            time_ns=hits.time_ns,
-            sensor=exposed.sensor,
-            scan=exposed.scan,
-            detection_id=uuid8_words(self.id_keys[hits.pair], exposed.scan),
-            reported_type=types.reported_type,
-            bands=sightings.bands,
-            detection_count=hits.count,
-            confidence=confidences(self.confidence, sightings, types),
-            line_of_sight_ecef=measured_lines_of_sight(
+        columns = {
+            "time_ns": hits.time_ns,
+            "sensor": exposed.sensor,
+            "scan": exposed.scan,
+            "detection_id": uuid8_words(self.id_keys[hits.pair], exposed.scan),
+            "bands": sightings.bands,
+            "detection_count": hits.count,
+            "line_of_sight_ecef": measured_lines_of_sight(
                 self.geometry.states, exposed, sigma_rad, hits.direction_words
             ),
-            sensor_ecef_m=exposed.sensor_ecef_m,
-            snr=sightings.snr,
-            track=none,
-            estimate=none,
-            line_of_sight_sigma_rad=sigma_rad,
-            band_irradiance_w_m2=sightings.band_irradiance_w_m2,
-            **types.columns,
-        )
-
-    def _types(self, sightings: ClassifierInputs, hits: Hits, rng: RowDraws) -> Classified:
-        if self.pair_type is None:
-            return classified(self.classifier, sightings, rng, self.types)
-        return Classified(self.pair_type.take(hits.pair), np.empty((len(hits), 0)), {})
+            "sensor_ecef_m": exposed.sensor_ecef_m,
+            "snr": sightings.snr,
+            "track": none,
+            "estimate": none,
+            "line_of_sight_sigma_rad": sigma_rad,
+            "band_irradiance_w_m2": sightings.band_irradiance_w_m2,
+            "reported_ns": hits.time_ns,
+        }
+        codes = None if self.pair_type is None else self.pair_type.take(hits.pair)
+        return self.classification.detections(columns, sightings, rng, codes)
 
 
 def _measured_columns(measured: Measured | None) -> dict[str, Any]:

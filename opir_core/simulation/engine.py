@@ -33,6 +33,7 @@ from opir_core.simulation.probability import (
     EvaluatedProbability,
     InterpolatedProbability,
     VisibilityTest,
+    WatchTest,
     interpolant_of,
 )
 from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
@@ -71,6 +72,7 @@ class Engine:
             if curves
             else EvaluatedProbability(plan.detection, geometry),
             VisibilityTest(geometry) if pairs.is_checked.any() else None,
+            WatchTest(plan) if plan.scene.watched_s else None,
             draw_detections,
             self._count,
             DrawDirections(pairs),

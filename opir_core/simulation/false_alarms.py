@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
@@ -23,7 +23,7 @@ from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
 from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarmStream
 from opir_core.scene.scene import UNKNOWN_TYPE
-from opir_core.simulation.measurement import Classified, classified, classifier_inputs, confidences
+from opir_core.simulation.measurement import Classification, classifier_inputs
 from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
 
 
@@ -86,10 +86,8 @@ class FalseAlarmGenerator:
 
     def __init__(self, plan: Plan, model: DetectionProbability, geometry: LookGeometry) -> None:
         self._model = model
-        self._classifier = plan.classifier
-        self._confidence = plan.confidence
+        self._classification = Classification.of(plan)
         self._states = geometry.states
-        self._types_total = len(plan.reported_types)
         scene = plan.scene
         sensors = plan.sensors
         names = plan.sensor_names()
@@ -106,6 +104,9 @@ class FalseAlarmGenerator:
             number: exclusion
             for number, exclusion in enumerate(plan.exclusions)
             if exclusion is not None
+        }
+        self._watched = {
+            number: sensor for number, sensor in enumerate(sensors) if sensor.watched_s is not None
         }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._needed = _needed(model, len(sensors))
@@ -133,6 +134,9 @@ class FalseAlarmGenerator:
         ids = uuid8_words(self._id_keys.take(sensor, axis=0), drawn.serial)
         placed = _Placed(time_ns, sensor, scan, ids, direction, at_m, uniforms[:, PLACE_WORDS:])
         is_kept = (time_ns >= start_ns) & (time_ns < end_ns)
+        for number, each in self._watched.items():
+            rows = np.flatnonzero(sensor == number)
+            is_kept[rows] &= each.is_watching(time_ns[rows].astype(np.float64) * 1e-9)
         for number, exclusion in self._exclusions.items():
             rows = np.flatnonzero(sensor == number)
             ahead_m = at_m[rows] + direction[rows] * radius_m[rows, None]
@@ -160,26 +164,26 @@ class FalseAlarmGenerator:
         none = np.full(rows, -1, dtype=np.int64)
         unknown = np.full(rows, np.nan)
         sigma_rad = measured.line_of_sight_sigma_rad
-        types = self._types(sightings)
-        detections = Detections(
-            time_ns=noise.time_ns,
-            sensor=noise.sensor,
-            scan=noise.scan,
-            detection_id=noise.detection_id,
-            reported_type=types.reported_type,
-            bands=measured.bands,
-            detection_count=sightings.detection_count,
-            confidence=confidences(self._confidence, sightings, types),
-            line_of_sight_ecef=noise.line_of_sight_ecef,
-            sensor_ecef_m=noise.sensor_ecef_m,
-            snr=measured.snr,
-            track=none,
-            estimate=none,
-            line_of_sight_sigma_rad=self._states.sigma_rad[noise.sensor]
+        columns = {
+            "time_ns": noise.time_ns,
+            "sensor": noise.sensor,
+            "scan": noise.scan,
+            "detection_id": noise.detection_id,
+            "bands": measured.bands,
+            "detection_count": sightings.detection_count,
+            "line_of_sight_ecef": noise.line_of_sight_ecef,
+            "sensor_ecef_m": noise.sensor_ecef_m,
+            "snr": measured.snr,
+            "track": none,
+            "estimate": none,
+            "line_of_sight_sigma_rad": self._states.sigma_rad[noise.sensor]
             if sigma_rad is None
             else sigma_rad,
-            band_irradiance_w_m2=sightings.band_irradiance_w_m2,
-            **types.columns,
+            "band_irradiance_w_m2": sightings.band_irradiance_w_m2,
+            "reported_ns": noise.time_ns,
+        }
+        detections = self._classification.detections(
+            columns, sightings, _NoDraws(rows), self._codes(rows)
         )
         truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, unknown)
         # Rows are in order of sensors; a stable sort keeps this order at equal times.
@@ -203,13 +207,12 @@ class FalseAlarmGenerator:
             self._needed.take(noise.sensor),
         )
 
-    def _types(self, sightings: ClassifierInputs) -> Classified:
-        """Return the reported types; UNKNOWN from classifiers that go by pairs."""
+    def _codes(self, rows: int) -> ByteArray | None:
+        """Return the types of classifiers that go by pairs, UNKNOWN (rows,); None for others."""
         nobody = np.empty(0, dtype=np.int32)
-        if self._classifier.pair_type(nobody, nobody, _NoDraws()) is not None:
-            unknown = np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
-            return Classified(unknown, np.empty((len(sightings), 0)), {})
-        return classified(self._classifier, sightings, _NoDraws(len(sightings)), self._types_total)
+        if self._classification.classifier.pair_type(nobody, nobody, _NoDraws()) is None:
+            return None
+        return np.full(rows, UNKNOWN_TYPE, dtype=np.uint8)
 
 
 def _needed(model: DetectionProbability, sensors: int) -> IndexArray:

@@ -4,12 +4,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import field, frozen
 
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
+from opir_core.host.boundary import PluginErrors
 from opir_core.interfaces.classification import Classifier, Confidence
+from opir_core.interfaces.columns import Deferred
+from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.detection_models import Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks
+from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.philox import normal_pairs
 from opir_core.scene.scene import REPORTED_TYPES
@@ -109,6 +113,80 @@ def confidences(model: Confidence, sightings: ClassifierInputs, types: Classifie
     return checked_confidence(model.confidence(sightings), len(sightings), "confidence")
 
 
+#: The columns of detections that a classifier with probabilities makes.
+_TYPED = frozenset(
+    {"reported_type", "confidence", "type_log_probability", "hypothesis_log_probability"}
+)
+
+
+@frozen
+class Classification:
+    """Types and confidences of a run's detections: computed when they are first read, if the
+    classifier has probabilities, and with the detections otherwise.
+
+    `types` is the number of types that events may report.
+    """
+
+    classifier: Classifier = field(eq=id)
+    confidence: Confidence = field(eq=id)
+    types: int
+    has_probabilities: bool
+    errors: PluginErrors = field(eq=False)
+
+    @classmethod
+    def of(cls, plan: Plan) -> "Classification":
+        """Return the classification of a plan; asks the classifier for the posteriors of no
+        detections.
+        """
+        classifier = plan.classifier
+        nothing = ClassifierInputs.empty()
+        return cls(
+            classifier=classifier,
+            confidence=plan.confidence,
+            types=len(plan.reported_types),
+            has_probabilities=has_own(Classifier, classifier, "log_posterior")
+            and classifier.log_posterior(nothing) is not None,
+            errors=PluginErrors(plan.host, plan.scene),
+        )
+
+    def detections(
+        self,
+        columns: Mapping[str, Any],
+        sightings: ClassifierInputs,
+        rng: RandomDraws,
+        codes: ByteArray | None,
+    ) -> Detections:
+        """Return detections with their other `columns`; `codes` (n,) are types that do not follow
+        from measurements.
+        """
+        if codes is None and self.has_probabilities:
+            return Detections.deferring(columns, Deferred(_TYPED, sightings, self))
+        types = (
+            classified(self.classifier, sightings, rng, self.types)
+            if codes is None
+            else Classified(codes, np.empty((len(codes), 0)), {})
+        )
+        return Detections(
+            **columns,
+            reported_type=types.reported_type,
+            confidence=confidences(self.confidence, sightings, types),
+            **types.columns,
+        )
+
+    def __call__(self, sightings: ClassifierInputs) -> Mapping[str, Any]:
+        """Return the columns of types and confidence of detections, by name."""
+        rows = len(sightings)
+        with self.errors:
+            posterior: Any = self.classifier.log_posterior(sightings)
+            types = Classified.of(self.classifier, rows, posterior, "log_posterior", self.types)
+            return {
+                "hypothesis_log_probability": np.empty((rows, 0)),
+                **types.columns,
+                "reported_type": types.reported_type,
+                "confidence": confidences(self.confidence, sightings, types),
+            }
+
+
 def with_tracks(
     classifier: Classifier, confidence: Confidence, detections: Detections, estimates: Tracks
 ) -> Detections:
@@ -135,13 +213,13 @@ def with_tracks(
         name: _replaced(getattr(detections, name), rows, column)
         for name, column in {"reported_type": types.reported_type, **types.columns}.items()
     }
-    changed = evolve(detections, **columns)
+    changed = detections.replaced(**columns)
     of_types = confidence.of_types(
         changed.reported_type, _replaced(posterior, rows, types.log_posterior)
     )
     if of_types is None:
         return changed
-    return evolve(changed, confidence=checked_confidence(of_types, len(detections), "of_types"))
+    return changed.replaced(confidence=checked_confidence(of_types, len(detections), "of_types"))
 
 
 def _replaced(column: Any, rows: IntArray, values: Any) -> Any:

@@ -9,7 +9,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.interfaces.detection_models import DetectionProbability
-from opir_core.planning.looks import LookGeometry, Looks, blocks
+from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.simulation.observation import Observation
 from opir_core.simulation.output_checks import checked_probability
@@ -80,6 +80,24 @@ class VisibilityTest:
         for rows in blocks(len(unchecked)):
             block = unchecked[rows]
             window.probability[block] *= self.geometry.visible(looks.pair[block], looks.scan[block])
+
+
+@frozen(eq=False, repr=False)
+class WatchTest:
+    """Takes `looks` and `probability` (l,), which becomes 0 where the sensor does not look."""
+
+    plan: Plan
+
+    def __call__(self, window: Observation) -> None:
+        """Test the looks of sensors that do not look throughout."""
+        looks = window.looks
+        pairs = self.plan.pairs
+        sensor = pairs.sensor[looks.pair]
+        for number, each in enumerate(self.plan.sensors):
+            if each.watched_s is not None:
+                rows = np.flatnonzero(sensor == number)
+                time_ns = look_times_ns(pairs, looks.pair[rows], looks.scan[rows])
+                window.probability[rows] *= each.is_watching(time_ns.astype(np.float64) * 1e-9)
 
 
 def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":

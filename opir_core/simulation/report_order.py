@@ -136,7 +136,7 @@ def with_own_estimates(window: Window) -> Window:
     rows, index = np.unique(window.detections.estimate, return_inverse=True)
     is_row = rows >= 0
     estimate: IntArray = index.astype(np.int64) - np.count_nonzero(~is_row)
-    detections = evolve(window.detections, estimate=estimate)
+    detections = window.detections.replaced(estimate=estimate)
     return evolve(window, detections=detections, estimates=window.estimates.take(rows[is_row]))
 
 
@@ -152,7 +152,7 @@ def joined_detections(windows: Iterable[Window]) -> Detections:
 
 def _shifted(detections: Detections, rows: int) -> Detections:
     estimate: IntArray = detections.estimate + rows * (detections.estimate >= 0)
-    return evolve(detections, estimate=estimate)
+    return detections.replaced(estimate=estimate)
 
 
 def _merged(windows: Sequence[Window]) -> Window:
@@ -204,6 +204,7 @@ class ReportedTracker(ScheduledTracker):
         """Process the detections reported in [start, end), sorted by report."""
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
+        detections = detections.computed()
         ticks = self._ticks(start_ns - self._lag_ns, end_ns - self._lag_ns, self._cadence_ns)
         ends = np.searchsorted(
             detections.reported_ns, np.array([*ticks, _NEVER_NS - self._lag_ns]) + self._lag_ns
@@ -239,9 +240,9 @@ class ReportedTracker(ScheduledTracker):
         track: IntArray = np.full(len(detections), -1, dtype=np.int64)
         if len(rows):
             track[rows] = self._tracker_in_use.associate(visible)
-            self._pending.append(evolve(visible, track=track[rows]))
-        return evolve(
-            detections, track=track, estimate=rows_of(self._in_force.track, track, offset)
+            self._pending.append(visible.replaced(track=track[rows]))
+        return detections.replaced(
+            track=track, estimate=rows_of(self._in_force.track, track, offset)
         )
 
     def _step(self, tick_ns: int) -> Tracks:

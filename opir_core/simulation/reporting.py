@@ -5,7 +5,6 @@ latency.
 from collections.abc import Sequence
 
 import numpy as np
-from attrs import evolve
 from scipy.special import gammainccinv
 
 from opir_core.arrays import FloatArray, IntArray
@@ -57,7 +56,7 @@ class ReportingDelays:
             delay_ns[rows] = np.rint(1e9 * self._latency_s(number, stages, scans)).astype(np.int64)[
                 of_row
             ]
-        return evolve(detections, reported_ns=detections.time_ns + delay_ns)
+        return detections.replaced(reported_ns=detections.time_ns + delay_ns)
 
     def _latency_s(
         self, number: int, stages: Sequence[ReportingStage], scans: IntArray

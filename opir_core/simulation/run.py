@@ -38,12 +38,21 @@ class Run:
     estimates: Tracks
     sensors: Sequence[Sensor]
     target_ids: Sequence[str]
-    summary: Mapping[str, Any]
+    #: Of each target the times, sensors and latencies of its detections: the rows of
+    #: `summary["targets"]` without types, which cost most, and tracks.
+    sightings: Sequence[Mapping[str, Any]]
+    #: Returns the summary.
+    make_summary: Callable[[Detections, DetectionTruth], Mapping[str, Any]]
     #: Returns the manifest.
     make_manifest: Callable[[], Mapping[str, Any]]
     #: The names of the detections' reported types, by code.
     reported_types: Sequence[str] = REPORTED_TYPES
     plan: Plan = field(kw_only=True)
+
+    @cached_property
+    def summary(self) -> Mapping[str, Any]:
+        """The summary, with the types of detections; made when it is first read."""
+        return self.make_summary(self.detections, self.truth)
 
     @cached_property
     def manifest(self) -> Mapping[str, Any]:
@@ -52,13 +61,13 @@ class Run:
 
     def __repr__(self) -> str:
         """Return the scene with the counts, in one line."""
-        counts = self.summary["counts"]
         scene = self.plan.scene
+        tracks = int(self.tracks.track.max(initial=-1)) + 1
         return (
-            f"<Run of {scene.name}: {number_of('detection', counts['detections'])}"
-            f" of {number_of('target', counts['targets'])} by"
-            f" {number_of('sensor', counts['sensors'])},"
-            f" {number_of('track', counts['tracks'])}, {scene.duration_s:g} s, seed {scene.seed}>"
+            f"<Run of {scene.name}: {number_of('detection', len(self.detections))}"
+            f" of {number_of('target', len(self.sightings))} by"
+            f" {number_of('sensor', len(self.sensors))},"
+            f" {number_of('track', tracks)}, {scene.duration_s:g} s, seed {scene.seed}>"
         )
 
     def _repr_html_(self) -> str:
@@ -168,7 +177,11 @@ def replicates(scene: Scene, runs: int, host: Host | None = None) -> Iterator[Ru
 def run_of_plan(plan: Plan, window_s: float | None = None, *, workers: int = 1) -> Run:
     """Return the run of a plan; each call returns the same run. `workers` is as in `simulate`."""
     tally = Tally(plan)
-    return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s, workers=workers))))
+    windows = list[Window]()
+    for window in plan_windows(plan, window_s, workers=workers):
+        tally.count_sightings(window)
+        windows.append(window)
+    return _collected(plan, tally, windows)
 
 
 def windows(
@@ -213,7 +226,8 @@ def _collected(plan: Plan, tally: Tally, windows: Sequence[Window]) -> Run:
         estimates=Tracks.concatenate(window.estimates for window in windows),
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
-        summary=tally.summary(),
+        sightings=tally.sightings(),
+        make_summary=tally.summary_with_types,
         make_manifest=partial(run_manifest, plan, tally.counts()),
         reported_types=plan.reported_types,
         plan=plan,

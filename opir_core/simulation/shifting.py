@@ -22,8 +22,8 @@ def shifted(window: Window, time_ns: int, tracks: int = 0) -> Window:
         window,
         start_s=window.start_s + offset_s,
         end_s=window.end_s + offset_s,
-        detections=evolve(
-            detections, time_ns=look_ns, reported_ns=reported_ns, track=track
+        detections=detections.replaced(
+            time_ns=look_ns, reported_ns=reported_ns, track=track
         ).freeze(),
         tracks=_shifted_tracks(window.tracks, offset_s, tracks),
         estimates=_shifted_tracks(window.estimates, offset_s, tracks),

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.records import Window
+from opir_core.arrays import IndexArray, IntArray
+from opir_core.interfaces.records import Detections, DetectionTruth, Window
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked, Pairs
 
@@ -78,6 +78,20 @@ class Tally:
 
     def count(self, window: Window) -> None:
         """Count a window."""
+        self.count_sightings(window)
+        self.count_types(window.detections, window.truth)
+
+    def count_types(self, detections: Detections, truth: DetectionTruth) -> None:
+        """Count the reported types and the confidences of detections."""
+        rows = np.flatnonzero(truth.target >= 0)
+        target = truth.target.take(rows)
+        types = self._reported.shape[1]
+        code = target * types + detections.reported_type.take(rows)
+        self._reported += np.bincount(code, minlength=self._reported.size).reshape(-1, types)
+        np.maximum.at(self._confidence, target, detections.confidence.take(rows))
+
+    def count_sightings(self, window: Window) -> None:
+        """Count a window but for its types and confidences, which are not computed for this."""
         self._looks += window.looks
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         if window.health is not None:
@@ -88,13 +102,7 @@ class Tally:
         target = window.truth.target
         self._count_held(target, detections.track)
         is_noise = target < 0
-        columns: tuple[Any, ...] = (
-            detections.sensor,
-            target,
-            detections.time_ns,
-            detections.reported_type,
-            detections.confidence,
-        )
+        columns: tuple[Any, ...] = (detections.sensor, target, detections.time_ns)
         rows = np.flatnonzero(~is_noise)
         if self._is_delayed:
             rows = rows.take(np.argsort(detections.time_ns.take(rows), kind="stable"))
@@ -104,7 +112,7 @@ class Tally:
         if is_noise.any() or self._is_delayed:
             self._noise += np.bincount(detections.sensor[is_noise], minlength=len(self._noise))
             columns = tuple(column.take(rows) for column in columns)
-        self._count(*columns)
+        self._count_looks(*columns)
 
     def _latest_tracks(self) -> "LatestTracks":
         if self._latest is None:
@@ -115,14 +123,7 @@ class Tally:
             self._latest = LatestTracks(self._hypotheses)
         return self._latest
 
-    def _count(
-        self,
-        sensor: IndexArray,
-        target: IndexArray,
-        time_ns: IntArray,
-        reported_type: ByteArray,
-        confidence: FloatArray,
-    ) -> None:
+    def _count_looks(self, sensor: IndexArray, target: IndexArray, time_ns: IntArray) -> None:
         """Count detections (n,) of targets, sorted by time."""
         sensors, targets = self._detections.shape
         pair = sensor * targets + target
@@ -136,10 +137,6 @@ class Tally:
         last_s[pair] = time_s
         np.minimum(self._first_s, first_s.reshape(sensors, targets), out=self._first_s)
         np.maximum(self._last_s, last_s.reshape(sensors, targets), out=self._last_s)
-        types = self._reported.shape[1]
-        reported = np.bincount(target * types + reported_type, minlength=targets * types)
-        self._reported += reported.reshape(targets, types)
-        np.maximum.at(self._confidence, target, confidence)
 
     def _count_held(self, target: IndexArray, track: IntArray) -> None:
         """Count detections (n,) of targets by the tracks that hold them."""
@@ -210,6 +207,20 @@ class Tally:
             ],
             "tracks": tracks,
         }
+
+    def summary_with_types(
+        self, detections: Detections, truth: DetectionTruth
+    ) -> Mapping[str, Any]:
+        """Return the summary with the types of all detections of the run."""
+        self._reported[:] = 0
+        self.count_types(detections, truth)
+        return self.summary()
+
+    def sightings(self) -> Sequence[Mapping[str, Any]]:
+        """Return a row per target as in the summary, without its type, confidence and track."""
+        names = {"reported_type", "highest_confidence"}
+        rows = map(self._target_row, np.flatnonzero(~self._is_source).tolist())
+        return [{name: row[name] for name in row.keys() - names} for row in rows]
 
     def _target_row(self, row: int) -> Mapping[str, Any]:
         sighting = self._seen(row)

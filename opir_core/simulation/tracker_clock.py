@@ -9,7 +9,7 @@ from attrs import evolve, fields, frozen
 
 from opir_core.arrays import ByteArray, FloatArray, IntArray
 from opir_core.errors import ModelError, OpirError
-from opir_core.host.boundary import blamed_call, check_hint, owner_text
+from opir_core.host.boundary import blamed_call, check_hint, error_of_part, owner_text
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_ENDS, Detections, Tracks
 from opir_core.interfaces.sensor_health import SensorHealth
 from opir_core.interfaces.sensors import Sensor
@@ -68,6 +68,7 @@ class ScheduledTracker:
         """Process the detections of [start, end), sorted by time."""
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
+        detections = detections.computed()
         associated = []
         estimates = []
         in_force = []
@@ -110,9 +111,9 @@ class ScheduledTracker:
             if len(detections)
             else np.empty(0, dtype=np.int64)
         )
-        self._pending.append(evolve(visible, track=track))
-        return evolve(
-            detections, track=track, estimate=rows_of(self._in_force.track, track, offset)
+        self._pending.append(visible.replaced(track=track))
+        return detections.replaced(
+            track=track, estimate=rows_of(self._in_force.track, track, offset)
         )
 
     def _visible(self, detections: Detections) -> Detections:
@@ -122,7 +123,7 @@ class ScheduledTracker:
         visible = without_truth(detections)
         if self._paper_codes is None:
             return visible
-        return evolve(visible, reported_type=self._paper_codes.take(visible.reported_type))
+        return visible.replaced(reported_type=self._paper_codes.take(visible.reported_type))
 
     def _stepped(self, edge_ns: int) -> list[Tracks]:
         assert self._cadence_ns is not None
@@ -154,7 +155,11 @@ def checked_tracker(plan: Plan) -> Tracker:
         return tracker
     owner = partial(owner_text, plan.host, choice)
     checked = CheckedTracker(
-        Tracker.adopt(tracker, owner), owner, check_hint(choice.name), len(plan.hypotheses)
+        Tracker.adopt(tracker, owner),
+        owner,
+        check_hint(choice.name),
+        len(plan.hypotheses),
+        partial(error_of_part, plan.host, choice),
     )
     return (
         checked if plan.on_tracker_error is None else EndingTracker(checked, plan.on_tracker_error)
@@ -166,10 +171,8 @@ def without_truth(detections: Detections) -> Detections:
     confidences nan.
     """
     count = len(detections)
-    return evolve(
-        detections,
-        detection_count=np.zeros(count, dtype=np.int32),
-        confidence=np.full(count, np.nan),
+    return detections.replaced(
+        detection_count=np.zeros(count, dtype=np.int32), confidence=np.full(count, np.nan)
     )
 
 
@@ -188,15 +191,22 @@ class CheckedTracker(Tracker):
 
     Raises `ModelError` for wrong output, and if the tracker raises anything but opir's own errors.
     `owner()` returns the beginning of the message, `hint` is its end, `hypotheses` the number of
-    the scene's hypotheses.
+    the scene's hypotheses. `of_part(error)` returns the error of the part of the tracker that
+    raised, None for the tracker itself.
     """
 
     def __init__(
-        self, tracker: Tracker, owner: Callable[[], str], hint: str, hypotheses: int
+        self,
+        tracker: Tracker,
+        owner: Callable[[], str],
+        hint: str,
+        hypotheses: int,
+        of_part: Callable[[BaseException], ModelError | None] = lambda _error: None,
     ) -> None:
         self._tracker = tracker
         self._owner = owner
         self._hint = hint
+        self._of_part = of_part
         self._hypotheses = hypotheses
         self._width: int | None = None
 
@@ -255,7 +265,17 @@ class CheckedTracker(Tracker):
         self._called("set_sensors", lambda: self._tracker.set_sensors(sensors))
 
     def _called(self, method: str, call: Callable[[], Any]) -> Any:
-        return blamed_call(self._owner, self._hint, method, call)
+        return blamed_call(self._owner, self._hint, method, partial(self._tried, call))
+
+    def _tried(self, call: Callable[[], Any]) -> Any:
+        """Return what a call returns; raises the error of the part that raised in it."""
+        try:
+            return call()
+        except Exception as error:
+            of_part = None if isinstance(error, OpirError) else self._of_part(error)
+            if of_part is None:
+                raise
+            raise of_part from error
 
     def _error(self, words: str) -> ModelError:
         return ModelError(f"{self._owner()}: {words}; {self._hint}")

@@ -24,7 +24,7 @@ def held(kind, count, seed, marks, sensors=2):
     result = {mark: np.zeros(len(truth), dtype=bool) for mark in marks}
     until_s = max(times_s.max() for times_s in marks_s.values())
     some = sensors_of()[:sensors]
-    for tick in followed(truth, SEEING, seed, until_s, some, regions_every_s=600.0):
+    for tick in followed(truth, SEEING, seed, until_s, some, forecast="none"):
         for mark, when in marks_s.items():
             for flight in np.flatnonzero(when == tick.time_s):
                 row = rows_of(tick.reported, tick.shared)[flight]

@@ -36,7 +36,7 @@ def hidden(kind, count, seed):
 def test_where_and_when_what_comes_out_of_clouds_was_launched(kind, area_km2):
     """Paths followed back to rest as cubics have regions of 116 and 30 km²."""
     truth, seen_s = hidden(kind, 8, 21)
-    *_, last = followed(truth, SEEING, 21, seen_s.max() + 12.0, regions_every_s=600.0)
+    *_, last = followed(truth, SEEING, 21, seen_s.max() + 12.0, forecast="none")
     rows = rows_of(last.reported, last.shared)
     assert (rows >= 0).all()
     launch = last.reported.launch[rows]

@@ -140,7 +140,7 @@ def found(detections, stated_rad):
         for row, slot in enumerate(SLOTS_DEG)
     )
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, light_time=False)
-    tracker = imm_tracker(ImmConfig(regions_every_s=600.0), context)
+    tracker = imm_tracker(ImmConfig(forecast="none"), context)
     cut = 0
     numbers = set()
     for tick in range(1, SECONDS + 1):

@@ -52,9 +52,7 @@ def reported(request):
     truth = flown("SRBM", FLIGHTS, 3, request.param)
     impact = truth.impacts()
     ticks = []
-    for tick in followed(
-        truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0, regions_every_s=10.0
-    ):
+    for tick in followed(truth, usual("SRBM"), 3, truth.burnout_s.max() + 35.0):
         area = np.full((FLIGHTS, 3), np.nan)
         held = np.zeros((FLIGHTS, 3))
         burning = np.full(FLIGHTS, np.nan)

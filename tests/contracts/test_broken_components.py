@@ -24,6 +24,7 @@ def test_there_are_many() -> None:
         "opir_confidence_models",
         "opir_classifiers",
         "opir_trackers",
+        "opir_tracker_parts",
         "opir_target_models",
         "opir_event_encoders",
         "opir_sinks",

@@ -20,6 +20,10 @@ WITHOUT = {
         "opir_trackers",
         "stonesoup",
     ): "it takes minutes: `opir check stonesoup` runs it, test_stonesoup_tracker.py the core",
+    **{
+        ("opir_tracker_parts", name): "`imm` has it by default, and is held to the same tests"
+        for name in ("crowds", "m-of-n", "thrust", "unlikely")
+    },
 }
 
 

@@ -133,7 +133,6 @@ def test_bad_settings_are_reported_with_their_place():
     with pytest.raises(opir.SceneError, match=r"tracker\.motion"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "motion": "glide"}})
     for gone, value in (
-        ("association", "joint"),
         ("boost_model", "jerk"),
         ("jerk_noise_m_s3", 0.3),
     ):

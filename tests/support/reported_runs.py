@@ -20,7 +20,7 @@ import opir_core as opir
 @cache
 def scored_run():
     """Return 300 s of one ICBM, seen by two sensors and followed to a predicted impact."""
-    tracker = {"model": "imm", "regions_every_s": 15.0}
+    tracker = {"model": "imm"}
     return opir.simulate(
         opir.scene_from_mapping({**SCENE, "duration_s": 300.0, "tracker": tracker})
     )

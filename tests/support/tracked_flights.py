@@ -73,7 +73,7 @@ def detections_of(rays):
     )
 
 
-def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", regions_every_s=60.0):
+def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", forecast="regions"):
     """Yield the ticks, one a second, of the tracker that sees flights; of one sensor only the first
     one's looks.
     """
@@ -83,7 +83,7 @@ def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", region
     owner = owner[rows]
     rays = rays.take(rows)
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, forces=forces)
-    tracker = imm_tracker(ImmConfig(regions_every_s=regions_every_s), context)
+    tracker = imm_tracker(ImmConfig(forecast=forecast), context)
     detections = detections_of(rays)
     shared = np.zeros((0, len(truth) + 1))
     cut = 0

@@ -49,14 +49,17 @@ class UncertaintyEllipse(msgspec.Struct):
     containment: float
 
 
-class EstimatedPoint(msgspec.Struct):
-    """A launch or impact point: geodetic WGS 84 position, UTC, and their uncertainties; unknown
-    values are None.
-    """
+class Place(msgspec.Struct):
+    """A launch or impact point: geodetic WGS 84 position and UTC, None if unknown."""
 
     lat_deg: float
     lon_deg: float
     time: str | None
+
+
+class EstimatedPoint(Place):
+    """A launch or impact point with its uncertainties; unknown values are None."""
+
     ellipse: UncertaintyEllipse | None
     ellipse_50: UncertaintyEllipse | None
     ellipse_90: UncertaintyEllipse | None
@@ -97,6 +100,13 @@ _TRACK_FIELDS = (
     b'"track_probability_missile":%b,"track_probability_orbit":%b,"track_probability_comes_down":%b,"track_end":%b,"track_available_at":%b,'
 )
 _encode = msgspec.json.Encoder().encode
+
+
+def place_texts(place: FloatArray, epoch_us: int) -> list[bytes]:
+    """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as JSON without their
+    uncertainties, `null` if the position is unknown or not on the Earth.
+    """
+    return _point_texts(Place, _place_columns(place, epoch_us), place)
 
 
 def launch_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
@@ -155,11 +165,8 @@ def _point_columns(
     `covariance` (n, 3, 3) is of east and north, m, and time, s; `reported_sigmas` (n, 3) as in
     `containment_ellipse`.
     """
-    filled = np.where(are_on_earth(place)[:, np.newaxis], place, 0.0)
     return (
-        rounded_degrees(filled[:, 0]).tolist(),
-        rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)).tolist(),
-        time_texts(filled[:, 2], epoch_us),
+        *_place_columns(place, epoch_us),
         *(
             _ellipses(covariance[:, :2, :2], share, reported_sigmas)
             for share in (CONTAINMENT, *OTHER_CONTAINMENTS)
@@ -171,8 +178,18 @@ def _point_columns(
     )
 
 
+def _place_columns(place: FloatArray, epoch_us: int) -> Sequence[Sequence[Any]]:
+    """Return the values of `Place` for points (n, 3)."""
+    filled = np.where(are_on_earth(place)[:, np.newaxis], place, 0.0)
+    return (
+        rounded_degrees(filled[:, 0]).tolist(),
+        rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)).tolist(),
+        time_texts(filled[:, 2], epoch_us),
+    )
+
+
 def _point_texts(
-    kind: type[EstimatedPoint], columns: Sequence[Sequence[Any]], place: FloatArray
+    kind: type[Place], columns: Sequence[Sequence[Any]], place: FloatArray
 ) -> list[bytes]:
     points = (kind(*values) for values in zip(*columns, strict=True))
     return list(map(_encode, where_known(points, are_on_earth(place))))

@@ -99,8 +99,9 @@ class ForgeEncoder(Encoder):
     """Detections as lines of JSON, one flat object each; the bytes do not depend on the windows.
 
     With `has_irradiances` an event has the irradiance measured in each band, if the detection model
-    measures it; with `has_tracks` the state of its track, the state at burnout, their covariances,
-    the probabilities of types and hypotheses, and how it ended.
+    measures it; with `has_tracks` the uncertainties of launch and impact point, the state of its
+    track, the state at burnout, their covariances, the probabilities of types and hypotheses, and
+    how it ended.
     """
 
     content_type = "application/json"
@@ -143,7 +144,7 @@ class ForgeEncoder(Encoder):
             [
                 *(_ID, Ids(detections.detection_id), _TIME, look, b'",'),
                 Looked(self._sensor_texts, sensor * self._types + detections.reported_type),
-                _points(window, self._epoch_us),
+                _points(window, self._epoch_us, self._has_tracks),
                 Decimal(detections.confidence, RATIO_DECIMALS),
                 *(_REPORT, report, _tracks(detections.track)),
                 Decimal(rounded_bearing_deg(angles.azimuth_rad), DEGREE_DECIMALS),
@@ -205,18 +206,28 @@ def _band_texts(sensor: Sensor) -> list[bytes]:
     ]
 
 
-def _points(window: Window, epoch_us: int) -> Column:
-    """Return the launch and impact points of the detections' estimates."""
+def _points(window: Window, epoch_us: int, has_ellipses: bool) -> Column:
+    """Return the launch and impact points of the detections' estimates; their uncertainties are in
+    the tracks, and would be most of an event.
+    """
     estimate = window.detections.estimate
     if not (estimate >= 0).any():
         return _POINTS % (b"null", b"null")
     rows, of_detection = np.unique(estimate, return_inverse=True)
     estimate_rows = rows[rows >= 0]
-    from opir_core.output.events.estimates import impact_texts, launch_texts  # of runs with tracks
+    from opir_core.output.events.estimates import (
+        impact_texts,
+        launch_texts,
+        place_texts,
+    )  # of runs with tracks
 
     estimates = window.estimates.take(estimate_rows)
-    launches = launch_texts(estimates, epoch_us)
-    impacts = impact_texts(estimates, epoch_us)
+    if has_ellipses:
+        launches = launch_texts(estimates, epoch_us)
+        impacts = impact_texts(estimates, epoch_us)
+    else:
+        launches = place_texts(estimates.launch, epoch_us)
+        impacts = place_texts(estimates.impact, epoch_us)
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(estimate_rows))
     points = [_POINTS % texts for texts in zip(launches, impacts, strict=True)]
     return Looked([*unknown, *points], of_detection)

@@ -191,7 +191,7 @@ def _touching(
     tracks = [np.empty(0, dtype=np.int64)]
     line_rows = [np.empty(0, dtype=np.int64)]
     for level in np.unique(octave):
-        rows = np.flatnonzero(octave == level)
+        rows = (octave == level).nonzero()[0]
         keys = _keys(line_place, _bins(direction, level))
         order = np.argsort(keys, kind="stable")
         bins = _bins(entries.unit[rows], level)
@@ -259,7 +259,7 @@ def gated(
     if len(track) > FEW_PAIRS:
         is_likely &= _are_near(predicted, geometry, track, measured, sigma, gate)
     if np.count_nonzero(is_likely) < len(is_likely):
-        rows = np.flatnonzero(is_likely)
+        rows = is_likely.nonzero()[0]
         geometry = _PairGeometry(*(column.take(rows, axis=0) for column in geometry))
         track = track[rows]
         line = line[rows]
@@ -280,7 +280,7 @@ def gated(
         sigma,
     )
     inside = distance <= gate * gate
-    return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(np.flatnonzero(inside))
+    return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(inside.nonzero()[0])
 
 
 def _are_near(

@@ -18,7 +18,7 @@ from attrs import Factory, field, frozen
 from opir_core.arrays import FloatArray
 from opir_core.flight import Forces, Gravity
 from opir_estimation.directions import FEW_ROWS
-from opir_estimation.formulas import Arithmetic, Functions, Vector, arithmetic, inner, plus, scaled
+from opir_estimation.formulas import Arithmetic, Functions, Vector, arithmetic
 
 #: State sizes.
 BOOST = 12
@@ -35,44 +35,60 @@ _UNIT = np.eye(3)
 
 def gravity_gradient(position: Vector, mu_m3_s2: float, functions: Functions) -> list[Any]:
     """Return the gravity gradient of a point mass, 1/s², 9 elements by row."""
-    square = inner(position, position)
+    px, py, pz = position[:3]
+    square = px * px + py * py + pz * pz
     scale = mu_m3_s2 / (square * functions.sqrt(square))
-    x, y, z = scaled(3.0 * scale / square, position)
-    return [
-        x * position[0] - scale,
-        *(x * position[1], x * position[2], y * position[0]),
-        y * position[1] - scale,
-        *(y * position[2], z * position[0], z * position[1]),
-        z * position[2] - scale,
-    ]
+    factor = 3.0 * scale / square
+    x = factor * px
+    y = factor * py
+    z = factor * pz
+    row = (x * px - scale, x * py, x * pz)
+    next_row = (y * px, y * py - scale, y * pz)
+    return [*row, *next_row, z * px, z * py, z * pz - scale]
 
 
 def stepped_state(state: Vector, step: Any, functions: Functions) -> list[Any]:
     """Return a state of 6, or of 12 with specific force and jerk, after one Nyström step."""
     half = 0.5 * step
     x, y, z, u, v, w = state[:6]
-    middle: Vector = (x + half * u, y + half * v, z + half * w)
-    end: Vector = (x + step * u, y + step * v, z + step * w)
-    speed: Vector = (u, v, w)
+    mx = x + half * u
+    my = y + half * v
+    mz = z + half * w
+    ex = x + step * u
+    ey = y + step * v
+    ez = z + step * w
     derivatives: list[Any] = []
     if len(state) > COAST:
-        force = state[6:9]
-        jerk = state[9:12]
-        half_force = scaled(0.5, force)
-        middle = plus(middle, half * half, plus(half_force, half / 6.0, jerk))
-        end = plus(end, step * step, plus(half_force, step / 6.0, jerk))
-        speed = plus(speed, step, plus(force, half, jerk))
-        derivatives = [*plus(force, step, jerk), *jerk]
-    start_fall = functions.gravity(x, y, z)
-    middle_fall = functions.gravity(*plus(middle, 0.5 * half * half, start_fall))
-    ax, ay, az = start_fall[:3]
-    bx, by, bz = middle_fall[:3]
-    cx, cy, cz = functions.gravity(*plus(end, half * step, middle_fall))[:3]
-    mean_fall = (ax + 4.0 * bx + cx, ay + 4.0 * by + cy, az + 4.0 * bz + cz)
-    early_fall = (ax + 2.0 * bx, ay + 2.0 * by, az + 2.0 * bz)
+        fx, fy, fz, jx, jy, jz = state[6:12]
+        square = step * step
+        quarter = half * half
+        third = step / 6.0
+        sixth = half / 6.0
+        mx = mx + quarter * (0.5 * fx + sixth * jx)
+        my = my + quarter * (0.5 * fy + sixth * jy)
+        mz = mz + quarter * (0.5 * fz + sixth * jz)
+        ex = ex + square * (0.5 * fx + third * jx)
+        ey = ey + square * (0.5 * fy + third * jy)
+        ez = ez + square * (0.5 * fz + third * jz)
+        u = u + step * (fx + half * jx)
+        v = v + step * (fy + half * jy)
+        w = w + step * (fz + half * jz)
+        derivatives = [fx + step * jx, fy + step * jy, fz + step * jz, jx, jy, jz]
+    gravity = functions.gravity
+    ax, ay, az = gravity(x, y, z)[:3]
+    eighth = 0.5 * half * half
+    bx, by, bz = gravity(mx + eighth * ax, my + eighth * ay, mz + eighth * az)[:3]
+    push = half * step
+    cx, cy, cz = gravity(ex + push * bx, ey + push * by, ez + push * bz)[:3]
+    share = step * step / 6.0
+    sixth = step / 6.0
     return [
-        *plus(end, step * step / 6.0, early_fall),
-        *plus(speed, step / 6.0, mean_fall),
+        ex + share * (ax + 2.0 * bx),
+        ey + share * (ay + 2.0 * by),
+        ez + share * (az + 2.0 * bz),
+        u + sixth * (ax + 4.0 * bx + cx),
+        v + sixth * (ay + 4.0 * by + cy),
+        w + sixth * (az + 4.0 * bz + cz),
         *derivatives,
     ]
 
@@ -90,16 +106,25 @@ def taylor_series(state: Vector, mu_m3_s2: float, functions: Functions) -> list[
     climb = x * u + y * v + z * w
     share = climb / square
     third = 3.0 * share
-    rate: Vector = (scale * (third * x - u), scale * (third * y - v), scale * (third * z - w))
+    gx = scale * (third * x - u)
+    gy = scale * (third * y - v)
+    gz = scale * (third * z - w)
     if len(state) > COAST:
-        a, b, c = plus((a, b, c), 1.0, state[6:9])
-        rate = plus(rate, 1.0, state[9:12])
+        fx, fy, fz, jx, jy, jz = state[6:12]
+        a = a + fx
+        b = b + fy
+        c = c + fz
+        gx = gx + jx
+        gy = gy + jy
+        gz = gz + jz
     speeds = u * u + v * v + w * w
     inward = (x * a + y * b + z * c + speeds - 5.0 * climb * share) / square
     near = 3.0 * inward
     along = 6.0 * share
-    bend = (near * x + along * u - a, near * y + along * v - b, near * z + along * w - c)
-    return [x, y, z, u, v, w, a, b, c, *rate, *scaled(scale, bend)]
+    bx = scale * (near * x + along * u - a)
+    by = scale * (near * y + along * v - b)
+    bz = scale * (near * z + along * w - c)
+    return [x, y, z, u, v, w, a, b, c, gx, gy, gz, bx, by, bz]
 
 
 @frozen(eq=False)

@@ -2,6 +2,14 @@ from opir_forecast.ascents import (
     BoostAscents as BoostAscents,
     ascents_of as ascents_of,
 )
+from opir_forecast.configs import (
+    RegionsConfig as RegionsConfig,
+)
+from opir_forecast.estimates import (
+    BoostEstimates as BoostEstimates,
+    burning_probability as burning_probability,
+    launch_probability as launch_probability,
+)
 from opir_forecast.forecaster import (
     Forecaster as Forecaster,
 )
@@ -26,6 +34,9 @@ from opir_forecast.launch_points import (
 from opir_forecast.outcomes import (
     Outcomes as Outcomes,
     hypothesis_log_likelihood as hypothesis_log_likelihood,
+)
+from opir_forecast.region_forecaster import (
+    RegionForecaster as RegionForecaster,
 )
 from opir_forecast.since_launch import (
     InFlight as InFlight,

@@ -5,11 +5,11 @@ burns.
 from typing import NamedTuple
 
 import numpy as np
-from opir_estimation import ModeEstimates
 from opir_estimation.square_root import inverse_root
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_forecast.estimates import BoostEstimates
 from opir_forecast.particles import (
     BURNING,
     LAW,
@@ -35,7 +35,7 @@ _SHOWN = np.array([1.0, 1.0, 1.0, 0.0])
 
 def burning_particles(
     model: VehicleModel,
-    estimates: ModeEstimates,
+    estimates: BoostEstimates,
     history: StageHistory,
     prior: FloatArray,
     time_s: float,
@@ -79,7 +79,7 @@ class _DrawnBurns(NamedTuple):
 
 
 def _drawn_burns(
-    model: VehicleModel, estimates: ModeEstimates, history: StageHistory, time_s: float
+    model: VehicleModel, estimates: BoostEstimates, history: StageHistory, time_s: float
 ) -> _DrawnBurns:
     """Return the draws of burns of tracks (n,) at a time."""
     track = np.repeat(np.arange(len(estimates)), len(BURNING))
@@ -128,7 +128,7 @@ def _burn_kinds(share: FloatArray) -> IntArray:
     return np.where(place < share[:, 1:2], STAGING, other_kinds)
 
 
-def _drawn_states(estimates: ModeEstimates, burn_kind: IntArray) -> FloatArray:
+def _drawn_states(estimates: BoostEstimates, burn_kind: IntArray) -> FloatArray:
     """Return drawn states (n, m, 10) of the filter's densities of kinds of burns (n, m)."""
     root = widened(inverse_root(estimates.burn_root.reshape(-1, 10, 10)))
     root = root.reshape(estimates.burn_root.shape)

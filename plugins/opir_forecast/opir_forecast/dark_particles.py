@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
-from opir_estimation import ModeEstimates
 from opir_estimation.square_root import inverse_root
 from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_forecast.estimates import BoostEstimates
 from opir_forecast.particles import (
     AGAIN,
     LAW,
@@ -43,7 +43,7 @@ class _Coast(NamedTuple):
 
 def dark_particles(
     model: VehicleModel,
-    estimates: ModeEstimates,
+    estimates: BoostEstimates,
     history: StageHistory,
     prior: FloatArray,
     dark_s: FloatArray,

@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from itertools import pairwise, starmap
 
 import numpy as np
-from opir_estimation import ModeEstimates
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces
 from opir_forecast.burning_particles import burning_particles
 from opir_forecast.conditional_impacts import Descents, Impacts, impacts_by_condition
 from opir_forecast.dark_particles import dark_particles
+from opir_forecast.estimates import BoostEstimates
 from opir_forecast.fates import Fates, fates_of, features, glide_ends
 from opir_forecast.launch_forecasts import LaunchForecasts
 from opir_forecast.outcomes import Outcomes
@@ -27,32 +27,28 @@ from opir_forecast.vehicles import FAMILIES, NONE, SPACE
 
 def forecasts(
     outcomes: Outcomes,
-    estimates: ModeEstimates,
+    estimates: BoostEstimates,
     history: StageHistory,
     dark_s: FloatArray,
-    launch: FloatArray,
-    log_likelihood: FloatArray,
     time_s: float,
     forces: Forces,
 ) -> LaunchForecasts:
-    """Return the forecasts of tracks (n,) with stages and launches (n, 3), nan where unknown, at a
-    time.
-
-    `dark_s` (n,) is the time since the burn ended, if it did, `log_likelihood` (n, H) that of
-    sensors' reports.
+    """Return the forecasts of tracks (n,) with stages at a time; `dark_s` (n,) is the time since
+    the burn ended, if it did.
     """
     particles, burning, relights = _ensemble(outcomes, estimates, history, dark_s, time_s)
-    fates = fates_of(outcomes, particles, launch, dark_s, time_s, forces)
+    fates = fates_of(outcomes, particles, estimates.launch, dark_s, time_s, forces)
     weight = _hypotheses(outcomes, particles, fates, relights[particles.track, SPACE])
+    log_likelihood = estimates.log_likelihood
     weight *= np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))[particles.track]
     weight = weight * (particles.weight * _flying_factors(particles, fates.flies))[:, None]
     weight = _normalised(weight, particles, burning)
     return _gathered(outcomes, particles, fates, weight, burning, forces)
 
 
-def _burning(estimates: ModeEstimates) -> FloatArray:
+def _burning(estimates: BoostEstimates) -> FloatArray:
     """Return the probabilities (n,) of a burn; improbable modes have none."""
-    burning = estimates.weight[:, 0].copy()
+    burning = estimates.burning.copy()
     burning[burning < LAW.least_mode] = 0.0
     burning[burning > 1.0 - LAW.least_mode] = 1.0
     return burning
@@ -60,7 +56,7 @@ def _burning(estimates: ModeEstimates) -> FloatArray:
 
 def _ensemble(
     outcomes: Outcomes,
-    estimates: ModeEstimates,
+    estimates: BoostEstimates,
     history: StageHistory,
     dark_s: FloatArray,
     time_s: float,

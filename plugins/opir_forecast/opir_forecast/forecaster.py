@@ -1,161 +1,66 @@
-"""The latest forecast of each track, and when it is renewed."""
+"""The contract of a forecaster, and what says nothing of where a target comes down."""
 
-from typing import NamedTuple
+from abc import abstractmethod
+from typing import Any
 
 import numpy as np
-from attrs import evolve
-from opir_estimation import ModeEstimates
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.flight import Forces
-from opir_core.interfaces import TRACK_ENDS
-from opir_core.plugin import Hypothesis, Tracks
+from opir_core.arrays import FloatArray
+from opir_core.interfaces import PluginPart
+from opir_forecast.configs import NoForecastConfig
+from opir_forecast.estimates import BoostEstimates
 from opir_forecast.launch_forecasts import LaunchForecasts
 from opir_forecast.outcomes import Outcomes
-from opir_forecast.particles import LAW
-from opir_forecast.stage_history import StageHistory
-from opir_forecast.vehicles import VehicleModel, vehicle_model
-
-_IMPACT = TRACK_ENDS.index("impact")
-_ORBIT = TRACK_ENDS.index("orbit")
+from opir_forecast.vehicles import vehicle_model
 
 
-class _Latest(NamedTuple):
-    """The latest forecast of a track: one row."""
+class Forecaster(PluginPart):
+    """Hypotheses and impacts of launched targets.
 
-    tick_s: float
-    is_dark: bool
-    forecast: LaunchForecasts
+    A tracker asks once a tick, with the tracks that it reports then. A forecaster may remember what
+    it has made by track number.
 
-
-class Forecaster:
-    """The latest forecasts of tracks, renewed every `every_s` and where a target stops or starts to
-    burn.
+    >>> from opir_forecast import Forecaster, LaunchForecasts
+    >>> class Ignorant(Forecaster):
+    ...     def forecasts(self, estimates, time_s):
+    ...         hypotheses = estimates.log_likelihood.shape[1]
+    ...         even = np.full((len(estimates), hypotheses), 1.0 / hypotheses)
+    ...         unknown = np.full(len(estimates), np.nan)
+    ...         return LaunchForecasts.without_impacts(even, estimates.burning, *[unknown] * 3)
     """
 
-    def __init__(
-        self,
-        every_s: float,
-        forces: Forces,
-        hypotheses: tuple[Hypothesis, ...],
-        model: VehicleModel | None = None,
-    ) -> None:
-        self._every_s = every_s
-        self._forces = forces
-        self._outcomes = Outcomes(model or vehicle_model(), hypotheses)
-        self._latest: dict[int, _Latest] = {}
-        self._history = StageHistory.begun(np.empty(0, dtype=np.int64), 0.0)
-        self._nothing = _without_impact(self._outcomes.prior)
+    @abstractmethod
+    def forecasts(self, estimates: BoostEstimates, time_s: float) -> LaunchForecasts:
+        """Return the forecasts of tracks (n,) at a time, rows as of the estimates.
 
-    def launch_forecasts(
-        self,
-        tracks: Tracks,
-        estimates: ModeEstimates,
-        log_likelihood: FloatArray,
-        is_launch: BoolArray,
-    ) -> LaunchForecasts:
-        """Return the forecasts of tracks (n,), given their estimates (same rows); to be called at
-        each tick.
-
-        `log_likelihood` (n, H) is that of sensors' reports. Without a launch by `is_launch` (n,) a
-        track has the prior of hypotheses, and no region.
+        Rows that are no launch have no impact.
         """
-        numbers = tracks.track.tolist()
-        tick_s = float(tracks.tick_s[0]) if numbers else 0.0
-        launch_sigma_s = np.sqrt(tracks.launch_covariance[:, 2, 2])
-        history = self._history.of(tracks.track, tick_s)
-        self._history = history.updated(estimates, tracks.launch[:, 2], launch_sigma_s, tick_s)
-        silent_s = estimates.detection_rate[:, 2]
-        rows_due = self._due_rows(numbers, tick_s, estimates, is_launch)
-        if len(rows_due):
-            self._renew(rows_due, tracks, estimates, log_likelihood)
-        self._latest = {
-            number: self._latest[number] for number in numbers if number in self._latest
-        }
-        latest = self._of(numbers, is_launch)
-        end = _ends(latest, tick_s, silent_s > LAW.longest_gap_s)
-        return evolve(latest, probability_burning=estimates.weight[:, 0], end=end)
 
-    def _of(self, numbers: list[int], is_launch: BoolArray) -> LaunchForecasts:
-        """Return the latest forecasts of tracks with numbers; without a launch, that of none."""
-        rows = [
-            self._latest[number].forecast if launched else self._nothing
-            for number, launched in zip(numbers, is_launch.tolist(), strict=True)
-        ]
-        return LaunchForecasts.concatenate([self._nothing.take(slice(0)), *rows])
 
-    def _due_rows(
-        self, numbers: list[int], tick_s: float, estimates: ModeEstimates, is_launch: BoolArray
-    ) -> IntArray:
-        """Return the rows of launched tracks whose forecasts are due."""
-        silent_s = estimates.detection_rate[:, 2].tolist()
-        is_dark = _is_dark(estimates).tolist()
-        rows = [
-            row
-            for row in np.flatnonzero(is_launch).tolist()
-            if self._is_due(numbers[row], tick_s, silent_s[row], is_dark[row])
-        ]
-        return np.array(rows, dtype=np.int64)
+class NoForecast(Forecaster):
+    """The forecaster `none`: hypotheses by their prior and the sensors' reports, and no impacts."""
 
-    def _is_due(self, number: int, tick_s: float, silent_s: float, is_dark: bool) -> bool:
-        """Whether a track needs a new forecast: the longer it is silent, the less often; not for
-        ever.
-        """
-        latest = self._latest.get(number)
-        if latest is None or is_dark != latest.is_dark:
-            return True
-        since_s = tick_s - latest.tick_s
-        # Tracks of a group have the same periods, so one batch renews them; groups take turns, so
-        # no tick renews all.
-        turn_s = number // LAW.group + 1e-6
-        is_new = (tick_s + turn_s) // self._every_s > (latest.tick_s + turn_s) // self._every_s
-        is_long = since_s >= LAW.silent_share * silent_s - 1e-6
-        return bool(is_new and is_long and silent_s - since_s < LAW.longest_gap_s)
+    def __init__(self, prior: FloatArray) -> None:
+        self._prior = prior
 
-    def _renew(
-        self, rows: IntArray, tracks: Tracks, estimates: ModeEstimates, log: FloatArray
-    ) -> None:
-        """Renew the forecasts of some rows of tracks."""
-        from opir_forecast.forecast import forecasts
-
-        tick_s = float(tracks.tick_s[0])
-        estimates = estimates.take(rows)
-        history = self._history.take(rows)
-        dark_s = _dark_s(estimates, history, tick_s)
-        launch = tracks.launch[rows]
-        renewed = forecasts(
-            self._outcomes, estimates, history, dark_s, launch, log[rows], tick_s, self._forces
+    def forecasts(self, estimates: BoostEstimates, time_s: float) -> LaunchForecasts:
+        """Return forecasts without impacts, and without the probabilities that these would give."""
+        log = estimates.log_likelihood
+        share = self._prior * np.exp(log - log.max(axis=1, keepdims=True))
+        unknown = np.full(len(share), np.nan)
+        return LaunchForecasts.without_impacts(
+            share / share.sum(axis=1, keepdims=True), estimates.burning, *[unknown] * 3
         )
-        is_dark = _is_dark(estimates).tolist()
-        for row, number in enumerate(tracks.track[rows].tolist()):
-            forecast = renewed.take(slice(row, row + 1))
-            self._latest[number] = _Latest(tick_s, is_dark[row], forecast)
 
 
-def _dark_s(estimates: ModeEstimates, history: StageHistory, tick_s: float) -> FloatArray:
-    """Return the times (n,) since the burns ended.
+def no_forecast(config: NoForecastConfig, context: Any) -> NoForecast:
+    """Return the forecaster `none` for the context of a part."""
+    return NoForecast(outcomes_of(context).prior)
 
-    They ended when detections did, if these are of plumes; or when the filter said so.
+
+def outcomes_of(context: Any) -> Outcomes:
+    """Return the outcomes of the hypotheses of a part's context, under the law of vehicles that the
+    tracker's setting `boost_prior` names, if it has one.
     """
-    hits, spell, silent_s = estimates.detection_rate.T
-    quiet_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)
-    return np.where(history.is_dark, tick_s - history.dark_since_s, quiet_s)
-
-
-def _is_dark(estimates: ModeEstimates) -> BoolArray:
-    """Whether tracks (n,) probably do not burn."""
-    return estimates.weight[:, 0] <= 0.5
-
-
-def _ends(latest: LaunchForecasts, tick_s: float, is_silent: BoolArray) -> IntArray:
-    """Return the codes (n,) of the ends of tracks, which are silent for longer than a gap."""
-    impact_s = latest.impact[:, 2]
-    sigma_s = np.sqrt(latest.impact_covariance[:, 2, 2])
-    end = np.where(is_silent & (latest.in_orbit > LAW.in_orbit), _ORBIT, 0)
-    return np.where(is_silent & (impact_s + 3.0 * sigma_s < tick_s), _IMPACT, end)
-
-
-def _without_impact(prior: FloatArray) -> LaunchForecasts:
-    """Return the forecast of a track without any: the prior (H,) of hypotheses."""
-    zero = np.zeros(1)
-    return LaunchForecasts.without_impacts(prior[None], zero, zero, np.full(1, np.nan), zero)
+    model = vehicle_model(getattr(context.settings, "boost_prior", None))
+    return Outcomes(model, tuple(context.tracker.hypotheses))

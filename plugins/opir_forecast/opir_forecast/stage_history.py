@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
-from opir_estimation import ModeEstimates, air_velocity, dot
+from opir_estimation import air_velocity, dot
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import Columns
+from opir_forecast.estimates import BoostEstimates
 from opir_forecast.vehicles import (
     BURN,
     FAMILIES,
@@ -92,18 +93,6 @@ class StageHistory(Columns):
         log[:, NONE] = np.log(1.0 - LAW.free_share + LAW.free_share * self.free_odds)
         return log
 
-    def of(self, number: IntArray, tick_s: float) -> "StageHistory":
-        """Return the histories of tracks with these numbers, in this order; unknown ones are
-        new.
-        """
-        if np.array_equal(self.number, number):
-            return self
-        row = np.searchsorted(self.number, number)
-        is_known = np.append(self.number, -1)[row] == number
-        begun = StageHistory.begun(number[~is_known], tick_s)
-        histories = StageHistory.concatenate([self.take(row[is_known]), begun])
-        return histories.take(np.argsort(np.argsort(~is_known, kind="stable")))
-
     def with_end(
         self, rows: IntArray, end_s: FloatArray, gap_log: float = np.nan
     ) -> "StageHistory":
@@ -118,18 +107,13 @@ class StageHistory(Columns):
         logs[rows, stage] = np.stack([*np.log(figures), np.full(len(rows), gap_log)], axis=1)
         return evolve(self, logs=logs)
 
-    def updated(
-        self,
-        estimates: ModeEstimates,
-        launch_s: FloatArray,
-        launch_sigma_s: FloatArray,
-        tick_s: float,
-    ) -> "StageHistory":
-        """Return the histories after a tick, of the same tracks, given their estimates and launch
-        times, nan unknown."""
-        hits, spell, silent_s = estimates.detection_rate.T
-        pause_s = spell / np.maximum(hits, 1.0)
-        burning = estimates.weight[:, 0] > 0.5
+    def updated(self, estimates: BoostEstimates, tick_s: float) -> "StageHistory":
+        """Return the histories after a tick, of the same tracks, given their estimates."""
+        silent_s = estimates.silent_s
+        pause_s = estimates.pause_s
+        launch_s = estimates.launch[:, 2]
+        launch_sigma_s = np.sqrt(estimates.launch_covariance[:, 2, 2])
+        burning = estimates.burning > 0.5
         staging = estimates.burn_share[:, 1]
         force = force_along(estimates.burn_mean[:, 0])
         history = self._with_launches(burning, launch_s, launch_sigma_s)
@@ -150,10 +134,10 @@ class StageHistory(Columns):
         return self._staged(has_staged & is_long & (force < LAW.drop * self.force))
 
     def _with_burn(
-        self, steady: BoolArray, force: FloatArray, estimates: ModeEstimates, tick_s: float
+        self, steady: BoolArray, force: FloatArray, estimates: BoostEstimates, tick_s: float
     ) -> "StageHistory":
         """Return the histories with the present forces where burns are steady."""
-        free_odds = _free_odds(estimates.weight[:, 0] > 0.5, estimates.burn_share[:, 2])
+        free_odds = _free_odds(estimates.burning > 0.5, estimates.burn_share[:, 2])
         return evolve(
             self,
             force=np.where(steady, force, self.force),
@@ -228,7 +212,7 @@ class StageHistory(Columns):
         logs[dark, self.done[dark] - 1] = np.nan
         return evolve(self, logs=logs)
 
-    def as_staging(self, estimates: ModeEstimates) -> tuple["StageHistory", BoolArray]:
+    def as_staging(self, estimates: BoostEstimates) -> tuple["StageHistory", BoolArray]:
         """Return burning histories if a stage begins at present, and in which of them (n,) it does:
         others go on as they are.
         """

@@ -34,7 +34,7 @@ from opir_core.plugin import (
 )
 from opir_core.scene import DEFAULT_SIGNATURE, Choice
 from opir_photons.radiometry.viewing import views
-from opir_photons.reflection import ReflectedSunlight, shadow_times_s
+from opir_photons.reflection import ReflectedSunlight, coasting_crossings_s, shadow_times_s
 
 #: Half the time step of a direction of flight, s.
 _HALF_STEP_S = 0.05
@@ -120,6 +120,17 @@ def heights_m(position_ecef_m: FloatArray) -> FloatArray:
     return height_m(position, 1.0 / length(*position))
 
 
+def entry_times_s(targets: Targets, level_m: float) -> FloatArray:
+    """Return the scene times (targets, k) at which targets cross a height, m, after burnout; or
+    nan.
+    """
+
+    def margin(target: IndexArray, time_s: FloatArray) -> FloatArray:
+        return heights_m(targets.position_ecef_m(target, time_s)) - level_m
+
+    return coasting_crossings_s(targets, [margin])
+
+
 @frozen(eq=False)
 class RadiometricEnvironment:
     """Signatures of all targets, the atmosphere and the background, for the distinct `bands` of the
@@ -192,7 +203,37 @@ class RadiometricEnvironment:
             intensity[:, bodies] += self.sunlight.intensities_w_sr(
                 bands, exposures.take(bodies), height_m[bodies], area[bodies]
             )
+        self._add_air_heated(intensity, bands, exposures, height_m)
         return intensity
+
+    def _add_air_heated(
+        self,
+        intensity: FloatArray,
+        bands: Sequence[int],
+        exposures: Exposures,
+        height_m: FloatArray,
+    ) -> None:
+        """Add to intensities (bands, n), in place, what bodies radiate more since the air heats
+        them.
+        """
+        targets = self.targets
+        time_s = exposures.emission_time_s
+        coasts = time_s > targets.burnout_s[exposures.target]
+        coasts |= targets.is_dark(exposures.target, time_s)
+        coasting = np.flatnonzero(coasts)
+        if not len(coasting):
+            return
+        group = self.group[exposures.target[coasting]]
+        for number, signatures in enumerate(self.signatures):
+            rows = coasting[group == number]
+            rows = rows[height_m[rows] < signatures.heated_below_m]
+            if len(rows):
+                target = exposures.target[rows]
+                way_m, step_s = self._ways(target, time_s[rows])
+                speed_m_s = length(*components(way_m)) / np.maximum(step_s, _HALF_STEP_S)
+                intensity[:, rows] += signatures.air_heated_w_sr(
+                    bands, self.place[target], height_m[rows], speed_m_s
+                )
 
     def _since_ignition_s(self, exposures: Exposures) -> FloatArray:
         """Return times since ignition (n,) for signatures: in dark gaps that just after burnout, of
@@ -246,6 +287,9 @@ class RadiometricEnvironment:
         times_s += self._course_breakpoints_s()
         if self.sunlight is not None:
             times_s.append(shadow_times_s(self.targets, self.epoch_us))
+        heated_m = max((part.heated_below_m for part in self.signatures), default=-np.inf)
+        if np.isfinite(heated_m):
+            times_s.append(entry_times_s(self.targets, heated_m))
         return np.concatenate(times_s, axis=1)
 
     def _signature_breakpoints_s(self, heights: Ascents) -> Iterator[FloatArray]:
@@ -281,19 +325,23 @@ class RadiometricEnvironment:
         """Return the angles (n,) between the direction of flight and the direction to the sensor,
         rad.
         """
-        target = exposures.target
-        time_s = exposures.emission_time_s
-        start_s = self.targets.ignition_s[target]
-        stop_s = self.targets.end_s[target]
-        before_m, after_m = (
-            self.targets.position_ecef_m(target, np.clip(time_s + step_s, start_s, stop_s))
-            for step_s in (-_HALF_STEP_S, _HALF_STEP_S)
-        )
-        way = after_m - before_m
+        way, _ = self._ways(exposures.target, exposures.emission_time_s)
         along = dot(way, to_sensor)
         distance = length(*components(way))
         # A target at rest is seen from the side.
         return np.arccos(np.clip(along / np.where(distance > 0.0, distance, 1.0), -1.0, 1.0))
+
+    def _ways(self, target: IndexArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the ways (n, 3) of targets over a step about each time, ECEF, m, and the steps
+        (n,), s, which are shorter at the ends of flights.
+        """
+        start_s = self.targets.ignition_s[target]
+        stop_s = self.targets.end_s[target]
+        before_s, after_s = (
+            np.clip(time_s + step_s, start_s, stop_s) for step_s in (-_HALF_STEP_S, _HALF_STEP_S)
+        )
+        before_m = self.targets.position_ecef_m(target, before_s)
+        return self.targets.position_ecef_m(target, after_s) - before_m, after_s - before_s
 
 
 def make_environment(of: Surroundings | Plan) -> RadiometricEnvironment:

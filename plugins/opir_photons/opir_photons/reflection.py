@@ -1,14 +1,14 @@
-"""Sunlight that bodies reflect towards sensors, and the times at which they enter and leave the
-Earth's shadow.
+"""Sunlight that bodies reflect towards sensors, the times at which they enter and leave the Earth's
+shadow, and those of other crossings in free flight.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import (
     ASTRONOMICAL_UNIT_M,
     Crossings,
@@ -79,19 +79,32 @@ def shadow_times_s(targets: Targets, epoch_us: int) -> FloatArray:
     """Return the scene times (targets, k) at which bodies enter or leave penumbra or umbra after
     burnout; or nan.
     """
+
+    def margin(edge: int, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        position_m = targets.position_ecef_m(target, time_s)
+        return shadow_margins_rad(position_m, sun_ecef_m(time_s, epoch_us))[edge]
+
+    return coasting_crossings_s(targets, [partial(margin, edge) for edge in (0, 1)])
+
+
+def coasting_crossings_s(
+    targets: Targets, margins: Sequence[Callable[[IndexArray, FloatArray], FloatArray]]
+) -> FloatArray:
+    """Return the scene times (targets, k) after burnout at which margins of targets (n,) at times
+    (n,) cross 0; or nan. Margins cross it at most once in half a minute.
+    """
     flying = np.flatnonzero(targets.end_s > targets.burnout_s).astype(np.int32)
     start_s = targets.burnout_s[flying]
     stop_s = targets.end_s[flying]
 
-    def margin(edge: int, row: IntArray, time_s: FloatArray) -> FloatArray:
+    def held(
+        margin: Callable[[IndexArray, FloatArray], FloatArray], row: IntArray, time_s: FloatArray
+    ) -> FloatArray:
         # Rounding must not lead out of the flight.
-        held_s = np.clip(time_s, start_s[row], stop_s[row])
-        position_m = targets.position_ecef_m(flying[row], held_s)
-        return shadow_margins_rad(position_m, sun_ecef_m(held_s, epoch_us))[edge]
+        return margin(flying[row], np.clip(time_s, start_s[row], stop_s[row]))
 
-    # A body meets each edge of the shadow once in a quarter of an hour: a step of 30 s is short.
     crossings = [
-        zero_crossings(partial(margin, edge), start_s, stop_s, step_s=30.0) for edge in (0, 1)
+        zero_crossings(partial(held, margin), start_s, stop_s, step_s=30.0) for margin in margins
     ]
     columns = [_by_row(edge_crossings, len(flying)) for edge_crossings in crossings]
     times_s = np.full((len(targets.ids), sum(column.shape[1] for column in columns)), np.nan)

@@ -260,10 +260,22 @@ def _numbered(names: Sequence[str], mapped: Collection[str]) -> list[str]:
     return numbered
 
 
+#: The beginning of the note about columns that are not read.
+UNREAD = "columns that are not read: "
+
+
 def unread(names: Iterable[str], columns: Mapping[str, Column]) -> list[str]:
     """Return the names of columns that are not read."""
     read = {column.name for column in columns.values()}
     return [name for name in names if name and name not in read]
+
+
+def unread_note(names: Iterable[str], columns: Mapping[str, Column]) -> tuple[str, ...]:
+    """Return the note about columns that are not read, none where all are."""
+    others = unread(names, columns)
+    listed = ", ".join(map(repr, others[:6]))
+    more = f" and {len(others) - 6} more" if len(others) > 6 else ""
+    return (f"{UNREAD}{listed}{more}",) if others else ()
 
 
 #: Columns of the fire pixels that satellite services publish.

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import chain, islice
 
 import numpy as np
@@ -29,13 +29,14 @@ from opir_readers.columns import (
     columns_of,
     place_group,
     unix_s_of_scale,
-    unread,
+    unread_note,
 )
 from opir_readers.configs_of_sites import SiteConfig
 from opir_readers.csv_layout import Layout, table_layout
 from opir_readers.detections.times import unix_ns
 from opir_readers.flights.site import Site
 from opir_readers.frames import along_axes, axes_at, to_ecef
+from opir_readers.odd_dates import date_notes
 from opir_readers.states import (
     MOST_BURNS,
     LineOf,
@@ -93,6 +94,7 @@ def csv_table(
     if count < 2:
         raise BadFileError(f"has {count} state{'s' if count != 1 else ''}; at least 2 are needed")
     has_dates = _has_dates(table)
+    notes = [*unread_note(table.layout.names, table.columns), *_date_notes(table, values)]
     time_s = _times_s(values, has_dates) + (-epoch_us * 1e-6 if has_dates else start_s)
     require_order(time_s, table.line_of, may_repeat=True)
     position = _positions(values, table.line_of, site)
@@ -117,7 +119,7 @@ def csv_table(
         _runs(time_s),
         _burns_s(time_s, values.get(BURNING, np.ones(count))),
         table.line_of,
-        _notes(table),
+        tuple(notes),
         column_names,
         has_dates,
         PLACES[place],
@@ -132,13 +134,6 @@ def _runs(time_s: FloatArray) -> np.ndarray:
             f"has {run[-1]} times that occur twice; at most {MOST_BREAKS} points can be not smooth"
         )
     return run
-
-
-def _notes(table: _Table) -> tuple[str, ...]:
-    names = unread(table.layout.names, table.columns)
-    listed = ", ".join(map(repr, names[:6]))
-    more = f" and {len(names) - 6} more" if len(names) > 6 else ""
-    return (f"columns that are not read: {listed}{more}",) if names else ()
 
 
 def _positions(
@@ -219,6 +214,13 @@ def _has_dates(table: _Table) -> bool:
         and ":" in cells[columns[TIME].place]
         and ":" not in cells[columns[DATE].place]
     )
+
+
+def _date_notes(table: _Table, values: Mapping[str, FloatArray]) -> Iterator[str]:
+    """Yield what the times of a scale may be instead."""
+    if values.keys().isdisjoint((TIME, DATE)):
+        scale = next(name for name in SCALES if name in values)
+        yield from date_notes(scale, float(values[scale][0]), table.line_of(0))
 
 
 def _times_s(values: Mapping[str, FloatArray], has_dates: bool) -> FloatArray:

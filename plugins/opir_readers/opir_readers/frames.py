@@ -64,7 +64,7 @@ def to_ecef(
     time at which axes of date are frozen (REF_FRAME_EPOCH); None for axes of each state's own date.
     """
     if frame_s is not None and frame not in ("ITRF", "EME2000"):
-        axes, equinox = (_axes(name, epoch_us, frame_s) for name in (frame, "EME2000"))
+        axes, equinox = (axes_of(name, epoch_us, frame_s) for name in (frame, "EME2000"))
         # Rows are the axes in ECEF at that time: from the frozen axes to those of J2000.
         turn = dot(axes[:, None], equinox)
         position_m = along_axes(position_m, turn)
@@ -95,7 +95,7 @@ def axes_at(position_m: FloatArray) -> FloatArray:
     return east_north_up_axes(where.latitude_rad, where.longitude_rad)
 
 
-def _axes(frame: str, epoch_us: int, time_s: float) -> FloatArray:
+def axes_of(frame: str, epoch_us: int, time_s: float) -> FloatArray:
     """Return the axes (3, 3) of a frame at a time, as rows in ECEF."""
     return to_ecef(frame, np.eye(3), np.zeros((3, 3)), epoch_us, np.full(3, time_s))[0]
 

@@ -137,6 +137,7 @@ def readings(time_s: FloatArray, position_m: FloatArray) -> Iterator[Reading]:
         way="name their frame, ITRF",
     )
     yield from _other_heights(given)
+    yield from _other_angles(given)
     yield from _other_units(given)
 
 
@@ -176,6 +177,34 @@ def _other_heights(given: Reading) -> Iterator[Reading]:
         given.time_s,
         outward * where.height_m[:, None],
         way="subtract the Earth's radius from them",
+    )
+
+
+def _other_angles(given: Reading) -> Iterator[Reading]:
+    """Yield states with latitudes and longitudes in other units, exchanged, or counted to the
+    west, and with two axes exchanged.
+    """
+    where = ecef_to_geodetic(given.position_m)
+    latitude = where.latitude_rad
+    longitude = where.longitude_rad
+    names = (("lat", "lon"), ("lon", "lat"))
+    angles: list[tuple[str, FloatArray, FloatArray, tuple[tuple[str, str], ...], str]]
+    angles = [("counted to the west", latitude, -longitude, (), "change the sign of longitudes")]
+    if np.abs(longitude).max() <= 0.5 * np.pi:
+        exchanged = "exchanged with latitudes"
+        angles.append((exchanged, longitude, latitude, names, "exchange the two"))
+    if np.degrees(np.abs(latitude)).max() <= 0.5 * np.pi:
+        names = (("lat", "lat_rad"), ("lon", "lon_rad"))
+        angles.append(("in rad", np.degrees(latitude), np.degrees(longitude), names, ""))
+    for slip, lat_rad, lon_rad, quantities, way in angles:
+        place_m = geodetic_to_ecef(lat_rad, lon_rad, where.height_m)
+        yield Reading(f"with longitudes {slip}", given.time_s, place_m, 1.0, quantities, way)
+    yield evolve(
+        given,
+        slip="with x and y exchanged",
+        position_m=given.position_m[:, [1, 0, 2]],
+        quantities=(("x_ecef", "y_ecef_m"), ("y_ecef", "x_ecef_m")),
+        way="exchange the two",
     )
 
 
@@ -253,11 +282,11 @@ def _misreading(table: StateTable, reading: Reading, evidence: str) -> Misreadin
 
 
 def _evidence_of_fall(given: Fall, mended: Fall) -> str:
-    as_given = f"{100.0 * given.share:.0f} % as given"
+    as_given = f"as given {100.0 * given.share:.0f} %"
     if np.isfinite(given.excess_m_s2):
         as_given = f"{as_given}, {given.excess_m_s2:.2g} m/s² off gravity"
     return (
-        f"so read, {100.0 * mended.share:.0f} % of its states fall freely, to {mended.excess_m_s2:.1g} m/s²;"
+        f"{100.0 * mended.share:.0f} % of its states fall freely, to {mended.excess_m_s2:.1g} m/s²;"
         f" {as_given}"
     )
 
@@ -268,6 +297,6 @@ def _evidence_on_pad(given: Reading) -> str:
     east = float(velocity[0])
     toward = "east" if east > 0.0 else "west"
     return (
-        f"so read, it begins at rest; as given, its first state moves {toward} with"
+        f"it begins at rest; as given, its first state moves {toward} with"
         f" {abs(east):.0f} m/s, as the ground does"
     )

@@ -18,8 +18,7 @@ from opir_core.orbits import omm_complaint, omm_name
 from opir_core.output import OutputFiles
 from opir_core.plugin import BadFileError, Host, StateTable
 from opir_readers.column_maps import columns_of_text, site_of_text
-from opir_readers.columns import map_complaint
-from opir_readers.detections.numbers import Row, Rows
+from opir_readers.detections.numbers import NOTES, Row, Rows
 from opir_readers.flights.refining import refined
 from opir_readers.frames import lengths
 from opir_readers.interpolation import largest_doubt_m, runs
@@ -46,8 +45,10 @@ def import_file(arguments: argparse.Namespace) -> int:
     path = arguments.file
     try:
         text = file_text(path).text
-        reader = reader_of(text, Host.discover().readers(), arguments.format)
-        content = content_of(text, reader, _settings(arguments), 0)
+        settings = _settings(arguments)
+        readers = Host.discover().readers()
+        reader = reader_of(text, readers, arguments.format, settings["columns"])
+        content = content_of(text, reader, settings, 0)
         if isinstance(content, StateTable):
             content = refined(content, arguments.noise_m, arguments.burns)
     except BadFileError as error:
@@ -78,6 +79,7 @@ def _show_flight(arguments: argparse.Namespace, table: StateTable) -> None:
     if arguments.out and not findings.refused:
         _write(arguments.out, list(_state_lines(table)), "states")
     _print([*flight_lines(table), *map_lines(table.position_m)])
+    _print([f"note: {words}" for words in findings.notes])
     _print([f"warning: {words}" for words in findings.warnings])
     if findings.refused:
         raise SceneError([Problem("", words) for words in findings.refused], source=arguments.file)
@@ -92,12 +94,8 @@ def _show_flight(arguments: argparse.Namespace, table: StateTable) -> None:
 
 
 def _settings(arguments: argparse.Namespace) -> Mapping[str, Any]:
-    columns = columns_of_text(arguments.columns) if arguments.columns else {}
-    complaint = map_complaint(columns)
-    if complaint:
-        raise SceneError([Problem("--columns", complaint)], source=arguments.file)
     return {
-        "columns": columns,
+        "columns": columns_of_text(arguments.columns) if arguments.columns else {},
         "start_s": arguments.start_s,
         "object": arguments.object,
         "site": None if arguments.site is None else site_of_text(arguments.site),
@@ -138,14 +136,18 @@ def flight_lines(table: StateTable) -> list[str]:
 
 
 def _fastest(table: StateTable) -> tuple[float, float]:
-    """Return the highest speed, m/s, and acceleration, m/s², from the differences of positions."""
-    speed = 0.0
+    """Return the highest speed, m/s, of the velocities or, without any, from the differences of
+    positions, and acceleration, m/s², from those.
+    """
+    velocity = table.velocity_m_s
+    speed = 0.0 if velocity is None else float(lengths(velocity).max())
     acceleration = 0.0
     for rows in runs(table):
         step_s = np.diff(table.time_s[rows])
         chord = np.diff(table.position_m[rows], axis=0) / step_s[:, None]
         bend = np.diff(chord, axis=0) / (0.5 * (step_s[1:] + step_s[:-1]))[:, None]
-        speed = max(speed, float(lengths(chord).max(initial=0.0)))
+        if velocity is None:
+            speed = max(speed, float(lengths(chord).max(initial=0.0)))
         acceleration = max(acceleration, float(lengths(bend).max(initial=0.0)))
     return speed, acceleration
 
@@ -188,8 +190,9 @@ def _detection_lines(rows: Rows) -> Iterator[str]:
     count = Counter(str(row.get("sensor_id", "without id")) for row in rows)
     listed = ", ".join(f"{name} {number}" for name, number in count.most_common(12))
     yield f"{len(rows)} lines of sight: {listed}"
-    example = {name: value for name, value in rows[0].items() if name != "line"}
+    example = {name: value for name, value in rows[0].items() if name not in ("line", NOTES)}
     yield f"first {json.dumps(example, ensure_ascii=False)}"
+    yield from (f"note: {words}" for words in rows[0].get(NOTES, ()))
     yield "track them with opir track FILE --sensors …"
 
 

@@ -94,10 +94,16 @@ def refused(path: str, error: BadFileError) -> SceneError:
     return SceneError([Problem("", str(error))], source=path)
 
 
-def reader_of(text: str, readers: Sequence[FileReader], name: str | None = None) -> FileReader:
+def reader_of(
+    text: str,
+    readers: Sequence[FileReader],
+    name: str | None = None,
+    columns: Mapping[str, str] | None = None,
+) -> FileReader:
     """Return the reader of a text: the one of a name, or the only one that recognises it.
 
-    Raises `BadFileError` where there is none, or several.
+    With a map of columns only readers that know its quantities count; it makes a table of any
+    names theirs. Raises `BadFileError` where there is none, or several.
     """
     if name is not None:
         for reader in readers:
@@ -106,6 +112,8 @@ def reader_of(text: str, readers: Sequence[FileReader], name: str | None = None)
         known = ", ".join(reader.name for reader in readers)
         raise BadFileError(f"there is no reader {name!r}; there are {known}")
     matches = [reader for reader in readers if reader.recognises(text)]
+    if columns:
+        matches = _readers_of_columns(text, matches, readers, columns)
     if len(matches) > 1:
         names = " and ".join(reader.name for reader in matches)
         raise BadFileError(
@@ -125,6 +133,33 @@ def reader_of(text: str, readers: Sequence[FileReader], name: str | None = None)
     )
 
 
+def _readers_of_columns(
+    text: str,
+    matches: list[FileReader],
+    readers: Sequence[FileReader],
+    columns: Mapping[str, str],
+) -> list[FileReader]:
+    """Return the readers that know the quantities of a column map: of those that recognise the
+    text or, of a table, of all; those that recognise it where none knows them, or has columns.
+    """
+    with_columns = [reader for reader in readers if "columns" in fields_dict(reader.config)]
+    knowing = [reader for reader in with_columns if _knows(reader, columns)]
+    known = [reader for reader in matches if reader in knowing]
+    is_of_columns = is_table(table_of_json(text) or text)
+    if known or not is_of_columns or not all(reader in with_columns for reader in matches):
+        return known or matches
+    return knowing or matches
+
+
+def _knows(reader: FileReader, columns: Mapping[str, str]) -> bool:
+    """Return whether a reader has all quantities of a column map."""
+    try:
+        reader.config(columns=columns)
+    except ValueError:
+        return False
+    return True
+
+
 def content_of(text: str, reader: FileReader, settings: Mapping[str, Any], epoch_us: int) -> Any:
     """Return what a reader makes of a text, with those settings that are set (not None, not empty).
 
@@ -139,4 +174,8 @@ def content_of(text: str, reader: FileReader, settings: Mapping[str, Any], epoch
             f"is read as {reader.name}, which has no {' and no '.join(unknown)}; omit"
             f" {' and '.join(unknown)} (its settings: {', '.join(known) or 'none'})"
         )
-    return reader.build(reader.config(**values), ReaderContext(text=text, epoch_us=epoch_us))
+    try:
+        config = reader.config(**values)
+    except ValueError as error:
+        raise BadFileError(f"{reader.name}: {error.args[0]}") from error
+    return reader.build(config, ReaderContext(text=text, epoch_us=epoch_us))

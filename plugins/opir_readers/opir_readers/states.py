@@ -17,6 +17,11 @@ MOST_RADIUS_M = 1e9
 #: The most burns of a flight, as many as plumes have stages.
 MOST_BURNS = 8
 
+#: The frame of states that speeds and altitudes along an azimuth were made into.
+TELEMETRY = (
+    "speed and altitude from a launch point, along an azimuth that the Earth's rotation turns"
+)
+
 #: Returns the line of a file that a row stands in.
 LineOf = Callable[[int], int]
 

@@ -16,6 +16,7 @@ from opir_core.plugin import StateTable
 from opir_readers.frames import lengths
 from opir_readers.free_fall import misreading_of
 from opir_readers.interpolation import interpolant, runs
+from opir_readers.states import TELEMETRY
 from opir_readers.velocity_checks import VelocitySlip, velocity_slip
 
 
@@ -26,8 +27,10 @@ class PlausibleLimits:
     #: Velocities that differ systematically from positions by this, m/s, are refused; by less,
     #: reported.
     refused_m_s: float = 5.0
-    #: No launch leaves the Earth faster than it takes to leave it for good, m/s.
+    #: No launch leaves the Earth faster than it takes to leave it for good, m/s,
     fastest_m_s: float = 11_200.0
+    #: and no meteoroid of the solar system comes in faster than this, m/s.
+    fastest_entry_m_s: float = 72_000.0
     #: A target that never moves faster than this over the ground, m/s,
     slowest_m_s: float = 5.0
     #: and comes nearer to the Earth's centre than this, m, was not launched; a geosynchronous
@@ -35,8 +38,12 @@ class PlausibleLimits:
     still_above_m: float = 3e7
     #: Accelerations above this, m/s², are more than twice those of any launch vehicle at burnout;
     acceleration_m_s2: float = 250.0
-    #: bends of a path below this, m, are the rounding of positions.
+    #: bends of a path below this, m, are the rounding of positions,
     least_bend_m: float = 20.0
+    #: and those below this, m, are noise where none is so many times the median of all: 20 m of noise
+    #: leave 300 m.
+    noisy_bend_m: float = 1000.0
+    isolated: float = 30.0
     #: A step that goes farther around the Earth than this, rad, cannot be interpolated: there, the
     #: polynomials of states with velocities are some 60 m off a low orbit,
     step_rad: float = 1.0
@@ -54,6 +61,9 @@ class PlausibleLimits:
     #: meet at fewer.
     jumps: int = 3
     jump_share: float = 0.05
+    #: States that repeat the one before them, at this share of all, are copies: a path is not smooth
+    #: at fewer.
+    repeated_share: float = 0.25
 
 
 _LIMITS = PlausibleLimits()
@@ -86,10 +96,11 @@ class SceneTimes:
 
 @frozen
 class Findings:
-    """Reasons to refuse a table, and warnings."""
+    """Reasons to refuse a table, warnings, and what a user should know of a table that is right."""
 
     refused: tuple[str, ...]
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def findings_of(
@@ -106,7 +117,7 @@ def findings_of(
     """
     refused = [] if times is None else [*_no_overlap(table, times, start_s)]
     coarse = [*_coarse_steps(table), *_two_places(table)]
-    warnings = [*table.notes]
+    warnings = list[str]()
     # States that cannot be interpolated say nothing of gravity.
     misread = [] if coarse else _misread(table)
     (warnings if as_given else refused).extend(misread)
@@ -120,25 +131,34 @@ def findings_of(
         is_refused = slip.is_systematic and slip.difference_m_s >= _LIMITS.refused_m_s
         (refused if is_refused else warnings).append(_slip_text(slip))
     warnings += [*_doubts_of_motion(table), *_doubts_of_heights(table)]
-    return Findings(tuple(refused), tuple(warnings))
+    return Findings(tuple(refused), tuple(warnings), table.notes)
 
 
 def _misread(table: StateTable) -> list[str]:
     """Return the reason to refuse a table that falls freely only if read otherwise."""
-    misreading = misreading_of(table)
+    # Telemetry has no axes, and its speeds are looked at when it is read.
+    misreading = None if table.frame == TELEMETRY else misreading_of(table)
     if misreading is None:
         return []
     words = (
-        f"line {table.line_of(0)}: its states seem to be {misreading.slip}: {misreading.evidence};"
+        f"line {table.line_of(0)}: read {misreading.slip}, {misreading.evidence};"
         f" {misreading.remedy}, or set as_given: true"
     )
     return [words]
 
 
 def _two_places(table: StateTable) -> list[str]:
-    """Return the reason to refuse several times with two places each."""
+    """Return the reason to refuse states that repeat others, and times with two places each."""
     rows = np.flatnonzero(np.diff(table.time_s) == 0.0)
     apart_m = lengths(table.position_m[rows + 1] - table.position_m[rows])
+    repeated = rows[apart_m <= _LIMITS.jump_m]
+    if len(repeated) >= max(_LIMITS.jumps, _LIMITS.repeated_share * len(table.time_s)):
+        row = int(repeated[0])
+        words = (
+            f"line {table.line_of(row + 1)}: repeats line {table.line_of(row)}; so do"
+            f" {len(repeated)} of {len(table.time_s)} states: leave them out"
+        )
+        return [words]
     jumps = np.flatnonzero(apart_m > _LIMITS.jump_m)
     if len(jumps) < max(_LIMITS.jumps, _LIMITS.jump_share * len(table.time_s)):
         return []
@@ -271,10 +291,13 @@ def _slip_text(slip: VelocitySlip) -> str:
 def _doubts_of_motion(table: StateTable) -> Iterator[str]:
     row, speed = _fastest(table)
     rotation_m_s = EARTH_ROTATION_RAD_S * float(np.hypot(*table.position_m[row, :2]))
-    if speed > _LIMITS.fastest_m_s + rotation_m_s:
+    is_descent = row > 0 and lengths(table.position_m[row - 1 : row + 1]).argmin() == 1
+    fastest_m_s = _LIMITS.fastest_entry_m_s if is_descent else _LIMITS.fastest_m_s
+    if speed > fastest_m_s + rotation_m_s:
+        does = "comes in" if is_descent else "leaves the Earth"
         yield (
-            f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what leaves the"
-            " Earth; are times or lengths in other units?"
+            f"line {table.line_of(row)}: reached at {speed:.6g} m/s, faster than what {does}; are"
+            " times or lengths in other units?"
         )
     if speed < _LIMITS.slowest_m_s and lengths(table.position_m).min() < _LIMITS.still_above_m:
         yield (
@@ -304,8 +327,8 @@ def _fastest(table: StateTable) -> tuple[int, float]:
 
 def _hardest(table: StateTable) -> tuple[int, float]:
     """Return the row after which the path as it is flown turns hardest, and its mean acceleration
-    over a quarter of the interval, m/s²; bends of a few metres, of rounded positions, do not
-    count.
+    over a quarter of the interval, m/s²; bends of a few metres, of rounded positions, and of
+    noise do not count.
     """
     steps_s = np.diff(table.time_s)
     rows = np.flatnonzero(steps_s > 0.0)
@@ -317,7 +340,9 @@ def _hardest(table: StateTable) -> tuple[int, float]:
     spans_s = np.diff(time_s, axis=1)[..., None]
     turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / spans_s
     hardest = lengths(turn).max(axis=1)
-    hardest[hardest * length_s**2 < _LIMITS.least_bend_m] = 0.0
+    is_isolated = hardest > _LIMITS.isolated * np.median(hardest)
+    least_m = np.where(is_isolated, _LIMITS.least_bend_m, _LIMITS.noisy_bend_m)
+    hardest[hardest * length_s**2 < least_m] = 0.0
     row = hardest.argmax()
     return int(rows[row]), float(hardest[row])
 

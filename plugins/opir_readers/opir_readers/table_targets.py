@@ -14,6 +14,7 @@ from opir_core.errors import Problem, SceneError
 from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import BadFileError, StateTable, TargetContext, Trajectories
+from opir_readers.columns import UNREAD
 from opir_readers.configs import AscentConfig, TableConfig
 from opir_readers.flights.refining import refined
 from opir_readers.formats import READERS
@@ -134,7 +135,9 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
             table, digest = _table(config, context)
             start_s = None if table.has_dates else config.start_s or 0.0
             findings = findings_of(table, times, start_s, as_given=config.as_given)
-            warnings += [Problem(place, f"{config.file}: {words}") for words in findings.warnings]
+            unread = [words for words in findings.notes if words.startswith(UNREAD)]
+            doubts = [*unread, *findings.warnings]
+            warnings += [Problem(place, f"{config.file}: {words}") for words in doubts]
             problems += [Problem(place, f"{config.file}: {words}") for words in findings.refused]
             if not findings.refused:
                 tables.append(_with_burn(table, config))
@@ -156,7 +159,7 @@ def _table(config: TableConfig, context: TargetContext) -> tuple[StateTable, str
     """Return the table of a file, and the SHA-256 of the file."""
     file = file_text(config.file)
     readers = [reader for reader in context.readers() or READERS if reader.yields == "trajectories"]
-    reader = reader_of(file.text, readers, config.format)
+    reader = reader_of(file.text, readers, config.format, config.columns)
     names = ("columns", "start_s", "object", "site")
     settings = {name: getattr(config, name) for name in names}
     table = content_of(file.text, reader, settings, context.epoch_us)

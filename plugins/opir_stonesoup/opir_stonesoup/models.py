@@ -53,7 +53,7 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
         step_s = _seconds(kwargs["time_interval"])
         columns = np.asarray(state.state_vector, dtype=np.float64)
         start = np.zeros((columns.shape[1], self._full_motion.size))
-        start[:, : self.ndim_state] = (_inertial(self.ndim_state) @ columns).T
+        start[:, : self.ndim_state] = (inertial_matrix(self.ndim_state) @ columns).T
         end = self._full_motion.propagated(start, np.full(len(start), step_s))
         end = end[:, : self.ndim_state].T
         kind = StateVector if columns.shape[1] == 1 else StateVectors
@@ -65,7 +65,7 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
         position = np.asarray(state.state_vector[:3], dtype=np.float64).reshape(1, 3)
         matrix = self._motion.transition(position, np.array([step_s]))[0]
         return np.asarray(
-            _earth_fixed(self.ndim_state, step_s) @ matrix @ _inertial(self.ndim_state)
+            _earth_fixed(self.ndim_state, step_s) @ matrix @ inertial_matrix(self.ndim_state)
         )
 
     def covar(self, **kwargs: Any) -> Any:
@@ -158,7 +158,7 @@ def _seconds(interval: timedelta) -> float:
     return interval.total_seconds()
 
 
-def _inertial(size: int) -> FloatArray:
+def inertial_matrix(size: int) -> FloatArray:
     """Return the matrix (d, d) from ECEF to the inertial frame with the same axes now."""
     matrix = np.eye(size)
     matrix[3:6, :3] = _SPIN

@@ -1,8 +1,10 @@
 """Settings of the tracker `stonesoup`. Nothing heavy is imported here."""
 
+from typing import Any
+
 from attrs import frozen
 
-from opir_core.plugin import number, text
+from opir_core.plugin import number, part, text
 
 FILTERS = ("ekf", "ukf")
 ASSOCIATIONS = ("gnn", "jpda")
@@ -45,6 +47,19 @@ class StoneSoupConfig:
         maximum=1000.0,
         help="process-noise density of the last derivative of the motion: force, its rate, or"
         " velocity",
+    )
+    coast_noise: float = number(
+        default=0.01,
+        unit="m/s/√s",
+        minimum=0.0,
+        maximum=100.0,
+        help="process-noise density of the free flight that a forecast expects of a target that no"
+        " longer burns",
+    )
+    forecast: Any = part(
+        role="forecast",
+        default="regions",
+        help="hypotheses and impact regions of launches, or none of them",
     )
     detection_probability: float = number(
         default=0.9,

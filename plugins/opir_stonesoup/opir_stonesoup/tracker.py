@@ -15,6 +15,7 @@ from stonesoup.updater.kalman import ExtendedKalmanUpdater, UnscentedKalmanUpdat
 
 from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Tracker, TrackerContext, Tracks
+from opir_stonesoup.forecasts import TrackForecasts, track_forecasts
 from opir_stonesoup.models import SIZES, EarthFixedTransition
 from opir_stonesoup.reader import OpirDetectionReader, sights_of
 from opir_stonesoup.settings import StoneSoupConfig
@@ -29,7 +30,8 @@ class StoneSoupTracker(Tracker):
     `tracker` has `update_tracker(time, detections)`, `tracks` and `data_associator`, like Stone
     Soup's simple trackers; `predictor` predicts its states, Earth-fixed as in
     `opir_stonesoup.models`, to the ticks. A track is reported once it has `needed_hits` detections;
-    numbers follow the order in which tracks began.
+    numbers follow the order in which tracks began. With `forecasts` tracks have hypotheses and
+    impact regions.
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class StoneSoupTracker(Tracker):
         *,
         cadence_s: float = 1.0,
         needed_hits: int = 1,
+        forecasts: TrackForecasts | None = None,
     ) -> None:
         self.cadence_s: float | None = cadence_s
         self._tracker = tracker
@@ -51,6 +54,7 @@ class StoneSoupTracker(Tracker):
         self._epoch_us = context.epoch_us
         self._light_time = context.light_time
         self._needed_hits = needed_hits
+        self._forecasts = forecasts
         self._number: dict[Any, int] = {}
         self._next_number = 0
 
@@ -107,7 +111,7 @@ class StoneSoupTracker(Tracker):
         # Of particles the state vector has them all, and the mean is one.
         means = [np.asarray(state.mean, dtype=np.float64).reshape(-1)[:6] for state in states]
         covariances = [np.asarray(state.covar, dtype=np.float64)[:6, :6] for state in states]
-        return Tracks(
+        tracks = Tracks(
             tick_s=np.full(count, tick_s),
             track=np.array(list(self._number.values()), dtype=np.int64),
             state=np.array(means).reshape(count, 6),
@@ -120,6 +124,9 @@ class StoneSoupTracker(Tracker):
             impact_covariance=np.full((count, 3, 3), np.nan),
             type_probability=np.full((count, 4), np.nan),
         )
+        if self._forecasts is None or not count:
+            return tracks
+        return self._forecasts.added_to(tracks, list(self._number), states, time)
 
 
 def stone_soup_tracker(config: StoneSoupConfig, context: TrackerContext) -> Tracker:
@@ -144,7 +151,12 @@ def stone_soup_tracker(config: StoneSoupConfig, context: TrackerContext) -> Trac
         updater=updater,
     )
     return StoneSoupTracker(
-        tracker, predictor, context, cadence_s=config.cadence_s, needed_hits=config.needed_hits
+        tracker,
+        predictor,
+        context,
+        cadence_s=config.cadence_s,
+        needed_hits=config.needed_hits,
+        forecasts=track_forecasts(config, context),
     )
 
 

@@ -181,6 +181,14 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         help="a tracker to score, a name or a YAML block; repeatable (default: the scene's)",
     )
     parser.add_argument(
+        "--vary",
+        metavar="PATH=VALUES",
+        action="append",
+        default=[],
+        help="score each tracker with each value of a setting, e.g."
+        " tracker.association=crowds,gnn; repeatable, in all combinations",
+    )
+    parser.add_argument(
         "--runs",
         metavar="N",
         type=int,

@@ -61,11 +61,16 @@ class Design:
         return [f"{path}={level.text}" for path, level in zip(self.paths, self.levels, strict=True)]
 
     @property
-    def name(self) -> str:
-        """Return the design in words, `design 2 (tracker=imm)`."""
-        labels = ", ".join(
+    def labels(self) -> str:
+        """Return the values in words, `tracker=imm`."""
+        return ", ".join(
             f"{path}={level.label}" for path, level in zip(self.paths, self.levels, strict=True)
         )
+
+    @property
+    def name(self) -> str:
+        """Return the design in words, `design 2 (tracker=imm)`."""
+        labels = self.labels
         return f"design {self.number}{f' ({labels})' if labels else ''}"
 
 
@@ -271,6 +276,25 @@ def vary_of_text(words: str) -> tuple[str, Any]:
     return path.strip(), values[0] if is_block and {"from", "uniform", "named"} & values[
         0
     ].keys() else values
+
+
+def vary_argument(words: str, flag: str = "--vary") -> tuple[str, Any]:
+    """Return path and values of an argument of a flag; raises `SceneError` for any other text."""
+    try:
+        return vary_of_text(words)
+    except AxisError as error:
+        raise refusal(flag, str(error)) from error
+
+
+def combinations(vary: Mapping[str, Any]) -> list[Design]:
+    """Return the designs of all values of paths, one without any; raises `SceneError`."""
+    try:
+        axes = [axis_of(path, values) for path, values in vary.items()]
+    except AxisError as error:
+        raise refusal("--vary", str(error)) from error
+    rows = _limited(product(*(axis.levels for axis in axes)))
+    paths = tuple(axis.path for axis in axes)
+    return [Design(number, tuple(row), paths) for number, row in enumerate(rows)]
 
 
 def _value(text: str) -> Any:

@@ -8,6 +8,7 @@ from opir_scoring import comparison_text, score_settings, scorecard_text
 
 from opir_core.cli import progress
 from opir_core.host import ended_if_stuck
+from opir_studies.axes import vary_argument
 from opir_studies.comparison import Comparison, compared
 from opir_studies.refusals import require_positive
 
@@ -21,6 +22,7 @@ def compare(arguments: argparse.Namespace) -> int:
         comparison = compared(
             arguments.scene,
             trackers=arguments.trackers,
+            vary=dict(map(vary_argument, arguments.vary)),
             runs=arguments.runs,
             overrides=arguments.overrides,
             settings=score_settings(arguments),

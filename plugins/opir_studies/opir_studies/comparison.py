@@ -26,6 +26,7 @@ from opir_core.errors import OpirError
 from opir_core.host import DEAD_AFTER_S
 from opir_core.plugin import Detections, Host, Tracker, Tracks
 from opir_core.reading import load_scene
+from opir_studies.axes import Design, combinations
 from opir_studies.executors import LostTasksError, ProcessesExecutor, SerialExecutor
 from opir_studies.refusals import refusal
 from opir_studies.runs import PLANS
@@ -106,6 +107,7 @@ def compared(
     *,
     trackers: Sequence[str] | None,
     runs: int,
+    vary: Mapping[str, Any] | None = None,
     overrides: Sequence[str] = (),
     settings: ScoreSettings = USUAL_SETTINGS,
     workers: int = 1,
@@ -115,8 +117,9 @@ def compared(
     """Return the scores of trackers over `runs` runs of a scene file; run k has the scene's seed
     plus k.
 
-    `trackers` are values of a scene's `tracker:`; None is the scene's own. Without any tracker a
-    `SceneError` is raised. `workers` is the number of processes; a script with several needs `if
+    `trackers` are values of a scene's `tracker:`; None is the scene's own. With `vary`, values of
+    settings by their paths as in a study, each is scored with all combinations of these. Without
+    any tracker a `SceneError` is raised. `workers` is the number of processes; a script with several needs `if
     __name__ == "__main__":`, because they are spawned. Figures other than times do not depend on
     it. The figure `impact_method` is `paper` for a tracker with impacts by the paper's law.
     `on_run` is called after each run with its tracker and number.
@@ -125,9 +128,10 @@ def compared(
     named = list(dict.fromkeys(trackers)) if trackers else [None]
     # All scenes are read before the first run, so that errors in any of them appear at once.
     scenes = {
-        name or scene.tracker.name: scene
+        _label(name or scene.tracker.name, design): scene
         for name in named
-        for scene in [_scene(path, name, overrides, host)]
+        for design in combinations(vary or {})
+        for scene in [_scene(path, name, overrides, host, design)]
     }
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
     scored = _scored_runs(tasks, list(scenes), workers, dead_after_s, on_run)
@@ -141,6 +145,12 @@ def compared(
     return Comparison(cards, paired, scene.automatic)
 
 
+def _label(tracker: str, design: Design) -> str:
+    """Return the name of a tracker with the settings of a design, shortened to their keys."""
+    settings = design.labels.replace("tracker.", "")
+    return f"{tracker} {settings}" if settings else tracker
+
+
 def _card(rows: Sequence[_Scored], settings: ScoreSettings) -> Scorecard:
     """Return the scorecard of runs, with the method of their impacts."""
     card = scorecard_of([row.run for row in rows], settings)
@@ -148,12 +158,15 @@ def _card(rows: Sequence[_Scored], settings: ScoreSettings) -> Scorecard:
     return evolve(card, figures={**card.figures, "impact_method": method})
 
 
-def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) -> Scene:
-    """Return the scene with the named tracker, or its own; `SceneError` where that reports no
-    tracks.
+def _scene(
+    path: str, name: str | None, overrides: Sequence[str], host: Host, design: Design
+) -> Scene:
+    """Return the scene with the named tracker, or its own, and a design's settings; `SceneError`
+    where that reports no tracks.
     """
     setting = [] if name is None else [f"tracker={name}"]
-    scene = evolve(load_scene(path, overrides=[*overrides, *setting], host=host), outputs=())
+    changes = [*overrides, *setting, *design.overrides]
+    scene = evolve(load_scene(path, overrides=changes, host=host), outputs=())
     if compile_plan(scene, host).make_tracker().cadence_s is None:
         words = f"{scene.tracker.name} makes no tracks to score; name other trackers with --tracker"
         raise refusal("tracker", words, path)

@@ -16,7 +16,7 @@ from opir_core.cli import grouped, table
 from opir_core.errors import install_command
 from opir_core.host import ended_if_stuck
 from opir_core.reading import InvalidNode
-from opir_studies.axes import AxisError, value_of_text, vary_of_text
+from opir_studies.axes import value_of_text, vary_argument
 from opir_studies.refusals import refusal, require_positive
 from opir_studies.result import RESULTS_CSV, SENSITIVITY, StudyResult
 from opir_studies.result_words import (
@@ -113,10 +113,10 @@ def study_of(arguments: argparse.Namespace) -> Study:
     metrics = tuple(_value("--metric", words) for words in arguments.metrics)
     study = evolve(
         study,
-        vary={**study.vary, **dict(_levels("--vary", words) for words in arguments.vary)},
+        vary={**study.vary, **dict(map(vary_argument, arguments.vary))},
         conditions={
             **study.conditions,
-            **dict(_levels("--condition", words) for words in arguments.conditions),
+            **dict(vary_argument(words, "--condition") for words in arguments.conditions),
         },
         overrides={**study.overrides, **dict(map(_override, arguments.overrides))},
         metrics=metrics or study.metrics,
@@ -134,13 +134,6 @@ def study_of(arguments: argparse.Namespace) -> Study:
         except ValueError as error:
             raise refusal(f"--{name}", str(error)) from error
     return study
-
-
-def _levels(flag: str, words: str) -> tuple[str, Any]:
-    try:
-        return vary_of_text(words)
-    except AxisError as error:
-        raise refusal(flag, str(error)) from error
 
 
 def _override(words: str) -> tuple[str, Any]:

@@ -47,6 +47,9 @@ from opir_testing.contracts.target_classes import (
 from opir_testing.contracts.targets import (
     TargetContract as TargetContract,
 )
+from opir_testing.contracts.tracker_parts import (
+    TrackerPartContract as TrackerPartContract,
+)
 from opir_testing.contracts.trackers import (
     TrackerContract as TrackerContract,
 )

@@ -1,6 +1,13 @@
 from opir_trackers.initiation import (
     TrackCandidates as TrackCandidates,
 )
+from opir_trackers.onset.composition import (
+    Composition as Composition,
+)
+from opir_trackers.onset.motion_statistics import (
+    GROUND as GROUND,
+    LAUNCH as LAUNCH,
+)
 from opir_trackers.parts import (
     Association as Association,
     AssociationProblem as AssociationProblem,
@@ -10,6 +17,7 @@ from opir_trackers.parts import (
     Pruner as Pruner,
     Settled as Settled,
     TrackPicture as TrackPicture,
+    made_part as made_part,
 )
 from opir_trackers.track_priors import (
     FIRST_CLIMB_M_S as FIRST_CLIMB_M_S,

@@ -77,7 +77,7 @@ def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
     scan.
     """
     rivals = ~unambiguous(scan_groups(pairs, lines), pairs.line)
-    return np.flatnonzero(np.bincount(pairs.track[rivals]))
+    return np.bincount(pairs.track[rivals]).nonzero()[0]
 
 
 def connected_tracks(track: IntArray, line: IntArray, tracks: IntArray) -> BoolArray:
@@ -135,7 +135,7 @@ def hard_association(pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArra
     assigned = (
         pairs
         if np.count_nonzero(is_chosen) == len(is_chosen)
-        else pairs.take(np.flatnonzero(is_chosen))
+        else pairs.take(is_chosen.nonzero()[0])
     )
     owner = unassigned(len(lines.scan))
     owner[assigned.line] = assigned.track

@@ -309,6 +309,11 @@ class ImmConfig:
         state_size=MOTION_STATES,
         help="motion model of a burning target",
     )
+    forecast: Any = part(
+        role="forecast",
+        default="regions",
+        help="hypotheses and impact regions of launches, or none of them",
+    )
     pruning: Any = part(
         role="pruning",
         default="unlikely",
@@ -381,14 +386,6 @@ class ImmConfig:
         minimum=0.0,
         maximum=600.0,
         help="detections up to this late are processed in order of time",
-    )
-    regions_every_s: float = number(
-        default=5.0,
-        unit="s",
-        minimum=0.1,
-        maximum=600.0,
-        help="impact regions are worked out anew after this time, and where a target stops or"
-        " starts to burn",
     )
     boost_prior: str | None = text(
         default=None,

@@ -11,8 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from attrs import Factory, field, frozen
-from numpy.typing import NDArray
-from opir_estimation import GatedPairs, LinesOfSight, ModeEstimates, PredictedMeasurements
+from opir_estimation import GatedPairs, LinesOfSight, PredictedMeasurements
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError, OpirError
@@ -21,6 +20,8 @@ from opir_core.host import described_error
 from opir_core.interfaces import PartMaker, PluginPart
 from opir_core.plugin import Host, TrackerContext, TrackerPart
 from opir_trackers.association import AssociationModel, scan_groups
+from opir_trackers.imm.mixtures import Mixtures
+from opir_trackers.imm.state import SharedDetections, TrackTable
 from opir_trackers.initiation import Initiation
 
 
@@ -42,7 +43,7 @@ def made_part(contract: type[_Part], role: str, context: PartContext) -> _Part:
     """Return the part of a role that the settings name; raises `ModelError` with its owner if it
     cannot be built or lacks a method of the contract.
     """
-    maker = context.tracker.parts.get(role) or _installed(getattr(context.settings, role))
+    maker = maker_of(role, context)
     try:
         part = maker.made(context)
     except OpirError:
@@ -52,8 +53,14 @@ def made_part(contract: type[_Part], role: str, context: PartContext) -> _Part:
     return contract.adopt(part, lambda: maker.owner)
 
 
-def _installed(name: str) -> PartMaker:
-    """Return what makes the installed part of a name, with its default settings."""
+def maker_of(role: str, context: PartContext) -> PartMaker:
+    """Return what makes the part of a role: the scene's choice, or the installed part of the name in
+    the settings, with its defaults.
+    """
+    chosen = context.tracker.parts.get(role)
+    if chosen is not None:
+        return chosen
+    name = getattr(context.settings, role)
     component = Host.discover().component(TrackerPart, name)
     return PartMaker(
         owner=f"the tracker part {name}", config=component.config(), build=component.build
@@ -64,10 +71,12 @@ def _installed(name: str) -> PartMaker:
 class AssociationProblem:
     """The lines of sight (m,) of a slice, and their pairs (k,) with tracks (n,) within the gates.
 
-    `lines` are in order of time and without the known errors of their sensors; a sensor sees a
-    target at most once a `scan`. `number` (n,) are the track numbers, ascending, and `path` predicts
-    their positions. `seen` (n, sensors) says which sensors have seen which track. The slice ends at
-    `end_s`, s, and is `span_s` long; `memory` is that of the last association, None at first.
+    `lines` are in order of time and without the `known_errors` (sensors, 3) of their sensors: two
+    angles, rad, and the clock, s. A sensor sees a target at most once a `scan`. `number` (n,) are
+    the track numbers, ascending, and `path` predicts their positions. `seen` (n, sensors) says
+    which sensors have seen which track, `bias_sigma_rad` (sensors,) is the standard deviation that
+    is left of their biases. The slice ends at `end_s`, s, and is `span_s` long; `memory` is that of
+    the last association, None at first.
     """
 
     lines: LinesOfSight
@@ -75,10 +84,11 @@ class AssociationProblem:
     number: IntArray
     path: PredictedMeasurements
     seen: BoolArray
+    known_errors: FloatArray
+    bias_sigma_rad: FloatArray
     model: AssociationModel
     end_s: float
     span_s: float
-    light_time: bool = True
     memory: Any = None
 
     @property
@@ -96,22 +106,28 @@ def _sensors_of_pairs(association: "Association") -> IndexArray:
     return association.lines.sensor.take(association.pairs.line)
 
 
+def _no_rows() -> IntArray:
+    return np.empty(0, dtype=np.int64)
+
+
 @frozen(eq=False, kw_only=True)
 class Association:
     """The track row of each line (m,), -1 for none, and the pairs that update the tracks.
 
     Lines of no track may begin new ones. `pairs` hold at most one of a track and scan; one that
     stands for several, as that of JPDA, has their mean innovation in `measured` and its error in
-    `sigma_rad`. `doubtful` are rows of tracks whose lines may be those of another one: neither
-    outliers nor errors of sensors are estimated from them. `existence` (n,) is the probability that
-    a track follows a target, None if it is not estimated. `memory` comes back with the next problem.
+    `sigma_rad`. `single` are those that stand for one line each, by default all: outliers and errors
+    of sensors are estimated from them, but for tracks whose rows are `doubtful`, whose lines may be
+    those of another one. `existence` (n,) is the probability that a track follows a target, None if
+    it is not estimated. `memory` comes back with the next problem.
     """
 
     lines: LinesOfSight
     owner: IntArray
     pairs: GatedPairs
     sensor: IndexArray = field(default=Factory(_sensors_of_pairs, takes_self=True))
-    doubtful: IntArray = field(factory=lambda: np.empty(0, dtype=np.int64))
+    single: GatedPairs = field(default=Factory(lambda self: self.pairs, takes_self=True))
+    doubtful: IntArray = field(factory=_no_rows)
     existence: FloatArray | None = None
     memory: Any = None
 
@@ -124,10 +140,8 @@ class Associator(PluginPart):
     ...     def associate(self, problem):
     ...         order = np.argsort(problem.pairs.distance, kind="stable")
     ...         pairs = problem.pairs.take(order)
-    ...         first = np.unique(pairs.line, return_index=True)[1]
-    ...         pairs = pairs.take(first)
-    ...         first = np.unique(scan_groups(pairs, problem.lines), return_index=True)[1]
-    ...         pairs = pairs.take(np.sort(first))
+    ...         pairs = pairs.take(np.unique(pairs.line, return_index=True)[1])
+    ...         pairs = pairs.take(np.unique(scan_groups(pairs, problem.lines), return_index=True)[1])
     ...         owner = np.full(len(problem.lines), -1)
     ...         owner[pairs.line] = pairs.track
     ...         return Association(lines=problem.lines, owner=owner, pairs=pairs)
@@ -137,46 +151,65 @@ class Associator(PluginPart):
     def associate(self, problem: AssociationProblem) -> Association:
         """Return the association of a slice's lines with the predicted tracks."""
 
+    def labels(self, problem: AssociationProblem, eligible: BoolArray) -> IntArray:
+        """Return the track rows (m,) of lines of the next tick, -1 for none, among the tracks that
+        are `eligible` (n,); `problem` has no other pairs.
+        """
+        return self.associate(problem).owner
+
     def settled(self, tracks: "TrackPicture", memory: Any) -> "Settled":
-        """Return the memory, and what it changes of the tracks, at the end of a slice: after new
-        tracks began and others ended.
+        """Return the memory, and what it changes of the tracks, at the end of a slice in which there
+        is a memory or tracks began.
         """
         return Settled(memory=memory)
 
 
 @frozen(eq=False, kw_only=True)
 class Settled:
-    """The memory of an associator at the end of a slice, and the tracks' estimates if it changed
-    them.
+    """The memory of an associator at the end of a slice, the table of tracks if it changed them, and
+    the mixtures that undecided associations make of states.
     """
 
     memory: Any
-    estimates: ModeEstimates | None = None
+    table: TrackTable | None = None
+    mixtures: Mixtures | None = None
 
 
 @frozen(eq=False, kw_only=True)
 class TrackPicture:
-    """Tracks (n,) at a time, s, by ascending number.
+    """The table of tracks (n,) at a time, s, the end of a slice.
 
-    `mean` (n, 6) and `covariance` (n, 6, 6) are of inertial position and velocity, m and m/s.
-    `begun_s`, `first_s` and `seen_s` (n,) are the times of initiation, of the first and of the last
-    detection; `hits` (n,) counts detections; `seen` (n, sensors) says which sensors have seen which
-    track; `is_noise` (n,) marks tracks of false alarms. `silence_limit_s` (n,) is the longest silence
-    that missed detections explain.
+    `mean` (n, 6) and `covariance` (n, 6, 6) are of inertial position and velocity, m and m/s,
+    `shared_covariance` is that of the errors that sensors share, None without.
+    For `silent_s` (n,), s, they were looked at in vain; `sensor_silence_s` (sensors,) is the
+    longest silence, s, that missed detections explain.
+    `sightings` are the recent scans with detections, `existence` (n,) is that of the association.
+    `known_errors` (sensors, 3) are taken off lines of sight: two angles, rad, and the clock, s;
+    `bias_sigma_rad` (sensors,) is left.
     """
 
     time_s: float
-    number: IntArray
+    table: TrackTable
     mean: FloatArray
     covariance: FloatArray
-    begun_s: FloatArray
-    first_s: FloatArray
-    seen_s: FloatArray
-    hits: IntArray
-    seen: BoolArray
-    is_noise: BoolArray
-    silence_limit_s: FloatArray
+    shared_covariance: FloatArray | None
+    silent_s: FloatArray
+    sensor_silence_s: FloatArray
+    sightings: SharedDetections
+    known_errors: FloatArray
+    bias_sigma_rad: FloatArray
     existence: FloatArray | None = None
+
+    @property
+    def number(self) -> IntArray:
+        """The track numbers (n,), ascending."""
+        return self.table.number
+
+    @property
+    def silence_limit_s(self) -> FloatArray:
+        """The longest silences (n,), s, of the sensors that have seen each track."""
+        silence_s: FloatArray = np.where(self.table.seen, self.sensor_silence_s, 0.0)
+        return np.maximum.reduce(silence_s, axis=1)
 
 
 class Initiator(PluginPart):
@@ -202,9 +235,16 @@ class Pruner(PluginPart):
     >>> from opir_trackers import Pruner
     >>> class Impatient(Pruner):
     ...     def ends(self, tracks):
-    ...         return np.where(tracks.time_s - tracks.seen_s > 60.0, TRACK_ENDS.index("lost"), 0)
+    ...         is_silent = tracks.time_s - tracks.table.seen_s > 60.0
+    ...         return np.where(is_silent, TRACK_ENDS.index("lost"), 0)
     """
 
     @abstractmethod
-    def ends(self, tracks: TrackPicture) -> NDArray[np.uint8]:
+    def ends(self, tracks: TrackPicture) -> IntArray:
         """Return codes (n,) into `TRACK_ENDS`: 0 for tracks that go on."""
+
+
+def require_shape(part: PluginPart, owner: str, words: str, *, is_right: bool) -> None:
+    """Raise the `ModelError` of a part that returned something else than words say."""
+    if not is_right:
+        raise ModelError(f"{owner}: {type(part).__name__} must return {words}")

@@ -74,7 +74,7 @@ def opir_tracker_parts() -> Iterable[TrackerPart]:
         name="m-of-n",
         summary="clusters of unassigned lines with detections in M of the last N scans",
         role="initiation",
-        build=_build("initiation", "m_of_n_initiator"),
+        build=_build("imm.initiate", "m_of_n_initiator"),
         reads=(),
     )
     yield TrackerPart(

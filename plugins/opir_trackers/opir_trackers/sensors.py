@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from attrs import Factory, field, frozen
+from numpy.typing import ArrayLike
 from opir_estimation import ErrorFilter, LinesOfSight, Registration, Vantages, earth_rotated
 
 from opir_core.arrays import BoolArray, FloatArray
@@ -164,3 +165,32 @@ def registration_of(config: ImmConfig, sensors: Sequence[Sensor]) -> Registratio
     period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
     errors = ErrorFilter.of(stated, config.clock_sigma_s, config.bias_correlation_s)
     return Registration.of(errors, period_s)
+
+
+#: Detection probability of sensors that state none.
+UNSTATED = 0.8
+
+
+def mean_detection_probability(sensors: Sequence[Sensor]) -> FloatArray:
+    """Return detection probabilities (sensors,), means over the types."""
+    stated = [
+        np.mean(list(sensor.detection_probability.values()) or [UNSTATED]) for sensor in sensors
+    ]
+    return clipped(stated)
+
+
+def clipped(stated: ArrayLike) -> FloatArray:
+    """Return stated detection probabilities (n,), neither certain nor hopeless."""
+    return np.clip(np.asarray(stated, dtype=np.float64), 0.05, 0.98)
+
+
+def longest_silence_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
+    """Return the longest time (sensors,) without detection that is probable for a track in view, of
+    the type with the lowest detection probability.
+    """
+    seldom = [min(sensor.detection_probability.values(), default=UNSTATED) for sensor in sensors]
+    chance = clipped(seldom)
+    period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
+    # So many consecutive misses have a probability of 1e-4.
+    misses = np.log(1e-4) / np.log1p(-chance)
+    return np.maximum(scans, misses) * period_s

@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from forge_events import ENCODER, SENSORS, events_of
+from forge_events import ENCODER, EPOCH_US, SENSORS, events_of
 from opir_testing import stub_estimates, stub_window
 
 from opir_core.errors import ModelError, SinkError
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.output import ForgeEncoder, rounded_bearing_deg, rounded_degrees
 from opir_core.plugin import EncoderContext
+
+#: Encodes points with their uncertainties.
+FULL = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US), has_tracks=True)
 
 
 def test_until_a_track_is_estimated_its_fields_are_null() -> None:
@@ -36,7 +39,12 @@ def test_an_estimated_point_says_where_when_and_how_surely() -> None:
         launch_covariance=[[9e6, 0.0, 0.0], [0.0, 1e6, 0.0], [0.0, 0.0, 2.25]],
         impact=[np.radians(9.0), np.radians(167.7), np.nan],
     )
-    (event,) = events_of(stub_window(1, estimates=estimates, estimate=0, track=3))
+    window = stub_window(1, estimates=estimates, estimate=0, track=3)
+    (short,) = events_of(window)
+    place = {"lat_deg": 34.73, "lon_deg": -120.57, "time": "2026-04-01T12:00:10.250000Z"}
+    assert short["launch_point"] == place
+    assert short["impact_point"] == {"lat_deg": 9.0, "lon_deg": 167.7, "time": None}
+    (event,) = events_of(window, FULL)
     assert event["launch_point"] == {
         "lat_deg": 34.73,
         "lon_deg": -120.57,
@@ -78,7 +86,7 @@ def test_impacts_by_the_papers_law_have_a_sigma(radii: Any) -> None:
     )
     paper, posterior = (
         event["impact_point"]
-        for event in events_of(stub_window(2, estimates=estimates, estimate=[0, 1]))
+        for event in events_of(stub_window(2, estimates=estimates, estimate=[0, 1]), FULL)
     )
     figures = (
         "method",

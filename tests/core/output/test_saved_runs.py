@@ -23,7 +23,7 @@ SCENE = Path(__file__).parents[3] / "tests" / "scenes" / "pacific_test_range.yam
 #: The files of a run beside its events.
 BESIDE = ("truth", "tracks", "manifest")
 #: All its three targets burn by then.
-CHANGES = ["duration_s=90", "tracker={model: imm, regions_every_s: 20}"]
+CHANGES = ["duration_s=90", "tracker=imm"]
 
 
 @pytest.fixture(scope="module")

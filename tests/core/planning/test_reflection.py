@@ -156,8 +156,12 @@ def test_low_bodies_have_the_sunlight_that_the_air_leaves():
     air = np.array(
         [hazy.detection.environment.atmosphere.transmittance(band, path) for band in (0, 1)]
     )
-    assert plain == pytest.approx(warm + reflected, rel=3e-6)
-    assert dimmed == pytest.approx(warm + air * reflected, rel=3e-6)
+    # Low down the air heats the body, too.
+    heated = plain - warm - reflected
+    high = height_m > 200e3
+    assert plain[:, high] == pytest.approx((warm + reflected)[:, high], rel=3e-6)
+    assert np.all(heated[:, height_m < 100e3] > 0.0)
+    assert dimmed == pytest.approx(warm + heated + air * reflected, rel=3e-6)
     assert np.all(air[:, height_m < 30e3] < 1.0)
     assert np.all(air[:, height_m > 101e3] == 1.0)
     assert 0 < np.count_nonzero(height_m < 30e3) < np.count_nonzero(height_m < 101e3) < len(time_s)

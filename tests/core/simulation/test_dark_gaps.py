@@ -212,7 +212,8 @@ def test_a_sensor_that_follows_bodies_sees_the_body_in_gaps(tmp_path, flight):
     environment = make_environment(plan)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposures = plan.look_geometry().exposures(looks.pair, looks.scan)
-    everywhere = np.full(len(exposures), 1e5)
+    # Above the air that heats bodies.
+    everywhere = np.full(len(exposures), 2.5e5)
     still = np.full(len(exposures), 0.5 * np.pi)
     watts = environment.intensities_w_sr([0], exposures, everywhere, still)[0]
     body = watts[strictly_between(exposures.emission_time_s, BURNOUT_S, 1e4)]

@@ -15,11 +15,7 @@ EXAMPLE = TEST_SCENES / "pacific_test_range.yaml"
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    return opir.simulate(
-        opir.load_scene(
-            EXAMPLE, overrides=["duration_s=90", "tracker={model: imm, regions_every_s: 20}"]
-        )
-    )
+    return opir.simulate(opir.load_scene(EXAMPLE, overrides=["duration_s=90", "tracker=imm"]))
 
 
 def test_columns_lie_side_by_side_and_in_time(run: Run) -> None:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from boost_law import HYPOTHESES, MODEL, NAMES, OUTCOMES, STAGES
-from opir_estimation import ModeEstimates
-from opir_forecast import burning_on
+from opir_forecast import BoostEstimates, burning_on
 from opir_forecast.forecast import forecasts
 from opir_forecast.launch_forecasts import LaunchForecasts
 from opir_forecast.marginals import burn_ends
@@ -40,17 +39,20 @@ def states(height_m: Any, speed_m_s: Any, angle_rad: Any) -> np.ndarray:
 
 def estimated(
     state: np.ndarray, seed: int, force: Any = 0.0, growth: Any = 0.0, burning: float = 0.0
-) -> ModeEstimates:
+) -> BoostEstimates:
     """Return estimates of states with forces along the velocity, with errors of `SIGMA`."""
     count = len(state)
     air = state[:, 3:] - np.cross(SPIN, state[:, :3])
     push = np.broadcast_to(force, count)[:, None] * air / np.linalg.norm(air, axis=1)[:, None]
     mean = np.concatenate([state, push, np.broadcast_to(growth, count)[:, None]], axis=1)
     mean = mean + np.random.default_rng(seed).normal(size=mean.shape) * SIGMA
-    root = np.tile(np.diag(1.0 / SIGMA), (count, 1, 1))
-    weight = np.tile([burning, 1.0 - burning], (count, 1))
-    rate = np.tile([400.0, 20.0, 0.05], (count, 1))
-    return ModeEstimates(weight, mean, root, mean[:, :6], root[:, :6, :6], rate)
+    covariance = np.tile(np.diag(SIGMA**2), (count, 1, 1))
+    times_s = np.full(count, 0.05)
+    share = np.full(count, burning)
+    number = np.arange(count)
+    return BoostEstimates.of_moments(
+        number, mean, covariance, share, times_s, times_s, len(OUTCOMES.hypotheses)
+    )
 
 
 def history(since_s: Any, *stages: list[float], dark_s: float | None = None) -> StageHistory:
@@ -71,7 +73,7 @@ def burning_since(since_s: Any, logs: np.ndarray, dark_s: float | None = None) -
 
 
 def forecast(
-    estimates: ModeEstimates,
+    estimates: BoostEstimates,
     stages: StageHistory,
     away_m: Any = 1e5,
     log: Any = None,
@@ -82,8 +84,9 @@ def forecast(
     east = -np.broadcast_to(away_m, count) / RADIUS_M
     launch = np.stack([np.zeros(count), east, -stages.ignition_s], axis=1)
     log = np.zeros((count, len(outcomes.hypotheses))) if log is None else log
+    estimates = evolve(estimates, launch=launch, log_likelihood=log)
     dark_s = np.where(stages.is_dark, -stages.dark_since_s, 0.0)
-    return forecasts(outcomes, estimates, stages, dark_s, launch, log, 0.0, POINT_MASS)
+    return forecasts(outcomes, estimates, stages, dark_s, 0.0, POINT_MASS)
 
 
 def impacts_of(state: np.ndarray, time_s: np.ndarray) -> np.ndarray:

@@ -4,32 +4,37 @@ made-up estimates.
 
 import numpy as np
 import pytest
+from attrs import evolve
 from boost_law import GAP, NONE
-from opir_estimation import ModeEstimates
+from opir_forecast import BoostEstimates
 from opir_forecast.stage_history import StageHistory
 from plain_boosts import RADIUS_M
 
 
 def estimates(
     burning: float, force: float, silent_s: float = 0.05, staging: float = 0.0, free: float = 0.0
-) -> ModeEstimates:
+) -> BoostEstimates:
     """Return the estimate of one track that flies upwards, with an acceleration and 20 detections a
     second.
     """
     mean = np.array([[RADIUS_M + 5e4, 0.0, 0.0, 2000.0, 465.0, 0.0, force, 0.0, 0.0, 0.01]])
-    root = np.eye(10)[None]
-    weight = np.array([[burning, 1.0 - burning]])
-    rate = np.array([[400.0, 20.0, silent_s]])
-    share = np.array([[1.0 - staging - free, staging, free]])
-    return ModeEstimates(weight, mean, root, mean[:, :6], root[:, :6, :6], rate, burn_share=share)
+    times_s = np.array([silent_s]), np.array([0.05])
+    estimate = BoostEstimates.of_moments(
+        np.array([7]), mean, np.eye(10)[None], np.array([burning]), *times_s, 1
+    )
+    return evolve(
+        estimate,
+        burn_share=np.array([[1.0 - staging - free, staging, free]]),
+        launch=np.zeros((1, 3)),
+        launch_covariance=np.diag([1.0, 1.0, 0.09])[None],
+    )
 
 
-def history_of(*ticks: tuple[float, ModeEstimates]) -> StageHistory:
+def history_of(*ticks: tuple[float, BoostEstimates]) -> StageHistory:
     """Return the history of a track that was launched at 0 s."""
     history = StageHistory.begun(np.array([7]), 1.0)
     for tick_s, estimate in ticks:
-        history = history.of(np.array([7]), tick_s)
-        history = history.updated(estimate, np.array([0.0]), np.array([0.3]), tick_s)
+        history = history.updated(estimate, tick_s)
     return history
 
 

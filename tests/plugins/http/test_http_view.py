@@ -27,7 +27,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "scene.yaml").write_text(SCENE, encoding="utf-8")
     words = [
         "--tracker",
-        "{model: imm, regions_every_s: 20}",
+        "imm",
         "--set",
         "duration_s=240",
         "--out",

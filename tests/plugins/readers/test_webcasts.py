@@ -314,7 +314,7 @@ def suborbital(metres_a_second, sideways_m_s=0.0):
 
 def test_a_coast_names_the_unit_of_speeds():
     words = refusal("webcast", suborbital(1 / 3.6), site=SITE)
-    assert re.search(r"in km/h: so read, \d\d % .* multiply them by 0.277778", words)
+    assert re.search(r"in km/h, \d\d % .* multiply them by 0.277778", words)
     assert len(flight_of(suborbital(1.0)).time_s) == 241
 
 

@@ -49,7 +49,7 @@ def test_states_are_held_with_a_clock_that_is_off_if_the_tracker_is_reported() -
             "model": "imm",
             "clock_sigma_s": sigma_s,
             "cadence_s": 2.0,
-            "regions_every_s": 600.0,
+            "forecast": "none",
         }
         run = opir.run_of_plan(plan(**settings))
         tracker = plan(**settings).make_tracker()

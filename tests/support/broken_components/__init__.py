@@ -43,6 +43,11 @@ def opir_trackers():
 
 
 @hookimpl
+def opir_tracker_parts():
+    return offered("opir_tracker_parts")
+
+
+@hookimpl
 def opir_target_models():
     return offered("opir_target_models")
 

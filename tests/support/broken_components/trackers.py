@@ -6,10 +6,11 @@ import operator
 import numpy as np
 from attrs import evolve
 from opir_testing.doubles import hypothesis_sums, stub_regions
+from opir_trackers import Association, Associator
 
 from broken_components.offers import mutant
 from opir_core.interfaces.records import Tracks
-from opir_core.plugin import TrackerModel
+from opir_core.plugin import TrackerModel, TrackerPart
 
 
 class OneTrack:
@@ -369,3 +370,17 @@ class WithoutStep:
 
     def associate(self, detections):
         return np.full(len(detections), -1)
+
+
+class BlindAssociator(Associator):
+    """Gives no line to any track."""
+
+    def associate(self, problem):
+        nobody = np.full(len(problem.lines), -1)
+        none = problem.pairs.take(np.empty(0, dtype=np.int64))
+        return Association(lines=problem.lines, owner=nobody, pairs=none)
+
+
+@mutant(TrackerPart, "blind-associator", "test_targets_are_followed", role="association")
+def blind_associator(_config, _context):
+    return BlindAssociator()

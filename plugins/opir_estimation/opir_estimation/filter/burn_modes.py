@@ -25,6 +25,7 @@ from opir_estimation.filter.dynamics import Dynamics
 from opir_estimation.filter.estimates import Burns, rows_of
 from opir_estimation.filter.iterated_update import Mode, Updated
 from opir_estimation.filter.measurement_updates import Gaussian, information_root, moment_matched
+from opir_estimation.filter.motion_model import MotionModel
 from opir_estimation.filter.thrust import SLOW_M_S, air_velocity
 from opir_estimation.motion import COAST
 
@@ -355,7 +356,7 @@ class BurnModes:
         that ends is mixed into the steady burn.
         """
         mean, root, share = burns
-        if np.count_nonzero(share[:, 2]):
+        if share[:, 2].any():
             self._end_free(burns, step_s)
         _settle_stages(burns)
         begins = share[:, 0] * -expm1(-step_s / stage.every_s)
@@ -410,10 +411,13 @@ def resumed(coast: Gaussian, burn: Gaussian) -> Gaussian:
 
 def carried(motion: Dynamics, state: Gaussian, step_s: FloatArray) -> Gaussian:
     """Return estimates after steps (n,), s."""
+    if isinstance(motion, MotionModel):
+        mean, back, noise = motion.step(state.mean, step_s)
+        return Gaussian(mean, square_root.time_update(state.root, back, noise))
     mean = motion.propagated(state.mean, step_s)
     back = motion.transition(0.5 * (state.mean + mean), -step_s)
-    noise = motion.noise_root(step_s, mean)
-    return Gaussian(mean, square_root.time_update(state.root, back, noise))
+    coasting = motion.noise_root(step_s, mean)
+    return Gaussian(mean, square_root.time_update(state.root, back, coasting))
 
 
 def moments(burns: Burns) -> Gaussian:

@@ -16,6 +16,7 @@ from opir_core.arrays import FloatArray
 from opir_core.flight import LOWEST_HEIGHT_M, Drag, density_kg_m3, height_m
 from opir_estimation.directions import dot
 from opir_estimation.filter.ground import up_and_sigma
+from opir_estimation.law_files import law_parameters
 from opir_estimation.motion import COAST, Motion, noise_roots
 
 
@@ -63,24 +64,10 @@ class Dynamics(Protocol):
         ...
 
 
-#: Longest step, s: a density that changes by e in two steps leaves 2 % of a step's drag.
-_LONGEST_STEP_S = 1.0
-
-#: Process noise of the velocity as a share of the drag, 1/√s: a coefficient off by a tenth for 1 s.
-_DRAG_UNCERTAINTY = 0.1
-
-#: Least standard deviation of the height, m, over which the density slope is taken.
-_LEAST_SIGMA_M = 50.0
+LAW = law_parameters("opir_estimation.filter", "descent")
 
 #: Outer nodes of the three-point Gauss–Hermite rule, standard deviations, each with weight 1/6.
 _NODE = np.sqrt(3.0)
-
-#: Correlation time of the residual of the linearised drag, s.
-_RESIDUAL_TIME_S = 10.0
-
-#: Backwards in time drag accelerates without limit: no step multiplies a speed by more than the
-#: inverse of this.
-_LEAST_KEPT = 0.1
 
 
 class _Air(NamedTuple):
@@ -113,7 +100,7 @@ class AtmosphericDescent:
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 6) after steps (n,), s."""
-        pieces = max(1, int(np.ceil(np.max(np.abs(step_s), initial=0.0) / _LONGEST_STEP_S)))
+        pieces = max(1, int(np.ceil(np.max(np.abs(step_s), initial=0.0) / LAW.longest_step_s)))
         half = 0.5 * step_s / pieces
         step_s = step_s / pieces
         state = state.copy()
@@ -145,7 +132,7 @@ class AtmosphericDescent:
         """Return the air at states; below the lowest tabulated height, that at this height."""
         place = np.ascontiguousarray(state[:, :3].T)
         height = height_m(place, 1.0 / np.sqrt(np.sum(place * place, axis=0)))
-        sigma = np.maximum(self.height_sigma_m, _LEAST_SIGMA_M) + 0.0 * height
+        sigma = np.maximum(self.height_sigma_m, LAW.least_height_sigma_m) + 0.0 * height
         nodes = np.maximum(height + np.outer([0.0, _NODE, -_NODE], sigma), LOWEST_HEIGHT_M)
         density = density_kg_m3(nodes, self.drag.atmosphere) / (
             2.0 * self.drag.ballistic_coefficient_kg_m2
@@ -189,7 +176,8 @@ class AtmosphericDescent:
         square = dot(wind, wind)
         wander = np.sqrt(
             self.fall.noise**2
-            + ((_DRAG_UNCERTAINTY * air.rate) ** 2 + _RESIDUAL_TIME_S * air.residual**2) * square**2
+            + ((LAW.drag_uncertainty * air.rate) ** 2 + LAW.residual_time_s * air.residual**2)
+            * square**2
         )
         return wander[:, None, None] * noise_roots(np.abs(step_s), COAST // 3)
 
@@ -214,4 +202,4 @@ def _remaining_speed(share: FloatArray) -> FloatArray:
     """Return the share of the speed that remains after a step in which the initial drag would
     remove `share`.
     """
-    return 1.0 / np.maximum(1.0 + share, _LEAST_KEPT)
+    return 1.0 / np.maximum(1.0 + share, LAW.least_speed_share)

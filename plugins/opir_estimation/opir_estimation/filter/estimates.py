@@ -184,10 +184,10 @@ class ModeEstimates(Columns):
     of detections and the time, s, over which they are counted, both with exponential forgetting,
     and the time since the last detection, s.
 
-    `burn_mean`, `burn_root` and `burn_share` are the `Burns`; `boost_mean` and `boost_root` are
-    their moments. Without them all parts are the boost. The share of the free part is the
-    probability of thrust in another direction than along the velocity, given that the target burns;
-    0 where the part is not computed.
+    `burn_mean`, `burn_root` and `burn_share` are the burns (`burn_modes`); `boost_mean` and
+    `boost_root` are their moments. Without them all parts are the boost. The share of the free part
+    is the probability of thrust in another direction than along the velocity, given that the target
+    burns; 0 where the part is not computed.
     """
 
     weight: FloatArray

@@ -12,7 +12,7 @@ direction; where measurements keep it below, nothing changes.
 
 from functools import lru_cache, partial
 from math import expm1
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -139,7 +139,7 @@ def _into_coast(estimates: ModeEstimates, ended: FloatArray, scan_s: float) -> G
     """Return coasts mixed with boosts that ended, with probabilities (n,)."""
     burnt = coast_from_boost(estimates, scan_s)
     share = np.stack([ended, 1.0 - ended], axis=1)
-    if not np.count_nonzero(share[:, 1]):
+    if not share[:, 1].any():
         return burnt
     coast = estimates.coast
     return moment_matched(share, (burnt.mean, coast.mean), (burnt.root, coast.root))
@@ -228,6 +228,15 @@ def relit(estimates: ModeEstimates, coast: Gaussian, modes: BurnModes) -> tuple[
     return boost, Burns.of(boost)
 
 
+class Watched(NamedTuple):
+    """How long tracks (n,) were looked at in a slice, s: `expected_s` by all of their sensors
+    together, in shares of their detections, `looked_s` by any.
+    """
+
+    expected_s: FloatArray
+    looked_s: FloatArray
+
+
 def mode_update(
     estimates: ModeEstimates,
     hits: FloatArray | IntArray,
@@ -236,17 +245,21 @@ def mode_update(
     step_s: float,
     memory_s: float,
     pause_s: float = 0.0,
+    watched: Watched | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return mode probabilities (n, 2) and detection rates (n, 3) after a slice with `hits` (n,)
     detections per track.
 
     `silent_s` (n,) is the time since the last detection, `change` (n, 2) the log likelihood of the
     detections. The rate forgets over slices with detections with time constant `memory_s`; pauses
-    of up to `pause_s` between detections count as observed time.
+    of up to `pause_s` between detections count as observed time. Of a slice that is not `watched`
+    throughout, the rest says nothing.
     """
+    if watched is None:
+        watched = Watched(*np.full((2, len(silent_s)), step_s))
     formula = partial(_mode_values, step_s=step_s, memory_s=memory_s, pause_s=pause_s)
     values = _ARITHMETIC.values(
-        formula, estimates.weight, change, estimates.detection_rate, hits, silent_s
+        formula, estimates.weight, change, estimates.detection_rate, hits, silent_s, *watched
     )
     return values[:, :2], values[:, 2:]
 
@@ -257,11 +270,14 @@ def _mode_values(
     detection_rate: Vector,
     hits: Any,
     silent_s: Any,
+    expected_s: Any,
+    looked_s: Any,
     functions: Functions,
     **times_s: float,
 ) -> list[Any]:
     """Return mode probabilities and detection rate."""
-    missed, *rate = _detection_rate(detection_rate, hits, silent_s, functions, **times_s)
+    looks = hits, silent_s, expected_s, looked_s
+    missed, *rate = _detection_rate(detection_rate, *looks, functions, **times_s)
     return [*_mode_weights(weight, change, missed, functions), *rate]
 
 
@@ -269,6 +285,8 @@ def _detection_rate(
     detection_rate: Vector,
     hits: Any,
     silent_s: Any,
+    expected_s: Any,
+    looked_s: Any,
     functions: Functions,
     step_s: float,
     memory_s: float,
@@ -286,13 +304,13 @@ def _detection_rate(
     is_seen = hits > 0.0
     fade = functions.exp(-step_s / memory_s)
     pause = functions.least(silence_s, pause_s)
-    observed = where(pause > step_s, step_s + pause - silent_s, step_s)
-    missed = -count / functions.greatest(functions.greatest(spell, step_s), 1e-300) * step_s
+    observed = where(pause > step_s, expected_s + pause - silent_s, expected_s)
+    missed = -count / functions.greatest(functions.greatest(spell, step_s), 1e-300) * expected_s
     return [
         where(is_seen, 0.0, missed),
         where(is_seen, hits + fade * count, count),
         where(is_seen, observed + fade * spell, spell),
-        where(is_seen, silent_s, silence_s + step_s),
+        where(is_seen, silent_s, silence_s + looked_s),
     ]
 
 

@@ -64,6 +64,16 @@ class MotionModel(PluginPart):
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
         """Return L (n, 10, k) with L Lᵀ the process-noise covariance of steps (n,) from states."""
 
+    def step(
+        self, state: FloatArray, step_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return states (n, 10) after steps (n,), the transition matrices back (n, 10, 10), and the
+        roots of the process noise (n, 10, k).
+        """
+        after = self.propagated(state, step_s)
+        back = self.transition(0.5 * (state + after), -step_s)
+        return after, back, self.noise_root(step_s, after)
+
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 10) after steps (n,), s."""
         pieces = substeps(step_s, LONGEST_STEP_S)
@@ -91,7 +101,10 @@ class MotionModel(PluginPart):
         """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with a
         constant Jacobian.
         """
-        product = self.slopes(state)
+        return self.series(self.slopes(state), step_s)
+
+    def series(self, product: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return the exponential series (n, 10, 10) of Jacobians, overwritten, times steps (n,)."""
         product *= step_s[:, None, None]
         square = product @ product
         remainder = square / 24.0

@@ -43,7 +43,7 @@ from opir_estimation.filter.ground import raised_above_ground
 from opir_estimation.filter.hidden_marginal import replaced
 from opir_estimation.filter.iterated_update import Mode
 from opir_estimation.filter.measurement_updates import Gaussian
-from opir_estimation.filter.mode_mixing import EXCLUDED_WEIGHT, with_velocity_prior
+from opir_estimation.filter.mode_mixing import EXCLUDED_WEIGHT, Watched, with_velocity_prior
 from opir_estimation.lines_of_sight import AngleMeasurements
 from opir_estimation.motion import BOOST, COAST, noise_roots
 
@@ -202,9 +202,10 @@ class ImmFilter:
         time_s: float,
         measurements: AngleMeasurements,
         step_s: float,
+        watched: Watched | None = None,
     ) -> ModeEstimates:
         """Return the estimates after the measurements of a slice of length `step_s` that ends at
-        `time_s`.
+        `time_s`, of which only some may have been `watched`.
         """
         count = len(estimates.weight)
         if not count:
@@ -220,7 +221,7 @@ class ImmFilter:
             silent_s = np.minimum(step_s, time_s - last_s)
             change[:, 1] += log_of(self.coast_detection) * (hits > 0)
             weight, rate = mode_mixing.mode_update(
-                estimates, hits, silent_s, change, step_s, self.memory_s, self.pause_s
+                estimates, hits, silent_s, change, step_s, self.memory_s, self.pause_s, watched
             )
         return ModeEstimates(weight, *boost, *coast, rate, *burns)
 
@@ -348,7 +349,7 @@ class ImmFilter:
         are_open = estimates.weight[:, 1:] >= least
         boost_mean = estimates.boost_mean[:, :COAST]
         boost_side = square_root.inverse_root(estimates.boost_root)[:, :COAST]
-        if not np.count_nonzero(are_open):
+        if not are_open.any():
             return boost_mean, square_root.gram(boost_side)
         weight = np.where(are_open, estimates.weight, [1.0, 0.0])
         boost = weight[:, :1]

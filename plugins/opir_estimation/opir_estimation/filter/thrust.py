@@ -24,7 +24,7 @@ from opir_estimation.filter.motion_model import (
     THRUST,
     MotionModel,
 )
-from opir_estimation.formulas import Functions, Vector, inner, plus, scaled
+from opir_estimation.formulas import Functions, Vector
 from opir_estimation.motion import (
     COAST,
     Motion,
@@ -102,6 +102,11 @@ class Thrust(MotionModel):
     noise_m_s2: float
     growth_noise: float
     forces: Forces
+    #: Process-noise density of the force across a fast velocity, as a share of the force, 1/√s.
+    _steady: float = field(
+        default=Factory(lambda self: tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s), takes_self=True),
+        init=False,
+    )
     #: Free flight under the same gravity.
     fall: Motion = field(
         default=Factory(lambda self: Motion(COAST, 0.0, self.forces), takes_self=True), init=False
@@ -122,19 +127,24 @@ class Thrust(MotionModel):
         The rate of the force is linear from its value at the start to that where a constant rate
         leads.
         """
-        start_rate = self._force_rate(state, functions)
-        path = stepped_state([*state[:9], *start_rate], step, functions)[:9]
+        jx, jy, jz = self._force_rate(state, functions)
+        path = stepped_state([*state[:9], jx, jy, jz], step, functions)
         growth = state[9]
         grown = functions.least(growth / (1.0 - growth * step), MOST_GROWTH)
         growth = functions.where(growth < MOST_GROWTH, grown, growth)
-        end_rate = self._force_rate([*path, growth], functions)
-        change = plus(end_rate, -1.0, start_rate)
-        return [
-            *plus(path, step**3 / 24.0, change),
-            *plus(path[3:6], step**2 / 6.0, change),
-            *plus(path[6:9], step / 2.0, change),
-            growth,
-        ]
+        path[9] = growth
+        ex, ey, ez = self._force_rate(path, functions)
+        ex = ex + -1.0 * jx
+        ey = ey + -1.0 * jy
+        ez = ez + -1.0 * jz
+        by_position = step**3 / 24.0
+        by_velocity = step**2 / 6.0
+        by_force = step / 2.0
+        x, y, z, u, v, w, fx, fy, fz = path[:9]
+        position = (x + by_position * ex, y + by_position * ey, z + by_position * ez)
+        velocity = (u + by_velocity * ex, v + by_velocity * ey, w + by_velocity * ez)
+        force = (fx + by_force * ex, fy + by_force * ey, fz + by_force * ez)
+        return [*position, *velocity, *force, growth]
 
     def force_rate(self, state: FloatArray) -> FloatArray:
         """Return the rates (n, 3) of the specific forces of states (n, 10), m/s³."""
@@ -157,6 +167,35 @@ class Thrust(MotionModel):
             grown * fy + turn * ay + back * uy,
             grown * fz + turn * az + back * uz,
         )
+
+    def step(
+        self, state: FloatArray, step_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return states after steps, transition matrices back, and roots of the process noise; those
+        of a lone state and a short step by one formula.
+        """
+        if len(state) > 1 or abs(step_s[0]) > LONGEST_STEP_S:
+            return super().step(state, step_s)
+        numbers = self.fall.arithmetic.numbers
+        lone = self._step_values(state[0].tolist(), step_s.item(), numbers)
+        values = np.array(lone)
+        rate = KINEMATICS.copy()
+        rate[0, 3:6, :3] = values[10:19].reshape(3, 3)
+        rate[0, 9, 9] = values[19]
+        rate[0, 6:9, 3:] = values[20:41].reshape(3, 7)
+        back = self.series(rate, -step_s)
+        return values[None, :10].copy(), back, self._noise_root(np.abs(step_s), values[None, 41:])
+
+    def _step_values(self, state: Vector, step: Any, functions: Functions) -> list[Any]:
+        """Return a state after a step (10), the slopes half way (10 and 21) and the noise (9)."""
+        after = self._stepped(state, step, functions)
+        middle = [0.5 * (start + end) for start, end in zip(state, after, strict=True)]
+        return [
+            *after,
+            *self._other_slopes(middle, functions),
+            *self._slope_rows(middle, functions),
+            *self._noise_side(after, functions),
+        ]
 
     def slopes(self, state: FloatArray) -> FloatArray:
         """Return the Jacobian (n, 10, 10) of the state's rate, 1/s."""
@@ -197,8 +236,11 @@ class Thrust(MotionModel):
         bent = force_along * soft
         by_velocity = force_along * (turn * pull - soft * push_along)
         by_force = force_along * turn - fast * pull
-        bend = plus(push, -push_along, unit)
-        across = plus(force, -force_along, unit)
+        ux, uy, uz = unit
+        ax, ay, az = push
+        fx, fy, fz = force
+        bend = ax - push_along * ux, ay - push_along * uy, az - push_along * uz
+        across = fx - force_along * ux, fy - force_along * uy, fz - force_along * uz
         of_rate = bent * (1.0 - 2.0 * fast)
         of_across = -2.0 * pull * turn * (1.0 - fast)
         weights = (-by_velocity, -bent, turn * pull, of_rate, soft, of_across, -by_force, turn)
@@ -237,28 +279,33 @@ class Thrust(MotionModel):
 
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
         """Return L (n, 10, 10) with L Lᵀ the process-noise covariance of steps (n,) from states."""
-        step = np.abs(step_s)
         side = self.fall.arithmetic.values(self._noise_side, state)
-        if len(state) == 1:
+        return self._noise_root(np.abs(step_s), side)
+
+    def _noise_root(self, step: FloatArray, side: FloatArray) -> FloatArray:
+        """Return roots of steps (n,) from those of the force's noise per second (n, 9)."""
+        if len(side) == 1:
             side = side.take(_UPPER, axis=1)
+        root = np.zeros((len(side), THRUST, THRUST))
         side = side.reshape(-1, 1, 3, 1, 3)
-        root = np.zeros((len(state), THRUST, THRUST))
         root[:, :9, :9] = (chain_roots(step, 3)[:, :, None, :, None] * side).reshape(-1, 9, 9)
         root[:, 9, 9] = self.growth_noise * np.sqrt(step)
         return root
 
     def _noise_side(self, state: Vector, functions: Functions) -> list[Any]:
         """Return a root of the force's process noise per second, 9 elements by row."""
-        x, y, _, vx, vy, vz, *force = state[:9]
-        velocity = vx + _SPIN * y, vy - _SPIN * x, vz
-        square = inner(velocity, velocity)
-        steady = tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s)
-        across = across_share_at(steady, square) * functions.sqrt(inner(force, force))
+        x, y, _, vx, vy, vz, fx, fy, fz = state[:9]
+        vx = vx + _SPIN * y
+        vy = vy - _SPIN * x
+        square = vx * vx + vy * vy + vz * vz
+        across = across_share_at(self._steady, square) * functions.sqrt(fx * fx + fy * fy + fz * fz)
         share = (self.noise_m_s2 - across) / (square + 1.0)
-        xx, xy, xz = scaled(share * velocity[0], velocity)
-        yx, yy, yz = scaled(share * velocity[1], velocity)
-        zx, zy, zz = scaled(share * velocity[2], velocity)
-        return [xx + across, xy, xz, yx, yy + across, yz, zx, zy, zz + across]
+        sx = share * vx
+        sy = share * vy
+        sz = share * vz
+        row = (sx * vx + across, sx * vy, sx * vz)
+        next_row = (sy * vx, sy * vy + across, sy * vz)
+        return [*row, *next_row, sz * vx, sz * vy, sz * vz + across]
 
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the position derivatives (n, 5, 3) of order 0 to 4."""

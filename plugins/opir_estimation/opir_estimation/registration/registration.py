@@ -280,7 +280,7 @@ def _apart(errors: Moments, tracks: Followed, vantages: Vantages) -> FloatArray:
     """
     if not errors.covariance.any():
         return np.zeros(tracks.is_seen.shape[1])
-    rows = np.flatnonzero(tracks.is_seen.sum(axis=1) > 1)
+    rows = (tracks.is_seen.sum(axis=1) > 1).nonzero()[0]
     is_seen = tracks.is_seen[rows]
     relative = _relative_shifts(tracks.state[rows], is_seen, vantages)
     spread = relative @ errors.covariance @ relative.transpose(0, 1, 3, 2)

@@ -15,10 +15,10 @@ from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import local_axes
 from opir_estimation.directions import dot
+from opir_estimation.law_files import law_parameters
 from opir_estimation.lines_of_sight import LinesOfSight, earth_rotated
 
-#: Prior standard deviation of a position in directions that lines do not determine, m.
-_PRIOR_SIGMA_M = 30e3
+LAW = law_parameters("opir_estimation.registration", "registration")
 
 #: Errors of a sensor: east, north, clock.
 ERRORS = 3
@@ -124,5 +124,5 @@ def _least_squares(
     )
     weight_m2 = np.where(visible, weight / range_square, 0.0)
     # In observed directions the lines of one second outweigh the prior.
-    total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / _PRIOR_SIGMA_M**2
+    total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / LAW.prior_sigma_m**2
     return across, weight_m2, total

@@ -77,9 +77,10 @@ class TypeDensities:
         """
         # Counts are whole numbers from 1 on; their densities begin half a step below. One in a
         # hundred is uninformative: of another object, or with a gap in visibility.
-        density, counted = self.plumes.log_densities(place, signal, variance, count, 0.5)
-        counted = np.maximum(counted, np.log(0.01 / self.longest_launch))
-        flown = self.plumes.by_class(density + counted) + self.log_scale[place]
+        flown = self.plumes.log_class_densities(
+            place, signal, variance, count, 0.5, 0.01 / self.longest_launch
+        )
+        flown += self.log_scale[place]
         unknown = log_unknown(signal, variance, count, self.rates.looks_per_day)
         non_launches = self._log_non_launches(place, signal, variance, count)
         events = np.concatenate([flown, non_launches, unknown[:, None]], axis=1)

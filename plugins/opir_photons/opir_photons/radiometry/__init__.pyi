@@ -37,6 +37,10 @@ from opir_photons.radiometry.focal_plane import (
     noise_equivalent_irradiance as noise_equivalent_irradiance,
     photon_centroid_variance as photon_centroid_variance,
 )
+from opir_photons.radiometry.heating import (
+    equilibrium_temperature_k as equilibrium_temperature_k,
+    stagnation_flux_w_m2 as stagnation_flux_w_m2,
+)
 from opir_photons.radiometry.lowtran import (
     band_transmittance as band_transmittance,
 )

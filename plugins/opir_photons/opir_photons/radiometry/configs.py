@@ -136,8 +136,8 @@ class PlumeConfig:
         unit="K",
         minimum=100.0,
         maximum=6000.0,
-        help="temperature of the body after burnout, for sensors that follow bodies; by default the"
-        " class's, 300 K for ballistic flight",
+        help="temperature of the body after burnout where the air does not heat it; by default the"
+        " class's, 300 K",
         source=_TABLE,
         subject="bodies",
     )
@@ -146,7 +146,8 @@ class PlumeConfig:
         unit="m2",
         minimum=0.0,
         maximum=1e4,
-        help="area that the body shows after burnout, projected, the mean over aspects",
+        help="area that the body shows after burnout, projected, the mean over aspects: a quarter"
+        " of its surface",
         subject="bodies",
     )
     body_emissivity: float = number(

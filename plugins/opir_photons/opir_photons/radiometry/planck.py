@@ -31,6 +31,11 @@ FIRST_RADIATION_W_UM4_M2_SR = 2.0 * PLANCK_J_S * SPEED_OF_LIGHT_M_S**2 * 1e24
 #: Second radiation constant, hc/k, µm K.
 SECOND_RADIATION_UM_K = PLANCK_J_S * SPEED_OF_LIGHT_M_S / BOLTZMANN_J_K * 1e6
 
+#: The constant of Stefan and Boltzmann's law, 2 π⁵ k⁴ / (15 h³ c²), W m⁻² K⁻⁴.
+STEFAN_BOLTZMANN_W_M2_K4 = (
+    2.0 * np.pi**5 * BOLTZMANN_J_K**4 / (15.0 * PLANCK_J_S**3 * SPEED_OF_LIGHT_M_S**2)
+)
+
 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
 def planck_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> FloatArray:

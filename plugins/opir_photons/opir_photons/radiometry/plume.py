@@ -7,8 +7,9 @@ notional values. Gases, hot water near 6.3 µm and
 particles have factors of altitude of their own, so that the ratios of bands change with height; the
 factors for stage, rise at ignition and aspect are common. The factor of aspect is that of the
 projected area of a long body: at an angle a from the direction of flight √(sin² a + e² cos² a),
-with e its value end-on. After burnout only the body radiates, grey and at one temperature, and
-reflects sunlight as a diffuse sphere; earthshine is not modelled.
+with e its value end-on. After burnout only the body radiates, grey and at one temperature where
+the air does not heat it (`opir_photons.radiometry.heating`), and reflects sunlight as a diffuse
+sphere; earthshine is not modelled.
 
 The stages of a target with several burns are these, each with a rise at its ignition; otherwise
 stages share the burn equally and only the first rises. A number of stages that the configuration
@@ -24,10 +25,12 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
+from opir_core.flight import density_kg_m3
 from opir_core.plugin import Band, Plume, SignatureContext, Signatures
 from opir_core.scene import core_plumes, core_target_class, plume_table
 from opir_photons.laws import law
 from opir_photons.radiometry.configs import PlumeConfig
+from opir_photons.radiometry.heating import HeatedBodies, heated_below_m
 from opir_photons.radiometry.planck import SECOND_RADIATION_UM_K, band_radiance
 from opir_photons.radiometry.propellants import (
     Propellant,
@@ -47,7 +50,8 @@ class PlumeSignatures(Signatures):
     `particle_w_sr`, `body_w_sr` (bands, n).
 
     The other columns are (n,), shapes by number: altitudes, and the factors of gases, water and
-    particles there. `body_reflecting_m2` is albedo times area. Of each stage (n, 8) the scale, its
+    particles there. `body_reflecting_m2` is albedo times area; `bodies` are heated by the air, in
+    `bands`. Of each stage (n, 8) the scale, its
     end and the ignition from which the intensity rises, s since the first ignition.
     """
 
@@ -56,6 +60,8 @@ class PlumeSignatures(Signatures):
     particle_w_sr: FloatArray
     body_w_sr: FloatArray
     body_reflecting_m2: FloatArray
+    bands: tuple[Band, ...]
+    bodies: HeatedBodies
     burn_time_s: FloatArray
     stages: IntArray
     stage_scale: FloatArray
@@ -110,6 +116,24 @@ class PlumeSignatures(Signatures):
         return np.where(is_burnt_out, self.body_reflecting_m2[target], 0.0)
 
     @property
+    def heated_below_m(self) -> float:
+        """Altitude below which the heat of the air counts, m."""
+        return heated_below_m()
+
+    def air_heated_w_sr(
+        self,
+        bands: Sequence[int],
+        target: IndexArray,
+        altitude_m: FloatArray,
+        speed_m_s: FloatArray,
+    ) -> FloatArray:
+        """Return what bodies in the air radiate more than without it (bands, n), W/sr."""
+        chosen = [self.bands[band] for band in bands]
+        # An ephemeris ends on the ground, to rounding.
+        density = density_kg_m3(np.maximum(altitude_m, 0.0))
+        return self.bodies.excess_w_sr(chosen, target, density, speed_m_s)
+
+    @property
     def time_breakpoints_s(self) -> FloatArray:
         """The ends of stages, the last of which is burnout, (n, 8) s since ignition."""
         return self.stage_end_s
@@ -153,6 +177,7 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
     """
     plumes = [_default_plume(config, context, row) for row, config in enumerate(configs)]
     burn_time_s = np.asarray(context.burn_time_s, dtype=np.float64)
+    unheated_k = _unheated_k(configs, plumes)
     stages = _stages_of(configs, plumes, burn_time_s, context.burns_s)
     rows, kind = _distinct(configs, plumes)
     exhausts = [_Exhaust.of(configs[row], plumes[row], context.paths[row]) for row in rows]
@@ -169,8 +194,10 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
         peak_w_sr=by_band(_Exhaust.gas_w_sr),
         water_w_sr=by_band(_Exhaust.water_w_sr),
         particle_w_sr=by_band(_Exhaust.particle_w_sr),
-        body_w_sr=_bodies_w_sr(configs, plumes, context.bands),
+        body_w_sr=_bodies_w_sr(configs, unheated_k, context.bands),
         body_reflecting_m2=_column(configs, "body_albedo") * _column(configs, "body_area_m2"),
+        bands=context.bands,
+        bodies=_heated_bodies(configs, unheated_k, context.profiles),
         burn_time_s=burn_time_s,
         stages=stages.number,
         stage_end_s=stages.end_s,
@@ -349,14 +376,9 @@ def _water_ratio(gas_k: float) -> float:
     return float(water / near_2_7)
 
 
-def _bodies_w_sr(
-    configs: Sequence[PlumeConfig], plumes: Sequence[Plume], bands: Sequence[Band]
-) -> FloatArray:
-    """Return the intensities (bands, n) of grey bodies: emissivity · projected area · in-band
-    radiance.
-    """
-    area_m2 = _column(configs, "body_emissivity") * _column(configs, "body_area_m2")
-    temperature_k = np.array(
+def _unheated_k(configs: Sequence[PlumeConfig], plumes: Sequence[Plume]) -> FloatArray:
+    """Return the temperatures (n,) that bodies have without air."""
+    return np.array(
         [
             plume.body_temperature_k
             if config.body_temperature_k is None
@@ -364,6 +386,24 @@ def _bodies_w_sr(
             for config, plume in zip(configs, plumes, strict=True)
         ]
     )
+
+
+def _heated_bodies(
+    configs: Sequence[PlumeConfig], unheated_k: FloatArray, profiles: Sequence[str]
+) -> HeatedBodies:
+    """Return what the air heats, by the profiles that targets fly or that are set."""
+    names = [config.profile or name for config, name in zip(configs, profiles, strict=True)]
+    area_m2 = _column(configs, "body_area_m2")
+    return HeatedBodies.of(names, area_m2, _column(configs, "body_emissivity"), unheated_k)
+
+
+def _bodies_w_sr(
+    configs: Sequence[PlumeConfig], temperature_k: FloatArray, bands: Sequence[Band]
+) -> FloatArray:
+    """Return the intensities (bands, n) of grey bodies: emissivity · projected area · in-band
+    radiance.
+    """
+    area_m2 = _column(configs, "body_emissivity") * _column(configs, "body_area_m2")
     radiance = [band_radiance(temperature_k, band.lower_um, band.upper_um) for band in bands]
     return area_m2 * np.maximum(np.array(radiance, dtype=np.float64), 0.0).reshape(len(bands), -1)
 

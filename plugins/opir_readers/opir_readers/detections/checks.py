@@ -66,7 +66,7 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
     yield from _many(columns, plan, is_outside, "is outside of the sensor's field of regard")
     yield from odd_sigmas(columns, plan)
     yield from rare_lines(columns, plan)
-    yield from slips_of_lines(detections, plan)
+    yield from slips_of_lines(columns, plan)
     for number, sensor in enumerate(plan.sensors):
         rows = np.flatnonzero(detections.sensor == number)
         offset = origin_m[rows] - sensor.orbit.position_ecef_m(detections.time_s[rows])

@@ -7,15 +7,16 @@ from typing import Any
 from uuid import UUID
 
 import numpy as np
-from attrs import frozen
+from attrs import fields_dict, frozen
 from numpy.typing import NDArray
 
 from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import nearest_names
 from opir_core.geometry import dot, line_of_sight, unit_vectors
-from opir_core.plugin import BadFileError, Sensor
+from opir_core.plugin import BadFileError, FieldInfo, ScanningSensorConfig, Sensor
 from opir_core.random_streams import id_key, uuid8_words
+from opir_core.scene import info_of
 from opir_readers.detections.numbers import (
     Row,
     Rows,
@@ -247,10 +248,17 @@ def _reported_ns(sights: _Sights) -> IntArray:
     return reported if (reported > sights.time_ns).any() else sights.time_ns
 
 
+def sigma_setting() -> FieldInfo:
+    """Return the setting of a sensor whose ranges standard deviations of lines of sight have."""
+    return info_of(fields_dict(ScanningSensorConfig)["line_of_sight_sigma_urad"])
+
+
 def _sigmas_rad(sights: _Sights) -> FloatArray:
     """Return standard deviations (n,), rad, those of the sensors where they are missing."""
     defaults = np.array([sensor.line_of_sight_sigma_rad for sensor in sights.plan.sensors])
-    sigma = sights.numbers("line_of_sight_sigma_urad", np.nan, 0.0, 1e6) * 1e-6
+    setting = sigma_setting()
+    limits = setting.minimum or 0.0, setting.maximum or np.inf
+    sigma = sights.numbers("line_of_sight_sigma_urad", np.nan, *limits) * 1e-6
     return np.where(np.isnan(sigma), defaults[sights.sensor], sigma)
 
 

@@ -20,18 +20,23 @@ from opir_readers.column_maps import columns_of_text
 from opir_readers.detections.checks import warnings_of, within_scene
 from opir_readers.detections.columns_of_run import RunColumns, columns_of, times_ns
 from opir_readers.detections.no_tracks import reason_of_no_track
-from opir_readers.detections.numbers import Rows
+from opir_readers.detections.numbers import NOTES, Rows
+from opir_readers.detections.repeats import repeats_text, without_repeats
 from opir_readers.detections.sensors_scene import scene_of_sensors
 from opir_readers.detections.times import NS_PER_S
 from opir_readers.reading import FileText, content_of, file_text, reader_of, refused
 
 
 class _Source(NamedTuple):
-    """A file, its reader, and its detections; times in seconds of a scene wait for its epoch."""
+    """A file, its reader, and its detections; times in seconds of a scene wait for its epoch.
+
+    `words` are warnings about its lines, whatever the scene.
+    """
 
     file: FileText
     reader: FileReader
     rows: Rows
+    words: Sequence[str]
 
 
 def track_file(arguments: argparse.Namespace) -> int:
@@ -52,6 +57,8 @@ def track_file(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         for words in _warnings(source, columns, plan):
             sys.stderr.write(f"warning: {arguments.file}: {words}\n")
+        for words in source.rows[0].get(NOTES, ()):
+            sys.stderr.write(f"note: {arguments.file}: {words}\n")
     paths = _paths(arguments)
     with prints_on_standard_error():
         outcome = _tracked(arguments, plan, columns, source.file, paths)
@@ -77,8 +84,10 @@ def _source(arguments: argparse.Namespace, host: Host) -> _Source:
     try:
         file = file_text(arguments.file)
         readers = [reader for reader in host.readers() if reader.yields == "detections"]
-        reader = reader_of(file.text, readers, arguments.format)
-        return _Source(file, reader, content_of(file.text, reader, settings, 0))
+        reader = reader_of(file.text, readers, arguments.format, columns)
+        rows = content_of(file.text, reader, settings, 0)
+        unique = without_repeats(rows)
+        return _Source(file, reader, unique, tuple(repeats_text(rows, unique)))
     except BadFileError as error:
         raise refused(arguments.file, error) from error
 
@@ -94,6 +103,7 @@ def renamed(pairs: Sequence[str]) -> Mapping[str, str]:
 
 
 def _warnings(source: _Source, columns: RunColumns, plan: Plan) -> Iterator[str]:
+    yield from source.words
     count = len(source.rows)
     outside = count - len(columns.rows)
     if outside:
@@ -155,6 +165,11 @@ def tracked_windows(plan: Plan, columns: RunColumns) -> Iterator[Window]:
         yield late
 
 
+def _counted(count: int) -> str:
+    """Return a number of detections in words."""
+    return f"{grouped(count)} detection{'' if count == 1 else 's'}"
+
+
 def _read_text(
     arguments: argparse.Namespace, plan: Plan, reader: FileReader, columns: RunColumns
 ) -> Iterator[str]:
@@ -164,7 +179,7 @@ def _read_text(
     start_s, end_s = (detections.time_ns[[0, -1]] / NS_PER_S).tolist()
     epoch = timestamp_text(np.array([scene.epoch_us]))[0]
     head = (
-        f"{arguments.file}: {grouped(len(detections))} detections ({reader.name}), {start_s:.3f} to"
+        f"{arguments.file}: {_counted(len(detections))} ({reader.name}), {start_s:.3f} to"
         f" {end_s:.3f} s of a scene of {scene.duration_s:g} s from {epoch}, tracker"
         f" {scene.tracker.name}, as of {scene.duration_s:.1f} s"
     )

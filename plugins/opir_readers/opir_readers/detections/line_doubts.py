@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from opir_core import Plan
-from opir_readers.detections.columns_of_run import RunColumns
+from opir_readers.detections.columns_of_run import RunColumns, sigma_setting
 from opir_readers.detections.numbers import place_of
 from opir_readers.detections.times import NS_PER_S
 
@@ -13,22 +13,18 @@ from opir_readers.detections.times import NS_PER_S
 _RARE = 4
 _FEWEST_GAPS = 8
 
-#: Standard deviations of lines of sight that a sensor may plausibly have, as the setting of that
-#: name, µrad.
-_LEAST_SIGMA_URAD = 0.1
-_MOST_SIGMA_URAD = 10_000.0
-
 
 def odd_sigmas(columns: RunColumns, plan: Plan) -> Iterator[str]:
     """Yield, for each sensor, standard deviations that no sensor has."""
     sigma_urad = columns.detections.line_of_sight_sigma_rad * 1e6
-    is_odd = (sigma_urad < _LEAST_SIGMA_URAD) | (sigma_urad > _MOST_SIGMA_URAD)
+    least_urad, most_urad = sigma_setting().plausible_range or (0.0, np.inf)
+    is_odd = (sigma_urad < least_urad) | (sigma_urad > most_urad)
     for number in np.unique(columns.detections.sensor[is_odd]).tolist():
         row = int(np.flatnonzero(is_odd & (columns.detections.sensor == number))[0])
         yield (
             f"{place_of(columns.rows[row])}the standard deviation of {plan.sensors[number].id},"
-            f" {sigma_urad[row]:.3g} µrad, is outside of {_LEAST_SIGMA_URAD:g} to"
-            f" {_MOST_SIGMA_URAD:g} µrad; is it in another unit (line_of_sight_sigma_rad)?"
+            f" {sigma_urad[row]:.3g} µrad, is outside of {least_urad:g} to"
+            f" {most_urad:g} µrad; is it in another unit (line_of_sight_sigma_rad)?"
         )
 
 

@@ -13,10 +13,12 @@ from attrs import evolve, frozen
 
 from opir_core import Plan
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
 from opir_core.geometry import dot
 from opir_core.plugin import Detections
-from opir_readers.frames import along_axes, axes_at, lengths
+from opir_readers.celestial_frames import turned
+from opir_readers.detections.columns_of_run import RunColumns
+from opir_readers.frames import along_axes, axes_at, axes_of, lengths
 
 #: Lines within this time, s, are taken for simultaneous: so far a target of this speed, m/s, moves at most.
 TOGETHER_S = 0.5
@@ -35,6 +37,12 @@ FARTHEST_M = 8.5e6
 MIN_LINES = 8
 FEW = 0.1
 MOST = 0.5
+
+#: Where lines meet within biases as given, a slip is told whose lines, at least so many, pass each
+#: other so many times nearer, at most at this multiple of their noise.
+MANY = 20
+SHARPER = 4.0
+SHARP = 1.5
 
 #: Sensors nearer to each other than so many errors of their lines at their distance from the Earth's
 #: centre are at one place: their lines do not show where they meet.
@@ -93,10 +101,13 @@ class Lines:
 
 @frozen
 class Meeting:
-    """How simultaneous lines (n,) pass: their least distance, m, and which meet."""
+    """How simultaneous lines (n,) pass: their least distance, m, which meet, and the standard
+    deviation of the distance, m.
+    """
 
     distance_m: FloatArray
     meets: BoolArray
+    sigma_m: FloatArray
 
     @property
     def share(self) -> float:
@@ -108,36 +119,67 @@ class Meeting:
         """Return the median distance, m."""
         return float(np.median(self.distance_m))
 
+    @property
+    def is_sharp(self) -> bool:
+        """Return whether lines pass each other as near as their noise alone has them."""
+        return self.typical_m <= SHARP * float(np.median(self.sigma_m))
+
 
 Pair = tuple[Lines, Lines]
 
 
-def slips_of_lines(detections: Detections, plan: Plan) -> Iterator[str]:
+def slips_of_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
     """Yield the slips that explain why lines of two sensors do not meet, for each pair with one."""
+    detections = columns.detections
+    mends = dict(MENDS)
+    if any("right_ascension_deg" in row and "reference_frame" not in row for row in columns.rows):
+        mends["with right ascensions of date"] = (
+            lambda pair: _of_date(pair, plan.scene.epoch_us),
+            "--columns right_ascension_of_date_deg=NAME,declination_of_date_deg=NAME",
+        )
     for first, second in combinations(np.unique(detections.sensor).tolist(), 2):
         pair = Lines.of(detections, first), Lines.of(detections, second)
         names = plan.sensors[first].id, plan.sensors[second].id
-        yield from slips_of_pair(pair, names)
+        yield from slips_of_pair(pair, names, mends)
 
 
-def slips_of_pair(pair: Pair, names: tuple[str, str]) -> Iterator[str]:
-    """Yield the slips of lines of two sensors, of these names, if there are any."""
+def slips_of_pair(
+    pair: Pair, names: tuple[str, str], mends: "Mends | None" = None
+) -> Iterator[str]:
+    """Yield the slips of lines of two sensors, of these names, if there are any: of `MENDS`, or of
+    others.
+    """
+    mends = mends or MENDS
     given = meeting(pair)
-    if len(given.meets) < MIN_LINES or given.share > FEW or _at_one_place(pair):
+    if _at_one_place(pair):
         return
-    slips = {slip: lines for slip, lines in _mended(pair) if lines.share >= MOST}
+    slips = {slip: lines for slip, lines in _mended(pair, mends) if lines.share >= MOST}
+    if len(given.meets) < MIN_LINES or given.share > FEW:
+        # Within biases slow sources meet at wrong times too: the right ones fit to the noise.
+        far_m = given.typical_m if len(given.meets) else np.inf
+        slips = {
+            slip: lines
+            for slip, lines in slips.items()
+            if lines.is_sharp and len(lines.meets) >= MANY and SHARPER * lines.typical_m < far_m
+        }
     if slips:
         nearest_m = min(lines.typical_m for lines in slips.values())
         ways = [
-            f"{slip} ({MENDS[slip][1].format(*names)})"
+            f"{slip} ({mends[slip][1].format(*names)})"
             for slip, lines in slips.items()
             if lines.typical_m <= ALIKE * nearest_m
         ]
         yield (
-            f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s pass each other at"
-            f" {given.typical_m * 1e-3:.3g} km, and at {nearest_m * 1e-3:.2g} km"
-            f" {' or '.join(ways)}"
+            f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s {_passing(given)}, and at"
+            f" {nearest_m * 1e-3:.2g} km {' or '.join(ways)}"
         )
+
+
+def _passing(given: Meeting) -> str:
+    """Return how simultaneous lines pass each other as given."""
+    if not len(given.meets):
+        return "of each other there are none"
+    return f"pass each other at {given.typical_m * 1e-3:.3g} km"
 
 
 def _at_one_place(pair: Pair) -> bool:
@@ -147,9 +189,9 @@ def _at_one_place(pair: Pair) -> bool:
     return bool(np.median(base_m / (line.error_rad * lengths(line.origin_m))) < MIN_BASE)
 
 
-def _mended(pair: Pair) -> Iterator[tuple[str, Meeting]]:
+def _mended(pair: Pair, mends: "Mends") -> Iterator[tuple[str, Meeting]]:
     """Yield the slips and how lines pass without each, where enough are simultaneous."""
-    for slip, (mend, _) in MENDS.items():
+    for slip, (mend, _) in mends.items():
         lines = meeting(mend(pair))
         if len(lines.meets) >= MIN_LINES:
             yield slip, lines
@@ -161,10 +203,14 @@ def meeting(pair: Pair) -> Meeting:
     line = line.take(np.arange(0, len(line.time_s), len(line.time_s) // MOST_LINES + 1))
     rows, other_rows = _simultaneous(line.time_s, other.time_s)
     if not len(rows):
-        return Meeting(np.empty(0), np.empty(0, dtype=np.bool_))
-    distance, meets = _passes(line.take(rows), other.take(other_rows))
+        return Meeting(np.empty(0), np.empty(0, dtype=np.bool_), np.empty(0))
+    passes = _passes(line.take(rows), other.take(other_rows))
     starts = np.flatnonzero(np.diff(rows, prepend=-1))
-    return Meeting(np.minimum.reduceat(distance, starts), np.logical_or.reduceat(meets, starts))
+    return Meeting(
+        np.minimum.reduceat(passes.distance_m, starts),
+        np.logical_or.reduceat(passes.meets, starts),
+        passes.sigma_m[starts],
+    )
 
 
 def _simultaneous(time_s: FloatArray, other_s: FloatArray) -> tuple[IntArray, IntArray]:
@@ -176,10 +222,8 @@ def _simultaneous(time_s: FloatArray, other_s: FloatArray) -> tuple[IntArray, In
     return rows, places + np.repeat(start, count)
 
 
-def _passes(line: Lines, other: Lines) -> tuple[FloatArray, BoolArray]:
-    """Return the distances (n,) at which pairs of lines pass each other, m, and which meet at a
-    source.
-    """
+def _passes(line: Lines, other: Lines) -> Meeting:
+    """Return how pairs of lines (n,) pass each other, and which meet at a source."""
     between = other.origin_m - line.origin_m
     cosine = dot(line.direction, other.direction)
     along = dot(between, line.direction)
@@ -195,7 +239,10 @@ def _passes(line: Lines, other: Lines) -> tuple[FloatArray, BoolArray]:
     motion_m = SPEED_M_S * np.abs(line.time_s - other.time_s)
     is_ahead = (range_m > 0.0) & (other_range_m > 0.0)
     is_source = (radius_m > EARTH_EQUATORIAL_RADIUS_M - DEEPEST_M) & (radius_m < FARTHEST_M)
-    return distance_m, is_ahead & is_source & (distance_m < blur_m + motion_m)
+    meets = is_ahead & is_source & (distance_m < blur_m + motion_m)
+    return Meeting(
+        distance_m, meets, np.hypot(line.sigma_rad * range_m, other.sigma_rad * other_range_m)
+    )
 
 
 def _both(change: Callable[[FloatArray], FloatArray]) -> Callable[[Pair], Pair]:
@@ -216,6 +263,21 @@ def _turned(lines: Lines, change: Callable[[FloatArray], FloatArray]) -> Lines:
 def _along_local(lines: Lines, local: FloatArray, origin_m: FloatArray) -> Lines:
     """Return lines from places (n, 3) in directions towards east, north and up there."""
     return evolve(lines, origin_m=origin_m, direction=along_axes(local, axes_at(origin_m)))
+
+
+def _of_date(pair: Pair, epoch_us: int) -> Pair:
+    """Return lines whose right ascensions and declinations are of date, not of J2000."""
+    one, other = (_to_date(lines, epoch_us) for lines in pair)
+    return one, other
+
+
+def _to_date(lines: Lines, epoch_us: int) -> Lines:
+    first_s = float(lines.time_s[0])
+    equinox, date = (axes_of(frame, epoch_us, first_s) for frame in ("EME2000", "TOD"))
+    turn_rad = EARTH_ROTATION_RAD_S * (lines.time_s - first_s)
+    at_first = turned(lines.direction, [("z", -turn_rad)])
+    celestial = dot(equinox, at_first[:, None])
+    return evolve(lines, direction=turned(along_axes(celestial, date), [("z", turn_rad)]))
 
 
 def _exchanged(pair: Pair) -> Pair:
@@ -249,8 +311,11 @@ _CLOCKS = {
     for clock in (size, -size)
 }
 
+#: By slip: what mends a pair, and the words that say how to mend a file.
+Mends = Mapping[str, tuple[Callable[[Pair], Pair], str]]
+
 #: What mends a pair by each slip, and what mends the file; {0} and {1} are the sensors' ids.
-MENDS: Mapping[str, tuple[Callable[[Pair], Pair], str]] = {
+MENDS: Mends = {
     "with azimuths from south": (
         _both(lambda enu: enu * (-1.0, -1.0, 1.0)),
         "--columns azimuth_from_south_deg=NAME",

@@ -7,6 +7,9 @@ from typing import Any
 from opir_core.plugin import BadFileError
 from opir_readers.states import number_or_nan
 
+#: The key of what a user should know of a file, in its first row.
+NOTES = "notes"
+
 #: A detection by the keys of an event, and with its line, if the reader gives it.
 Row = Mapping[str, Any]
 Rows = Sequence[Row]

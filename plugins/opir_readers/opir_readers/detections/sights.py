@@ -2,14 +2,14 @@
 
 Columns: the time, as a date or as seconds of the scene; the sensor's id; the direction, as azimuth
 and elevation at the sensor, azimuth from the south or zenith angle, as right ascension and
-declination, or as a vector in ECEF or EME2000; perhaps the sensor's place, the standard deviation,
+declination of J2000 or of date, or as a vector in ECEF or EME2000; perhaps the sensor's place, the standard deviation,
 SNR, confidence, type, and the target that it was of, which scores alone read.
 """
 
 import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from opir_core.geometry import geodetic_to_ecef
@@ -29,11 +29,13 @@ from opir_readers.columns import (
     quantity_of,
     unit_of,
     unix_s_of_scale,
+    unread_note,
     xyz,
 )
 from opir_readers.csv_layout import Layout, layout_of, table_layout
-from opir_readers.detections.numbers import Row, Rows
+from opir_readers.detections.numbers import NOTES, Row, Rows
 from opir_readers.detections.times import date_text
+from opir_readers.odd_dates import date_notes
 from opir_readers.published import published
 
 _UNITS = published("units")
@@ -57,6 +59,8 @@ UNITS: Mapping[str, Units] = {
         ("azimuth", "azimuth_from_south", "elevation", "zenith_angle", "declination"), _DEGREES
     ),
     "right_ascension": _UNITS["right ascension in degrees"],
+    "right_ascension_of_date": _UNITS["right ascension in degrees"],
+    "declination_of_date": _DEGREES,
     **dict.fromkeys((*_VECTOR, *_INERTIAL), _PLAIN),
     **dict.fromkeys(_PLACE, LENGTHS),
     "sensor_lat": ANGLES,
@@ -70,6 +74,7 @@ UNITS: Mapping[str, Units] = {
 _DIRECTIONS = (
     *itertools.product(("azimuth", "azimuth_from_south"), ("elevation", "zenith_angle")),
     ("right_ascension", "declination"),
+    ("right_ascension_of_date", "declination_of_date"),
     _VECTOR,
     _INERTIAL,
 )
@@ -133,10 +138,20 @@ def sight_rows(text: str, start_s: float, columns: Mapping[str, str]) -> Rows:
     """
     text, layout = table_layout(text, columns.values())
     known = _columns(layout, columns)
+    notes = [*unread_note(layout.names, known), *_date_notes(known, text, layout)]
     rows = [_row(known, layout, cells, line, start_s) for line, cells in layout.rows(text)]
     if not rows:
         raise BadFileError("has no detection below the names of its columns")
-    return rows
+    return [{**rows[0], NOTES: notes}, *rows[1:]]
+
+
+def _date_notes(columns: Mapping[str, Column], text: str, layout: Layout) -> Iterator[str]:
+    """Yield what the times of a scale may be instead, by the first line."""
+    scale = next((name for name in SCALES if name in columns), "")
+    if scale and columns.keys().isdisjoint(("time", "timestamp")):
+        for line, cells in itertools.islice(layout.rows(text), 1):
+            since_s = _value(columns[scale], cells[columns[scale].place], layout, line)
+            yield from date_notes(scale, since_s or 0.0, line)
 
 
 def _quantity_of(name: str) -> tuple[str, float] | None:
@@ -235,8 +250,9 @@ def _direction(line: _Line) -> Row:
         return {"line_of_sight_ecef": numbers}
     if group is _INERTIAL:
         return {"line_of_sight_eme2000": numbers}
-    if group[0] == "right_ascension":
-        return dict(zip(("right_ascension_deg", "declination_deg"), numbers, strict=True))
+    if group[0].startswith("right_ascension"):
+        angles = dict(zip(("right_ascension_deg", "declination_deg"), numbers, strict=True))
+        return {**angles, "reference_frame": "TOD"} if group[0].endswith("date") else angles
     return {
         "azimuth_deg": numbers[0] + (180.0 if group[0] == "azimuth_from_south" else 0.0),
         "elevation_deg": 90.0 - numbers[1] if group[1] == "zenith_angle" else numbers[1],
@@ -248,7 +264,7 @@ def _value(column: Column, cell: str, layout: Layout, line: int) -> float | None
     bare = cell.strip()
     if not bare:
         return None
-    is_celestial = column.quantity in ("right_ascension", "declination")
+    is_celestial = column.quantity.startswith(("right_ascension", "declination"))
     sexagesimal = _SEXAGESIMAL.fullmatch(bare) if is_celestial else None
     try:
         value = _decimal(*sexagesimal.groups()) if sexagesimal else layout.number(bare)

@@ -7,9 +7,9 @@ import numpy as np
 from opir_core.plugin import BadFileError
 from opir_readers.detections.numbers import shown
 
-_TIME = r"(?P<clock>\d\d:\d\d(:\d\d)?(\.\d{1,12})?)\s*(?P<zone>(Z|UTC|[+-]\d\d:?\d\d)?)"
+_TIME = r"(?P<clock>\d\d:\d\d(:\d\d)?([.,]\d{1,12})?)\s*(?P<zone>(Z|UTC|[+-]\d\d:?\d\d)?)"
 _DATE = re.compile(
-    r"(\d{4}-\d\d-\d\d|\d{4}-\d{3})[T ](\d\d:\d\d)(:\d\d)?(\.\d{1,12})?\s*(Z|UTC|[+-]\d\d:?\d\d)?",
+    r"(\d{4}-\d\d-\d\d|\d{4}-\d{3})[T ](\d\d:\d\d)(:\d\d)?([.,]\d{1,12})?\s*(Z|UTC|[+-]\d\d:?\d\d)?",
     re.I,
 )
 
@@ -37,7 +37,8 @@ NS_PER_S = 1_000_000_000
 def unix_ns(value: object, subject: str) -> int:
     """Return nanoseconds of UTC since 1970 (no leap seconds) of a date, `2026-04-01T12:00:00.123Z`.
 
-    The day may be that of the year, `2026-091`. A date without zone is in UTC. `subject` begins
+    The day may be that of the year, `2026-091`; a comma may stand before decimals. A date without
+    zone is in UTC. `subject` begins
     the message of the `BadFileError` about another value.
     """
     match = _match(value.strip()) if isinstance(value, str) else None

@@ -50,8 +50,8 @@ def misread_speeds(time_s: FloatArray, speed_m_s: FloatArray, height_m: FloatArr
     ):
         return _lift_off_complaint(_path_over_climb(*flight), speed_m_s[rows[0]])
     return (
-        f"its speeds seem to be in {unit}: so read, {100.0 * shares[unit]:.0f} % of the flight is a coast that keeps"
-        f" its energy, as given {100.0 * given:.0f} %; multiply them by {SPEED_UNITS[unit]:.6g}"
+        f"read with speeds in {unit}, {100.0 * shares[unit]:.0f} % of the flight is a coast that keeps"
+        f" its energy; as given {100.0 * given:.0f} %; multiply them by {SPEED_UNITS[unit]:.6g}"
     )
 
 

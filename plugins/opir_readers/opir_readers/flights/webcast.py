@@ -42,7 +42,7 @@ from opir_readers.flights.smoothing import (
     speed_rounding_sigma,
 )
 from opir_readers.frames import along_axes
-from opir_readers.states import MOST_BURNS
+from opir_readers.states import MOST_BURNS, TELEMETRY
 
 _EARTH_RADIUS_M = 6_371_000.0
 
@@ -66,19 +66,21 @@ _NAMES = {
     "altitude": ("altitude", "altitude_km", "altitude_m", "height_km"),
 }
 
-_FRAME = "speed and altitude from a launch point, along an azimuth that the Earth's rotation turns"
+#: Objects with time, speed and altitude.
+Points = list[Mapping[str, Any]]
 
 
 @frozen(eq=False)
 class Telemetry:
     """Times (n,), s, speeds, m/s, and altitudes, m, nan for missing ones; and times of events, s,
-    by name.
+    by name. `notes` are what a user should know of them.
     """
 
     time_s: FloatArray
     speed_m_s: FloatArray
     height_m: FloatArray
     events: Mapping[str, float] = Factory(dict)
+    notes: tuple[str, ...] = ()
 
 
 class _Curves(NamedTuple):
@@ -127,7 +129,7 @@ def webcast_table(
     if complaint:
         raise BadFileError(complaint)
     speed, note = _fit("speed", "m/s", time_s, telemetry.speed_m_s, speed_noise_m_s, 0.05)
-    notes = [note]
+    notes = [*telemetry.notes, note]
     height, note = _fit("altitude", "m", time_s, telemetry.height_m, height_noise_m, 1.0)
     notes.append(note)
     curves = _Curves(speed, height)
@@ -145,7 +147,7 @@ def webcast_table(
         burns[:MOST_BURNS] + start_s,
         lambda _row: 1,
         tuple(notes),
-        frame=_FRAME,
+        frame=TELEMETRY,
     )
 
 
@@ -153,15 +155,28 @@ def _telemetry(text: str) -> Telemetry:
     if text.lstrip()[:1] not in ("{", "["):
         return _of_csv(text)
     events: dict[str, float] = {}
-    points: list[Mapping[str, Any]] = []
+    stages: dict[str, Points] = {}
     for value in list(_json_values(text)):
-        _take(value, points, events)
-    if not points:
+        _take(value, stages, events)
+    if not stages:
         raise BadFileError("has no time, velocity and altitude")
+    points, notes = _longest(stages)
     names = ("time", "velocity" if "velocity" in points[0] else "speed", "altitude")
     rows = [[_number(point.get(name)) for name in names] for point in points]
     time_s, speed, height = np.array(rows).reshape(-1, 3).T
-    return Telemetry(time_s, speed, _in_metres(height), events)
+    return Telemetry(time_s, speed, _in_metres(height), events, notes)
+
+
+def _longest(stages: Mapping[str, Points]) -> tuple[Points, tuple[str, ...]]:
+    """Return the points of the stage that is shown longest, and a note where there are others."""
+    last_s = {
+        name: max(_number(point.get("time")) for point in points) for name, points in stages.items()
+    }
+    taken = max(last_s, key=lambda name: last_s[name])
+    if len(stages) == 1:
+        return stages[taken], ()
+    others = ", ".join(repr(name) for name in stages if name != taken)
+    return stages[taken], (f"of several stages {taken!r} is taken, the longest; not {others}",)
 
 
 def _in_metres(altitude: FloatArray) -> FloatArray:
@@ -187,26 +202,35 @@ def _json_values(text: str) -> Iterator[Any]:
 
 
 def _take(
-    value: Any, points: list[Mapping[str, Any]], events: dict[str, float], depth: int = 0
+    value: Any,
+    stages: dict[str, Points],
+    events: dict[str, float],
+    stage: str = "",
+    depth: int = 0,
 ) -> None:
-    """Add the points and events of a JSON value: of arrays by name, of objects, of lists of
-    either.
+    """Add the points by stage, and the events, of a JSON value: of arrays by name, of objects, of
+    lists of either.
     """
     if depth > 6 or not isinstance(value, list | dict):
         return
-    inner = value if isinstance(value, list) else list[Any]()
+    inner = [(stage, item) for item in value]
     if isinstance(value, dict):
+        inner = []
+        stage = f"stage {value['stage']}" if "stage" in value else stage
         names = ("time", "velocity" if "velocity" in value else "speed", "altitude")
         columns = [value.get(name) for name in names]
         if all(isinstance(column, list) for column in columns):
             rows = zip(*columns, strict=False)
-            points += [dict(zip(names, row, strict=True)) for row in rows]
+            points = [dict(zip(names, row, strict=True)) for row in rows]
+            stages.setdefault(stage, []).extend(points)
         elif "time" in value and columns[1] is not None:
-            points.append(value)
+            stages.setdefault(stage, []).append(value)
         else:
-            inner = list(value.values())
-    for item in inner:
-        _take(item, points, events, depth + 1)
+            inner = [
+                (key if key.startswith("stage") else stage, item) for key, item in value.items()
+            ]
+    for name, item in inner:
+        _take(item, stages, events, name, depth + 1)
     if isinstance(value, dict):
         times = {name: _number(value.get(name)) for name in _EVENTS}
         events |= {name: time_s for name, time_s in times.items() if math.isfinite(time_s)}
@@ -271,7 +295,7 @@ def _in_order(telemetry: Telemetry) -> Telemetry:
     if time_s[-1] - time_s[0] > 30.0 * len(rows):
         raise BadFileError(
             f"has {len(rows)} rows over {time_s[-1] - time_s[0]:.6g} s; are its times in other"
-            " units?"
+            " units? give seconds"
         )
     extremes = [np.nanmax(np.abs(values)) for values in (speed, height, time_s)]
     if (np.array(extremes) > (2e4, 1e7, 1e6)).any():
@@ -279,7 +303,7 @@ def _in_order(telemetry: Telemetry) -> Telemetry:
             "has speeds above 20 km/s, altitudes above 10 000 km or times beyond a million seconds;"
             " check the units"
         )
-    return Telemetry(time_s, speed, height, telemetry.events)
+    return Telemetry(time_s, speed, height, telemetry.events, telemetry.notes)
 
 
 def _fit(

@@ -208,7 +208,7 @@ def _set(name: str, numbered_1: tuple[int, str], numbered_2: tuple[int, str]) ->
     if number is not None:
         elements["NORAD_CAT_ID"] = number
     if complaint:
-        problem = f"lines {numbered_1[0]} and {numbered_2[0]}: {complaint}"
+        problem = f"lines {numbered_1[0]} and {numbered_2[0]}: {complaint}; copy them anew"
         return {**elements, "PROBLEM": problem}
     elements |= {
         "INCLINATION": float(line_2[8:16]),

@@ -3,6 +3,7 @@
 import fnmatch
 import json
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
@@ -13,6 +14,7 @@ from attrs import frozen
 from opir_core.orbits import omm_complaint, omm_epoch, omm_name
 from opir_core.plugin import BadFileError, FileReader
 from opir_readers.orbits.element_files import Elements, ElementSets, number_of
+from opir_readers.published import published
 from opir_readers.reading import content_of, file_text, reader_of
 
 
@@ -123,14 +125,29 @@ def _orbit(row: Elements) -> Mapping[str, Any]:
 
 
 def _id(row: Elements, taken: set[str]) -> str:
-    """Return an id that a scene takes, made of the name and, where that is taken, the number."""
-    name = re.sub(r"[^A-Za-z0-9._+-]+", "-", omm_name(row)).strip("-._+")[:48] or "SAT"
+    """Return an id that a scene takes, made of the name and, where that is taken, the number.
+
+    A name in letters that have no Latin ones is left out, and the number counts.
+    """
+    written = omm_name(row)
+    name = re.sub(r"[^A-Za-z0-9._-]+", "-", _in_latin(written)).strip("-._")[:48]
     number = number_of(row)
+    if not name or (any(map(str.isalpha, written)) and not any(map(str.isalpha, name))):
+        name = "SAT" if number is None else f"SAT-{number}"
     candidates = [name, f"{name}-{number}" if number is not None else name]
     candidates += [f"{name}-{count}" for count in range(2, len(taken) + 3)]
     satellite_id = next(candidate for candidate in candidates if candidate not in taken)
     taken.add(satellite_id)
     return satellite_id
+
+
+def _in_latin(name: str) -> str:
+    """Return a name with Latin letters for those of other alphabets, as far as they have some."""
+    letters = published("letters")["letters"]
+    bare = unicodedata.normalize("NFKD", name)
+    small = {letter: letters.get(letter.lower(), letter) for letter in bare}
+    latin = [small[letter].capitalize() if letter.isupper() else small[letter] for letter in bare]
+    return "".join(latin).encode("ascii", "ignore").decode()
 
 
 def satellites_of_file(

@@ -145,5 +145,4 @@ def _of_table(table: StateTable, epoch_us: int, *, as_given: bool) -> MovingOrbi
         raise BadFileError(
             f"{error}; set the scene's epoch, or take the ephemeris of that day"
         ) from error
-    warnings = tuple(words for words in findings.warnings if "not read" not in words)
-    return MovingOrbit(motion, warnings=warnings)
+    return MovingOrbit(motion, warnings=findings.warnings)

@@ -16,7 +16,7 @@ _DAY_S = 86_400.0
 
 def _detected(run: Run, column: str) -> FloatArray:
     """Return latencies (n,), s, of a run's launches, nan for those not detected."""
-    rows = run.summary["targets"][: len(run.plan.scene.targets)]
+    rows = run.sightings[: len(run.plan.scene.targets)]
     return np.array(
         [np.nan if row[column] is None else row[column] for row in rows], dtype=np.float64
     )

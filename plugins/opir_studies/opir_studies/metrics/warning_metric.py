@@ -64,7 +64,7 @@ class WarningTimeMetric:
         landing = np.isfinite(times.impact_s)
         launches = len(times.impact_s)
         is_warned = times.warning_s[landing] > 0.0
-        rows = run.summary["targets"][: len(landing)]
+        rows = run.sightings[: len(landing)]
         reports = [row["end_to_end_latency_s"] for row in rows]
         report_s = np.array(
             [np.nan if latency is None else latency for latency in reports], dtype=np.float64

@@ -72,6 +72,12 @@ KINDS: Mapping[str, TemplateKind] = {
         "confidence_models", "confidence model", "ConfidenceContract", "confidence: $name"
     ),
     "tracker": TemplateKind("trackers", "tracker", "TrackerContract", "tracker: $name"),
+    "associator": TemplateKind(
+        "tracker_parts",
+        "tracker part",
+        "TrackerPartContract",
+        "tracker: {model: imm, association: $name}",
+    ),
     "target": TemplateKind(
         "target_models", "target model", "TargetContract", target="    model: $name"
     ),
@@ -226,7 +232,11 @@ def _words(kind: TemplateKind, name: str) -> Mapping[str, str]:
 
 def _dependencies(code: str) -> str:
     """Return the requirements of a plugin's code, as an array of TOML without brackets."""
-    bounds = {"attrs": "attrs>=24.2", "numpy": "numpy>=2.0.2"}
+    bounds = {
+        "attrs": "attrs>=24.2",
+        "numpy": "numpy>=2.0.2",
+        "opir_trackers": f"opir-trackers{_core_range(__version__)}",
+    }
     named = [
         bound
         for module, bound in bounds.items()

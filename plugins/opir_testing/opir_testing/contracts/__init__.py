@@ -18,6 +18,7 @@ HOMES: Mapping[str, tuple[str, str]] = {
     "opir_confidence_models": ("confidence_and_classifiers", "ConfidenceContract"),
     "opir_classifiers": ("confidence_and_classifiers", "ClassifierContract"),
     "opir_trackers": ("trackers", "TrackerContract"),
+    "opir_tracker_parts": ("tracker_parts", "TrackerPartContract"),
     "opir_target_models": ("targets", "TargetContract"),
     "opir_target_classes": ("target_classes", "TargetClassContract"),
     "opir_signature_models": ("radiometry", "SignatureContract"),

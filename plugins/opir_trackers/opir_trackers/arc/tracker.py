@@ -171,7 +171,7 @@ class ArcTracker(Tracker):
             return owner
         models = self._tracking.models
         lines = self._state.registration.corrected(lines)
-        estimates = self._state.estimates.take(rows)
+        estimates = self._state.table.estimates.take(rows)
         predicted = models.filter.predicted_measurements(estimates, self._state.time_s)
         pairs = models.gated_pairs(predicted, lines, span_s)
         row = associate_nearest(pairs, lines, models.association).owner
@@ -212,7 +212,7 @@ class ArcTracker(Tracker):
         Whether it is a launch follows from its motion, as in `imm`; what was launched, from its
         arc.
         """
-        groups = self._reported.motion.probability
+        groups = self._reported.table.motion.probability
         no_launch = tracks.is_brief | (groups[:, LAUNCH] < self._config.least_launch_probability)
         in_orbit = self._arcs.is_fitted & np.isnan(tracks.impact[:, 2])
         given_launch = self._launches.given_launch(tracks.type_probability, in_orbit)
@@ -260,7 +260,7 @@ class ArcTracker(Tracker):
         elapsed_s = arcs.last_s - _launch_s(arcs)
         expected = expected_looks(self._watch, arcs.seen, elapsed_s, kinds)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
-        share = np.where(reported.estimates.weight[rows, 1] > 0.5, 1.0, share)
+        share = np.where(reported.table.estimates.weight[rows, 1] > 0.5, 1.0, share)
         return self._config.sigma_0_m * np.exp(-self._config.convergence * share)
 
     def _with_end(self, covariance: FloatArray, arcs: ArcFits) -> FloatArray:

@@ -10,9 +10,10 @@ tracks, and its state follows from them.
 from typing import NamedTuple
 
 import numpy as np
-from attrs import Factory, evolve, field, frozen
+from attrs import evolve, field, frozen
 from opir_estimation import (
     BOOST,
+    ERRORS,
     FAR_M,
     GatedPairs,
     LinesOfSight,
@@ -92,18 +93,20 @@ class SensorView(NamedTuple):
 
 @frozen(eq=False)
 class Crowds:
-    """Focal-plane tracks, their kept directions, the mixtures of undecided pairings, and when they
-    were last paired.
+    """Focal-plane tracks, their kept directions, the mixtures of undecided pairings, when they were
+    last paired, and the errors (s, 3) that were taken off their lines.
     """
 
     tracks: FocalPlaneTracks = field(factory=FocalPlaneTracks.empty)
     stored: Directions = field(factory=Directions.empty)
     mixtures: Mixtures = field(factory=Mixtures.empty)
     paired_s: float = -np.inf
-    #: Whether any track is in a crowd.
-    are_there: bool = field(
-        default=Factory(lambda self: self.tracks.number.size > 0, takes_self=True), init=False
-    )
+    errors: FloatArray = field(factory=lambda: np.zeros((1, ERRORS)))
+
+    @property
+    def are_there(self) -> bool:
+        """Whether any track is in a crowd."""
+        return self.tracks.number.size > 0
 
     def holds(self, number: IntArray) -> BoolArray:
         """Return which tracks (n,) are in a crowd."""
@@ -121,11 +124,11 @@ class Crowds:
         """Return the crowds without tracks."""
         if not self.are_there:
             return self
-        return Crowds(
-            self.tracks.take(np.flatnonzero(~np.isin(self.tracks.number, number))),
-            self.stored.take(np.flatnonzero(~np.isin(self.stored.number, number))),
-            self.mixtures.take(np.flatnonzero(~np.isin(self.mixtures.number, number))),
-            self.paired_s,
+        return evolve(
+            self,
+            tracks=self.tracks.take(np.flatnonzero(~np.isin(self.tracks.number, number))),
+            stored=self.stored.take(np.flatnonzero(~np.isin(self.stored.number, number))),
+            mixtures=self.mixtures.take(np.flatnonzero(~np.isin(self.mixtures.number, number))),
         )
 
 
@@ -215,12 +218,15 @@ def updated_crowds(
     )
 
 
-def corrected_crowds(crowds: Crowds, change: FloatArray, view: SensorView) -> Crowds:
-    """Return the crowds after a change (s, 3) of the errors that are taken off the lines that they
-    were made of.
+def corrected_crowds(crowds: Crowds, errors: FloatArray, view: SensorView) -> Crowds:
+    """Return the crowds after the errors (s, 3) that are taken off lines of sight have changed.
 
     Kept directions share their instants: clocks move focal-plane tracks alone.
     """
+    change = errors - crowds.errors
+    crowds = evolve(crowds, errors=errors)
+    if not change.any():
+        return crowds
     tracks = crowds.tracks
     stored = crowds.stored
     changes = change[tracks.sensor]

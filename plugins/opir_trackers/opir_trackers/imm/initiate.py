@@ -2,8 +2,10 @@
 outliers.
 """
 
+from typing import Any
+
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 from opir_estimation import (
     OUTLIER_SIGMAS,
     LinesOfSight,
@@ -13,16 +15,32 @@ from opir_estimation import (
     gated,
 )
 
-from opir_core.arrays import IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_trackers import initiation
 from opir_trackers.association import associate_nearest, hard_measurements
-from opir_trackers.imm import crowds as crowd
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import SlicePrediction
-from opir_trackers.imm.state import TrackerState
-from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.imm.state import TrackerState, TrackTable
+from opir_trackers.initiation import Initiation
 from opir_trackers.onset.motion_statistics import MotionStatistics
-from opir_trackers.track_priors import prior_estimates
+from opir_trackers.parts import Initiator, PartContext, require_shape
+from opir_trackers.track_priors import needed_scans_of, prior_estimates
+
+
+@frozen(eq=False)
+class MOfNInitiator(Initiator):
+    """Clusters of lines with detections in `needed_scans` (M) of the last scans (N)."""
+
+    needed_scans: int
+
+    def candidates(self, lines: LinesOfSight, bias_sigma_rad: FloatArray) -> Initiation:
+        """Return the candidates of unassigned lines (m,) of the last scans."""
+        return initiation.track_candidates(lines, self.needed_scans, bias_sigma_rad)
+
+
+def m_of_n_initiator(_config: Any, context: PartContext) -> MOfNInitiator:
+    """Return the initiator `m-of-n`."""
+    return MOfNInitiator(needed_scans_of(context.settings, context.tracker))
 
 
 def initiate(
@@ -38,6 +56,11 @@ def initiate(
 
     `raw` are the slice's lines as they came, `reported` (m,) their types.
     """
+    is_free = owner < 0
+    if not is_free.any():
+        if not state.unclaimed.scan.size:
+            return state
+        return _with_initiated(models, _forgotten(models, state, prediction.span_s))
     state, claimed = _with_explained(models, state, prediction, owner)
     state = _with_unclaimed(models, state, raw, claimed, reported, prediction.span_s)
     return _with_initiated(models, state)
@@ -49,21 +72,22 @@ def _with_explained(
     """Return the state, and the owners (m,) of lines with 0 for those that a track explains as
     outliers.
     """
-    if not len(state.table) or not np.count_nonzero(owner < 0):
+    if not len(state.table):
         return state, owner
-    unowned = np.flatnonzero(owner < 0)
-    path = models.path(state.estimates, state.time_s)
+    unowned = (owner < 0).nonzero()[0]
+    path = models.path(state.table.estimates, state.time_s)
     lines = prediction.lines.take(unowned)
     gate = (OUTLIER_SIGMAS, models.light_time)
     pairs = gated(path, lines, *candidates(path, lines, prediction.span_s, *gate), *gate)
-    rows = np.flatnonzero(owner >= 0)
+    rows = (owner >= 0).nonzero()[0]
     owned = (owner[rows], prediction.lines.take(rows))
     registration = state.registration.at(state.time_s)
     tracks = registration.tracks.of(state.table.number)
     explained, tracks = explained_looks(pairs, lines, owned, tracks, models.config.gate_sigma)
     claimed = owner.copy()
     claimed[unowned[explained]] = 0
-    return evolve(state, registration=evolve(registration, tracks=tracks)), claimed
+    registration = evolve(registration, tracks=tracks)
+    return state._replace(registration=registration), claimed
 
 
 def _with_unclaimed(
@@ -75,19 +99,18 @@ def _with_unclaimed(
     span_s: float,
 ) -> TrackerState:
     """Return the state with the unassigned lines added, and old ones removed."""
-    is_free = owner < 0
-    if not len(state.unclaimed.time_s) and not np.count_nonzero(is_free):
-        return state
-    free = np.flatnonzero(is_free)
-    unclaimed = (
-        LinesOfSight.concatenate([state.unclaimed, lines.take(free)])
-        if len(free)
-        else state.unclaimed
-    )
+    free = (owner < 0).nonzero()[0]
+    unclaimed = LinesOfSight.concatenate([state.unclaimed, lines.take(free)])
     types = np.concatenate([state.reported, reported[free]])
+    return _forgotten(models, state._replace(unclaimed=unclaimed, reported=types), span_s)
+
+
+def _forgotten(models: TrackingModels, state: TrackerState, span_s: float) -> TrackerState:
+    """Return the state without the unassigned lines of old scans."""
+    unclaimed = state.unclaimed
     recent_s = models.config.recent_scans * models.period_s[unclaimed.sensor] + span_s
-    recent = np.flatnonzero(state.time_s - unclaimed.time_s <= recent_s)
-    return evolve(state, unclaimed=unclaimed.take(recent), reported=types[recent])
+    recent = (state.time_s - unclaimed.time_s <= recent_s).nonzero()[0]
+    return state._replace(unclaimed=unclaimed.take(recent), reported=state.reported[recent])
 
 
 def _with_initiated(models: TrackingModels, state: TrackerState) -> TrackerState:
@@ -95,8 +118,13 @@ def _with_initiated(models: TrackingModels, state: TrackerState) -> TrackerState
     if len(state.unclaimed.time_s) < models.needed_scans:
         return state
     lines = models.corrected(state.registration, state.unclaimed)
-    initiation_ = initiation.track_candidates(
-        lines, models.needed_scans, state.registration.loose_rad
+    initiation_ = models.parts.initiator.candidates(lines, state.registration.loose_rad)
+    require_shape(
+        models.parts.initiator,
+        models.parts.owners["initiation"],
+        f"an Initiation of {len(lines)} lines",
+        is_right=isinstance(initiation_, Initiation)
+        and initiation_.place.shape == lines.scan.shape,
     )
     begun = initiation_.begun
     if not len(begun):
@@ -106,7 +134,7 @@ def _with_initiated(models: TrackingModels, state: TrackerState) -> TrackerState
     path = models.filter.predicted_measurements(prior, state.time_s)
     pairs = models.gated_pairs(path, lines, span_s)
     owned = initiation_.owned(pairs.track, pairs.line, lines.sensor[pairs.line])
-    association = associate_nearest(pairs.take(np.flatnonzero(owned)), lines, models.association)
+    association = associate_nearest(pairs.take(owned.nonzero()[0]), lines, models.association)
     crossing = initiation.placed_at_crossings(begun, lines, association.owner)
     if crossing is not begun:
         prior = prior_estimates(crossing, state.time_s, models.config)
@@ -127,51 +155,37 @@ def _with_new_tracks(
     is_track = hits >= models.needed_scans
     row = np.append(np.where(is_track, np.cumsum(is_track) - 1, -1), -1)
     owner = row[candidate_of]
-    count = int(is_track.sum())
-    table = _new_table(models, state, owner, count)
-    position_m = prior.likelier_position_m[is_track]
-    motion = MotionStatistics.fresh(position_m, state.time_s, table.first_s, models.groups.prior)
-    lines = models.corrected(state.registration, state.unclaimed)
-    motion = motion.with_lines(owner, lines, models.groups.log_clutter)
-    remaining = np.flatnonzero(owner < 0)
-    new_estimates = estimates.take(np.flatnonzero(is_track))
-    next_state = evolve(
+    table = _new_table(
+        models,
         state,
-        estimates=ModeEstimates.concatenate([state.estimates, new_estimates]),
+        owner,
+        prior.take(is_track.nonzero()[0]),
+        estimates.take(is_track.nonzero()[0]),
+    )
+    remaining = (owner < 0).nonzero()[0]
+    return state._replace(
         table=TrackTable.concatenate([state.table, table]),
         unclaimed=state.unclaimed.take(remaining),
         reported=state.reported[remaining],
-        next_number=state.next_number + count,
-        motion=MotionStatistics.concatenate([state.motion, motion]),
+        next_number=state.next_number + len(table),
     )
-    return _with_neighbours(models, next_state, count)
 
 
 def _new_table(
-    models: TrackingModels, state: TrackerState, owner: IntArray, count: int
+    models: TrackingModels,
+    state: TrackerState,
+    owner: IntArray,
+    prior: ModeEstimates,
+    estimates: ModeEstimates,
 ) -> TrackTable:
-    """Return the table of new tracks, rows of which own unclaimed lines (m,)."""
+    """Return the table of new tracks with estimates, rows of which own unclaimed lines (m,)."""
+    count = len(prior)
     number = np.arange(state.next_number, state.next_number + count)
-    table = TrackTable.fresh(number, state.time_s, len(models.period_s))
-    lines = state.unclaimed
-    return table.with_detections(owner, lines.time_s, lines.sensor, state.reported)
-
-
-def _with_neighbours(models: TrackingModels, state: TrackerState, count: int) -> TrackerState:
-    """Return the state with the last `count` tracks, and those near them, in a crowd, where several
-    are near.
-    """
-    visible = state.table.reports >= 0
-    rows = (
-        crowd.begun_near(state.estimates.likelier_position_m, count, visible)
-        if count
-        else np.empty(0, dtype=np.int64)
-    )
-    rows = rows[~state.crowds.holds(state.table.number[rows])]
-    if not len(rows):
-        return state
-    path = models.path(state.estimates, state.time_s)
-    view = models.view(state.registration)
-    return evolve(
-        state, crowds=crowd.joined(state.crowds, state.table.number, rows, path, visible, view)
-    )
+    motion = MotionStatistics.empty()
+    table = TrackTable.fresh(number, state.time_s, len(models.period_s), estimates, motion)
+    unclaimed = state.unclaimed
+    table = table.with_detections(owner, unclaimed.time_s, unclaimed.sensor, state.reported)
+    position_m = prior.likelier_position_m
+    motion = MotionStatistics.fresh(position_m, state.time_s, table.first_s, models.groups.prior)
+    lines = models.corrected(state.registration, unclaimed)
+    return table.changed(motion=motion.with_lines(owner, lines, models.groups.log_clutter))

@@ -79,11 +79,13 @@ class _Young(NamedTuple):
 def with_launch_points(models: TrackingModels, state: TrackerState, span_s: float) -> TrackerState:
     """Return the state, after a slice of a length, with the launch points of young tracks."""
     table = state.table
+    oldest_s = max(LAW.young_s, LAW.young_scans * models.slowest_s)
+    # Tracks are in order of their initiation.
+    if not table.number.size or state.time_s - table.begun_s[-1] > oldest_s:
+        return state
     scans_s = LAW.young_scans * models.longest(models.period_s, table)
     is_young = state.time_s - table.begun_s <= np.maximum(LAW.young_s, scans_s)
-    if not np.count_nonzero(is_young):
-        return state
-    rows = np.flatnonzero(is_young & (state.estimates.weight[:, 0] > 0.5))
+    rows = (is_young & (table.estimates.weight[:, 0] > 0.5)).nonzero()[0]
     if not len(rows):
         return state
     points = _new_points(models, state, rows, span_s)
@@ -92,7 +94,7 @@ def with_launch_points(models: TrackingModels, state: TrackerState, span_s: floa
     launch = table.launch.copy()
     covariance = table.launch_covariance.copy()
     launch[rows], covariance[rows] = updated_points(earlier, points)
-    return state.after(state.time_s, state.estimates, table.with_launches(launch, covariance))
+    return state._replace(table=table.changed(launch=launch, launch_covariance=covariance))
 
 
 def _new_points(
@@ -103,9 +105,11 @@ def _new_points(
     """
     young = _young(models, state, rows)
     points = _followed_back(models, young)
-    is_launch = state.motion.probability[rows, LAUNCH] >= models.config.least_launch_probability
+    is_launch = (
+        state.table.motion.probability[rows, LAUNCH] >= models.config.least_launch_probability
+    )
     is_old = ~(young.middle_s - points.place[:, 2] <= LAW.cubic_s)
-    old = np.flatnonzero(is_old & is_launch & (young.visible.sum(axis=1) >= LAW.sensors))
+    old = (is_old & is_launch & (young.visible.sum(axis=1) >= LAW.sensors)).nonzero()[0]
     if not len(old):
         return points
     due = old[_are_due(models, state, rows[old], span_s)]
@@ -131,9 +135,9 @@ def _are_due(
 
 def _young(models: TrackingModels, state: TrackerState, rows: IntArray) -> _Young:
     table = state.table.part(rows)
-    estimates = state.estimates.part(rows)
-    visible = table.reports >= 0
-    shared = models.shared_covariance(state, estimates, table)
+    estimates = table.estimates
+    visible = table.seen
+    shared = models.shared_covariance(state, table)
     range_m = models.biases.ranges_m(estimates.likelier_position_m, state.time_s, visible)
     return _Young(
         path=models.path(estimates, state.time_s),

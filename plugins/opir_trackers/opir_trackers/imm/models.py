@@ -2,7 +2,7 @@
 association and of motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,27 +15,31 @@ from opir_estimation import (
     PredictedMeasurements,
     Registration,
     Vantages,
+    Watched,
     candidates,
     gated,
 )
 from opir_forecast import Outcomes, site_height_m, vehicle_model
 
 from opir_core.arrays import BoolArray, FloatArray
+from opir_core.flight import forces_of
+from opir_core.interfaces import has_own
 from opir_core.plugin import TrackerContext
 from opir_trackers.association import AssociationModel
 from opir_trackers.configs import ImmConfig
-from opir_trackers.imm.crowds import SensorView
 from opir_trackers.imm.single_sensor import SingleSensor
-from opir_trackers.imm.state import TrackerState
-from opir_trackers.imm.track_management import (
-    TrackTable,
+from opir_trackers.imm.state import TrackerState, TrackTable, sighting_memory_s
+from opir_trackers.imm.watch import Watch
+from opir_trackers.onset.posterior import GroupPosterior
+from opir_trackers.parts import Associator, Initiator, PartContext, Pruner, made_part, maker_of
+from opir_trackers.sensors import (
+    Biases,
+    clutter_per_sr,
     longest_silence_s,
     mean_detection_probability,
-    sighting_memory_s,
+    vantages_of,
 )
-from opir_trackers.onset.posterior import GroupPosterior
-from opir_trackers.sensors import Biases, clutter_per_sr, vantages_of
-from opir_trackers.track_priors import filter_of
+from opir_trackers.track_priors import filter_of, needed_scans_of
 
 _Answer = TypeVar("_Answer")
 
@@ -61,12 +65,43 @@ class Memo:
 
 
 @frozen(eq=False)
+class TrackingParts:
+    """The exchangeable parts of the tracker, and the owner of each in words by its role; whether the
+    associator has work at the end of a slice, and whether it is of this distribution.
+    """
+
+    associator: Associator
+    initiator: Initiator
+    pruner: Pruner
+    owners: Mapping[str, str]
+    settles: bool
+    associates_itself: bool
+
+    @classmethod
+    def of(cls, config: ImmConfig, context: TrackerContext) -> "TrackingParts":
+        """Return the parts that the settings name."""
+        part_context = PartContext(
+            tracker=context, settings=config, forces=forces_of(context.forces)
+        )
+        associator = made_part(Associator, "association", part_context)
+        roles = ("association", "initiation", "pruning")
+        return cls(
+            associator=associator,
+            initiator=made_part(Initiator, "initiation", part_context),
+            pruner=made_part(Pruner, "pruning", part_context),
+            owners={role: maker_of(role, part_context).owner for role in roles},
+            settles=has_own(Associator, associator, "settled"),
+            associates_itself=type(associator).__module__.startswith("opir_trackers."),
+        )
+
+
+@frozen(eq=False)
 class TrackingModels:
     """The models of a scene, and what several steps and the labels ask of them.
 
     `needed_scans` is M of M-of-N track initiation; `period_s`, `memory_s` and `silence_limit_s`
-    (sensors,) are scan periods, how long detections are kept, and the longest silence of a track in
-    view.
+    (sensors,) are scan periods, of which `slowest_s` is the longest, how long detections are kept,
+    and the longest silence of a track in view.
     """
 
     config: ImmConfig
@@ -76,10 +111,13 @@ class TrackingModels:
     light_time: bool
     biases: Biases
     period_s: FloatArray
+    slowest_s: float
     memory_s: FloatArray
     silence_limit_s: FloatArray
     groups: GroupPosterior
     single: SingleSensor
+    parts: TrackingParts
+    watch: Watch | None = None
     memo: Memo = field(factory=Memo)
 
     @classmethod
@@ -94,19 +132,35 @@ class TrackingModels:
         site_m = site_height_m(config.hypotheses.inland_share)
         return cls(
             config=config,
-            needed_scans=config.needed_scans or needed_scans(period_s),
+            needed_scans=needed_scans_of(config, context),
             filter=filter_,
             association=AssociationModel(detection_probability, config.false_alarms_per_sr),
             light_time=context.light_time,
             biases=biases,
             period_s=period_s,
+            slowest_s=float(period_s.max(initial=0.0)),
             memory_s=sighting_memory_s(
                 period_s, min(config.slice_s, config.cadence_s), config.recent_scans
             ),
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
             groups=GroupPosterior.of(config.hypotheses, clutter, detection_probability),
             single=SingleSensor(outcomes, filter_, biases, period_s, site_m),
+            parts=TrackingParts.of(config, context),
+            watch=Watch.of(context.sensors, period_s, detection_probability),
         )
+
+    def silent_s(self, table: TrackTable, time_s: float | FloatArray) -> FloatArray:
+        """Return for how long (n,), s, tracks were looked at in vain before times."""
+        if self.watch is None:
+            return time_s - table.seen_s
+        times_s = np.broadcast_to(time_s, table.seen_s.shape)
+        return self.watch.silent_s(times_s, table.seen_s, table.reports >= 0)
+
+    def watched(self, table: TrackTable, end_s: float, span_s: float) -> Watched | None:
+        """Return how long tracks (n,) were looked at in a slice, None for throughout."""
+        if self.watch is None:
+            return None
+        return self.watch.in_slice(end_s - span_s, end_s, table.reports >= 0)
 
     def path(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
         """Return the predictions of estimates about their time."""
@@ -132,10 +186,6 @@ class TrackingModels:
         places = self.memo.of("vantages", vantages_of, self.biases.sensors, time_s)
         return places._replace(weight=self.biases.weights(registration.apart_rad))
 
-    def view(self, registration: Registration) -> SensorView:
-        """Return the sensors, what is left of their errors, and whether light takes time."""
-        return SensorView(self.biases.sensors, registration.apart_rad, self.light_time)
-
     def gated_pairs(
         self, path: PredictedMeasurements, lines: LinesOfSight, span_s: float
     ) -> GatedPairs:
@@ -148,34 +198,20 @@ class TrackingModels:
 
     def longest(self, time_s: FloatArray, table: TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
-        return np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
+        return np.maximum.reduce(np.where(table.seen, time_s, 0.0), axis=1, initial=0.0)
 
     def confirmed(self, state: TrackerState) -> BoolArray:
         """Return which tracks (n,) are reported: those with enough detections that are probably no
         false alarms.
         """
-        return (state.table.hits >= 2 * self.needed_scans) & ~state.motion.are_noise
+        return (state.table.hits >= 2 * self.needed_scans) & ~state.table.motion.are_noise
 
-    def shared_covariance(
-        self, state: TrackerState, estimates: ModeEstimates, table: TrackTable
-    ) -> FloatArray | None:
+    def shared_covariance(self, state: TrackerState, table: TrackTable) -> FloatArray | None:
         """Return the covariances (n, 6, 6) of tracks due to the errors that sensors share; None for
         none.
         """
         if not state.registration.has_errors:
             return None
         vantages = self.vantages(state.registration, state.time_s)
-        return state.registration.covariance(estimates.likelier_state, table.reports >= 0, vantages)
-
-
-def needed_scans(period_s: FloatArray) -> int:
-    """Return M of M-of-N track initiation for sensors with scan periods (n,), s.
-
-    A track is reported after 2 M detections. M is 4 if the fastest sensor makes four scans in 4 s,
-    else 2. At 10 s per scan four scans are most of a burn: of 30
-    launches before two sensors 21 were tracked, after 74 s in the median; with M = 2 all, after 31
-    s. What it costs: no false track in two hours with sensors that confirm their detections over
-    scans. Where every false alarm is reported (two scanners, 17 a scan), 29 tracks of noise have
-    enough detections in ten minutes; all are recognised as noise, and none is reported.
-    """
-    return 4 if 4.0 * float(period_s.min(initial=np.inf)) <= 4.0 else 2
+        likelier = table.estimates.likelier_state
+        return state.registration.covariance(likelier, table.seen, vantages)

@@ -159,10 +159,10 @@ def reweighted(
     log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(prior))
     doubted = np.zeros(len(prior), dtype=np.bool_)
     doubted[assigned.track[weight < 1.0 - LAW.tolerance]] = True
-    rows = np.flatnonzero(doubted)
+    rows = doubted.nonzero()[0]
     if not len(rows):
         return ReweightedEstimates(posterior, log_likelihood)
-    pair_rows = np.flatnonzero(doubted[assigned.track])
+    pair_rows = doubted[assigned.track].nonzero()[0]
     pairs = assigned.take(pair_rows)
     pairs = evolve(pairs, track=(np.cumsum(doubted) - 1)[pairs.track])
     subset = _maximised(

@@ -4,8 +4,10 @@ Two tracks are duplicates if their states agree within their covariances and no 
 both: two targets are detected in one scan sooner or later, one target never twice.
 """
 
+from typing import Any
+
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from opir_estimation import (
     LOWEST_M,
     SPEED_SIGMA_M_S,
@@ -19,11 +21,12 @@ from opir_estimation import (
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import WGS84, ecef_to_geodetic
 from opir_core.interfaces import TRACK_ENDS
-from opir_trackers.imm import crowds as crowd
+from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.models import TrackingModels
-from opir_trackers.imm.state import EndedTracks, TrackerState
-from opir_trackers.imm.track_management import ENOUGH_SCANS, SharedDetections
+from opir_trackers.imm.state import ENOUGH_SCANS, EndedTracks, SharedDetections, TrackerState
 from opir_trackers.onset.brevity import are_brief
+from opir_trackers.parts import PartContext, Pruner, TrackPicture, require_shape
+from opir_trackers.track_priors import needed_scans_of
 
 
 @frozen
@@ -45,6 +48,9 @@ class PruningLaw:
     #: many standard deviations.
     sure_sigmas: float = 3.0
 
+    #: Existence of a track, by its associator, below which it follows no target.
+    least_existence: float = 0.01
+
 
 LAW = PruningLaw()
 
@@ -53,92 +59,147 @@ IMPACT = TRACK_ENDS.index("impact")
 LOST = TRACK_ENDS.index("lost")
 
 
-def prune(
-    models: TrackingModels, state: TrackerState, lines: LinesOfSight, owner: IntArray
-) -> TrackerState:
-    """Return the state without duplicate, lost and unconfirmed tracks, and those of false alarms.
+@frozen(eq=False)
+class UnlikelyPruner(Pruner):
+    """Ends tracks that are silent for too long, of false alarms, lost, down, or the lesser of two
+    that follow one target.
 
-    `owner` (m,) are the tracks of a slice's lines, -1 for none.
+    `needed` are the hits that a track needs to stay without detections.
     """
-    if not state.table.number.size:
-        return state
-    moments = models.moments(state.estimates)
+
+    settings: ImmConfig
+    needed: int
+
+    def ends(self, tracks: TrackPicture) -> IntArray:
+        """Return codes (n,) into `TRACK_ENDS`: 0 for tracks that go on."""
+        table = tracks.table
+        motion = table.motion
+        drop = tracks.silent_s > self.settings.silence_s
+        drop |= motion.is_decided & motion.are_noise
+        if tracks.existence is not None:
+            drop |= tracks.existence < LAW.least_existence
+        uncertain = are_uncertain(tracks.covariance, self.settings.lost_sigma_m)
+        below_ground = are_below_ground(tracks.mean[:, :3])
+        fallen = below_ground
+        if (uncertain | below_ground | (table.hits < self.needed)).any():
+            unseen = tracks.silent_s > tracks.silence_limit_s
+            drop |= (uncertain | (table.hits < self.needed)) & unseen
+            fallen = below_ground & have_come_down(tracks.mean[:, :3], tracks.covariance, unseen)
+            drop |= fallen
+        if table.number.size > 1:
+            drop |= _lesser(tracks)
+        if not drop.any():
+            return np.zeros(drop.shape, dtype=np.int64)
+        is_brief = are_brief(motion, table.first_s, table.seen_s)
+        return np.where(drop, np.where(fallen & ~is_brief, IMPACT, LOST), 0)
+
+
+def unlikely_pruner(_config: Any, context: PartContext) -> UnlikelyPruner:
+    """Return the pruner `unlikely`."""
+    return UnlikelyPruner(context.settings, 3 * needed_scans_of(context.settings, context.tracker))
+
+
+def prune(
+    models: TrackingModels,
+    state: TrackerState,
+    lines: LinesOfSight,
+    owner: IntArray,
+    existence: FloatArray | None = None,
+) -> TrackerState:
+    """Return the state without the tracks that the pruner ends; the confirmed ones among them have
+    ended.
+
+    `owner` (m,) are the tracks of a slice's lines, -1 for none; `existence` is that of the
+    association, of the tracks before new ones began.
+    """
     table = state.table
-    drop = state.time_s - table.seen_s > models.config.silence_s
-    drop |= state.motion.is_decided & state.motion.are_noise
-    state, idle, fallen = _with_bounds(models, state, *moments)
-    drop |= idle | fallen
+    if not table.number.size:
+        return state
+    moments = models.moments(table.estimates)
+    state = _bounded(models, state, *moments)
     if table.number.size > 1:
         sightings = state.sightings.after(table.number, owner, lines, state.time_s, models.memory_s)
-        state = evolve(state, sightings=sightings)
-        drop |= _lesser(models, state, *moments)
-    if np.count_nonzero(drop):
-        state = _without(models, state, drop, fallen)
-    if not state.crowds.are_there:
-        return state
-    return evolve(state, crowds=crowd.pruned(state.crowds, state.time_s, models.period_s))
+        state = state._replace(sightings=sightings)
+    if existence is not None:
+        existence = np.append(existence, np.ones(table.number.size - len(existence)))
+    end = models.parts.pruner.ends(picture(models, state, moments, existence))
+    require_shape(
+        models.parts.pruner,
+        models.parts.owners["pruning"],
+        f"codes 0 to {LOST} of {table.number.size} tracks",
+        is_right=end.shape == table.number.shape and end.dtype.kind in "iu",
+    )
+    return _without(models, state, end) if end.any() else state
 
 
-def _without(
-    models: TrackingModels, state: TrackerState, drop: BoolArray, fallen: BoolArray
-) -> TrackerState:
-    """Return the state without some tracks (n,); the confirmed ones among them have ended."""
-    remaining = state.without(drop)
-    rows = np.flatnonzero(drop & models.confirmed(state))
-    if not len(rows):
-        return remaining
-    table = state.table.take(rows)
-    motion = state.motion.take(rows)
-    brief = are_brief(motion, table.first_s, table.seen_s)
-    end = np.where(fallen[rows] & ~brief, IMPACT, LOST).astype(np.uint8)
-    ended = EndedTracks(state.estimates.take(rows), table, motion, end)
-    return evolve(remaining, ended=ended.and_others(state.ended))
-
-
-def _with_bounds(
-    models: TrackingModels, state: TrackerState, mean: FloatArray, covariance: FloatArray
-) -> tuple[TrackerState, BoolArray, BoolArray]:
-    """Return the state with uncertain speeds and heights bounded, and which tracks are idle and
-    which came down.
-    """
+def picture(
+    models: TrackingModels,
+    state: TrackerState,
+    moments: tuple[FloatArray, FloatArray],
+    existence: FloatArray | None = None,
+) -> TrackPicture:
+    """Return the tracks, with moments of position and velocity, as parts see them."""
     table = state.table
-    needed = 3 * models.needed_scans
-    uncertain = are_uncertain(covariance, models.config.lost_sigma_m)
-    below_ground = are_below_ground(mean[:, :3])
-    variance = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5]
-    is_vague = variance > SPEED_SIGMA_M_S**2
-    is_plain = not np.count_nonzero(uncertain | below_ground | is_vague)
-    if is_plain and table.hits.min() >= needed:
-        nowhere = np.zeros(len(table), dtype=np.bool_)
-        return state, nowhere, nowhere
-    rows = is_vague.nonzero()[0]
-    rows = rows[have_uncertain_velocity(covariance[rows])] if len(rows) else rows
-    if len(rows):
-        state = evolve(state, estimates=models.filter.with_velocity_prior(state.estimates, rows))
-    rows = (below_ground & (state.estimates.weight[:, 0] > 0.5)).nonzero()[0]
-    if len(rows):
-        state = evolve(state, estimates=models.filter.raised_above_ground(state.estimates, rows))
-    unseen = state.time_s - table.seen_s > models.longest(models.silence_limit_s, table)
-    idle = (uncertain | (table.hits < needed)) & unseen
-    return state, idle, below_ground & have_come_down(mean[:, :3], covariance, unseen)
+    is_shared = table.number.size > 1
+    registration = state.registration
+    return TrackPicture(
+        time_s=state.time_s,
+        table=table,
+        mean=moments[0],
+        covariance=moments[1],
+        shared_covariance=models.shared_covariance(state, table) if is_shared else None,
+        silent_s=models.silent_s(table, state.time_s),
+        sensor_silence_s=models.silence_limit_s,
+        sightings=state.sightings,
+        known_errors=registration.error,
+        bias_sigma_rad=registration.apart_rad,
+        existence=existence,
+    )
 
 
-def _lesser(
+def _without(models: TrackingModels, state: TrackerState, end: IntArray) -> TrackerState:
+    """Return the state without tracks that ended by codes (n,)."""
+    drop = end > 0
+    remaining = state.without(drop)
+    rows = (drop & models.confirmed(state)).nonzero()[0]
+    if not rows.size:
+        return remaining
+    ended = EndedTracks(state.table.take(rows), end[rows].astype(np.uint8))
+    return remaining._replace(ended=ended.and_others(state.ended))
+
+
+def _bounded(
     models: TrackingModels, state: TrackerState, mean: FloatArray, covariance: FloatArray
-) -> BoolArray:
+) -> TrackerState:
+    """Return the state with uncertain speeds bounded, and burns above the ground."""
+    estimates = state.table.estimates
+    variance = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5]
+    rows = (variance > SPEED_SIGMA_M_S**2).nonzero()[0]
+    rows = rows[have_uncertain_velocity(covariance[rows])] if rows.size else rows
+    if rows.size:
+        estimates = models.filter.with_velocity_prior(estimates, rows)
+    rows = (are_below_ground(mean[:, :3]) & (estimates.weight[:, 0] > 0.5)).nonzero()[0]
+    if rows.size:
+        estimates = models.filter.raised_above_ground(estimates, rows)
+    if estimates is state.table.estimates:
+        return state
+    return state._replace(table=state.table.with_estimates(estimates))
+
+
+def _lesser(tracks: TrackPicture) -> BoolArray:
     """Return which tracks follow a target that another one follows, or no target: lines of several
     moved them.
     """
-    table = state.table
-    added = models.shared_covariance(state, state.estimates, state.table)
-    wider = covariance.copy() if added is None else covariance + added
+    table = tracks.table
+    mean = tracks.mean
+    added = tracks.shared_covariance
+    wider = tracks.covariance.copy() if added is None else tracks.covariance + added
     fast = ~(dot(mean[:, 3:], mean[:, 3:]) <= LAW.fastest_m_s**2)
     # The covariance of a track that is nowhere may be nothing that can be solved with.
     wider[fast] = np.eye(6)
-    are_fresh = table.begun_s == state.time_s
-    visible = table.reports >= 0
+    are_fresh = table.begun_s == tracks.time_s
     return fast | duplicates(
-        table.number, mean, wider, state.sightings, table.hits, visible, are_fresh
+        table.number, mean, wider, tracks.sightings, table.hits, table.seen, are_fresh
     )
 
 
@@ -199,7 +260,7 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
     tree = cKDTree(position)
     close = tree.query_pairs(LAW.near_m, output_type="ndarray")
     reach_m = np.sqrt(2.0 * LAW.duplicate_gate) * sigma_m
-    wide = np.flatnonzero(reach_m > LAW.near_m)
+    wide = (reach_m > LAW.near_m).nonzero()[0]
     if len(wide):
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
         row, neighbour = neighbour_pairs(tree, position[wide], reach_m[wide])
@@ -213,7 +274,7 @@ def _never_seen_together(
 ) -> BoolArray:
     """Return which pairs (k,) have enough scans with a detection, none of both."""
     row = np.searchsorted(number, sightings.number)
-    tracked = np.flatnonzero(np.append(number, -1)[row] == sightings.number)
+    tracked = (np.append(number, -1)[row] == sightings.number).nonzero()[0]
     scan = scan_numbers(sightings.sensor, sightings.scan)[tracked]
     detected = np.zeros((len(number), int(scan.max(initial=-1)) + 1), dtype=bool)
     detected[row[tracked], scan] = True

@@ -13,6 +13,7 @@ from opir_estimation import (
     COAST,
     FAR_M,
     Gaussian,
+    ImmFilter,
     LinesOfSight,
     ModeEstimates,
     earth_rotated,
@@ -22,7 +23,7 @@ from opir_estimation import (
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
 from opir_trackers.association import hard_measurements
-from opir_trackers.imm.models import TrackingModels
+from opir_trackers.configs import ImmConfig
 from opir_trackers.initiation import TrackCandidates
 from opir_trackers.pairing import Directions, intersections
 from opir_trackers.track_priors import prior_estimates
@@ -53,6 +54,14 @@ class RefilteringLaw:
 LAW = RefilteringLaw()
 
 
+class Refiltering(NamedTuple):
+    """The filter, whether light takes time, and the settings of the tracker."""
+
+    filter: ImmFilter
+    light_time: bool
+    config: ImmConfig
+
+
 class DirectionSums(NamedTuple):
     """Normal equations (n, instants, 12) of tracks' directions about a point `centre` (3,)."""
 
@@ -61,7 +70,7 @@ class DirectionSums(NamedTuple):
 
 
 def refiltered(
-    models: TrackingModels,
+    models: Refiltering,
     directions: Directions,
     track: IntArray,
     crossings: DirectionSums,
@@ -119,12 +128,12 @@ class _Priors(NamedTuple):
     instants: FloatArray
     first_s: FloatArray
     begun_s: FloatArray
-    models: TrackingModels
+    models: Refiltering
 
     @classmethod
     def of(
         cls,
-        models: TrackingModels,
+        models: Refiltering,
         instants: FloatArray,
         crossings: DirectionSums,
         begun_s: FloatArray,

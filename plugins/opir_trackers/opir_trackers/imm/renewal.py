@@ -12,9 +12,8 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.imm.crowds import Crowds, SensorView, directions_at
 from opir_trackers.imm.focal_plane import FocalPlaneTracks
 from opir_trackers.imm.mixtures import Mixtures, widened
-from opir_trackers.imm.models import TrackingModels
-from opir_trackers.imm.refiltering import DirectionSums, refiltered
-from opir_trackers.imm.state import TrackerState
+from opir_trackers.imm.refiltering import DirectionSums, Refiltering, refiltered
+from opir_trackers.imm.state import TrackTable
 from opir_trackers.pairing import (
     LAW as PAIRING,
     Directions,
@@ -74,8 +73,16 @@ class _Stretch(NamedTuple):
         )
 
 
-def renewed(state: TrackerState, view: SensorView, models: TrackingModels) -> TrackerState:
-    """Return the state with the crowd's focal-plane tracks paired anew, if that is due."""
+class CrowdedTracks(NamedTuple):
+    """The table of tracks at a time, s, and the crowds among them."""
+
+    time_s: float
+    table: TrackTable
+    crowds: Crowds
+
+
+def renewed(state: CrowdedTracks, view: SensorView, models: Refiltering) -> CrowdedTracks:
+    """Return the tracks with the crowd's focal-plane tracks paired anew, if that is due."""
     tracks = state.crowds.tracks
     if state.time_s - state.crowds.paired_s < PAIRING.renewed_s - 1e-6 or not _are_several(tracks):
         return state
@@ -86,7 +93,8 @@ def renewed(state: TrackerState, view: SensorView, models: TrackingModels) -> Tr
     mixtures = Mixtures.empty()
     if _are_several(tracks.take(ready)):
         state, mixtures = _paired(state, stretch, ready, view, models)
-    return evolve(state, crowds=evolve(state.crowds, mixtures=mixtures, paired_s=state.time_s))
+    crowds = evolve(state.crowds, mixtures=mixtures, paired_s=state.time_s)
+    return state._replace(crowds=crowds)
 
 
 def _are_several(tracks: FocalPlaneTracks) -> bool:
@@ -95,12 +103,12 @@ def _are_several(tracks: FocalPlaneTracks) -> bool:
 
 
 def _paired(
-    state: TrackerState,
+    state: CrowdedTracks,
     stretch: _Stretch,
     ready: IntArray,
     view: SensorView,
-    models: TrackingModels,
-) -> tuple[TrackerState, Mixtures]:
+    models: Refiltering,
+) -> tuple[CrowdedTracks, Mixtures]:
     """Return the state with the focal-plane tracks `ready` paired anew, and what stays
     undecided.
     """
@@ -161,8 +169,8 @@ def _numbers(group: IntArray, tracks: FocalPlaneTracks) -> IntArray:
 
 
 def _repaired(
-    state: TrackerState, number: IntArray, stretch: _Stretch, models: TrackingModels
-) -> TrackerState:
+    state: CrowdedTracks, number: IntArray, stretch: _Stretch, models: Refiltering
+) -> CrowdedTracks:
     """Return the state with focal-plane tracks given to the tracks `number` (n,), and the states
     that follow.
     """
@@ -177,7 +185,7 @@ def _repaired(
         tracks=evolve(tracks.take(rows), number=number),
         stored=evolve(stretch.stored, number=number[stretch.row]),
     )
-    state = evolve(state, crowds=crowds)
+    state = state._replace(crowds=crowds)
     numbers, sensors = np.unique(number, return_counts=True)
     state = _without_range(state, np.intersect1d(changed, numbers[sensors == 1]))
     shared = np.intersect1d(changed, numbers[sensors > 1])
@@ -185,8 +193,8 @@ def _repaired(
 
 
 def _filtered_anew(
-    state: TrackerState, shared: IntArray, stretch: _Stretch, models: TrackingModels
-) -> TrackerState:
+    state: CrowdedTracks, shared: IntArray, stretch: _Stretch, models: Refiltering
+) -> CrowdedTracks:
     """Return the state with tracks `shared` (k,) by several sensors filtered anew, where their
     directions cross at a definite place.
     """
@@ -212,11 +220,13 @@ def _filtered_anew(
         stored.take(directions),
         track[directions],
         crossings,
-        state.estimates.take(rows),
+        state.table.estimates.take(rows),
         state.table.first_s[rows],
         state.time_s,
     )
-    return evolve(state, estimates=state.estimates.put(rows, estimates))
+    return state._replace(
+        table=state.table.with_estimates(state.table.estimates.put(rows, estimates))
+    )
 
 
 def _places(numbers: IntArray, number: IntArray) -> IntArray:
@@ -225,7 +235,7 @@ def _places(numbers: IntArray, number: IntArray) -> IntArray:
     return np.where(np.append(numbers, -1)[place] == number, place, -1)
 
 
-def _without_range(state: TrackerState, number: IntArray) -> TrackerState:
+def _without_range(state: CrowdedTracks, number: IntArray) -> CrowdedTracks:
     """Return the state with the information from other sensors removed from tracks `number` (k,):
     range above all.
     """
@@ -233,8 +243,10 @@ def _without_range(state: TrackerState, number: IntArray) -> TrackerState:
         return state
     rows = np.searchsorted(state.table.number, number)
     lost = np.diag(np.square([LAW.lost_m] * 3 + [LAW.lost_m_s] * 3))
-    estimates = widened(state.estimates.take(rows), lost[None].repeat(len(rows), 0))
-    return evolve(state, estimates=state.estimates.put(rows, estimates))
+    estimates = widened(state.table.estimates.take(rows), lost[None].repeat(len(rows), 0))
+    return state._replace(
+        table=state.table.with_estimates(state.table.estimates.put(rows, estimates))
+    )
 
 
 def _are_fixed(sums: FloatArray) -> BoolArray:
@@ -260,7 +272,7 @@ def _changed(tracks: FocalPlaneTracks, number: IntArray) -> IntArray:
     return np.intersect1d(candidates, number[number >= 0])
 
 
-def _with_rows(state: TrackerState, number: IntArray) -> TrackerState:
+def _with_rows(state: CrowdedTracks, number: IntArray) -> CrowdedTracks:
     """Return the state without tracks that no focal-plane track, now of tracks `number` (n,) or -1
     for none, has any more.
 
@@ -277,12 +289,7 @@ def _with_rows(state: TrackerState, number: IntArray) -> TrackerState:
     new_reports = table.reports.copy()
     new_reports[np.unique(row)] = -1
     new_reports[row, tracks.sensor[owned]] = reports[owned]
-    return evolve(
-        state,
-        table=evolve(table, reports=new_reports),
-        estimates=state.estimates.take(rows),
-        motion=state.motion.take(rows),
-    )
+    return state._replace(table=table.changed(reports=new_reports))
 
 
 def _mixtures(

@@ -8,13 +8,13 @@ import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
 from opir_estimation import ModeEstimates, glided
-from opir_forecast import LaunchForecasts
+from opir_forecast import BoostEstimates, LaunchForecasts
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_core.scene import UNKNOWN_TYPE
-from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.imm.state import TrackTable
 
 
 class ReportedTracks(NamedTuple):
@@ -31,6 +31,28 @@ class ReportedTracks(NamedTuple):
     end: NDArray[np.uint8]
 
 
+def boost_estimates(reported: ReportedTracks, launched: BoolArray) -> BoostEstimates:
+    """Return the record of tracks that forecasts are made from; `launched` (n,) are forecast."""
+    tracks = reported.tracks
+    estimates = reported.estimates
+    hits, spell, silent_s = estimates.detection_rate.T
+    return BoostEstimates(
+        tracks.track,
+        launched,
+        estimates.weight[:, 0],
+        estimates.burn_share,
+        estimates.burn_mean,
+        estimates.burn_root,
+        estimates.coast_mean,
+        estimates.coast_root,
+        silent_s,
+        spell / np.maximum(hits, 1.0),
+        tracks.launch,
+        tracks.launch_covariance,
+        reported.reports,
+    )
+
+
 def with_launches(
     reported: ReportedTracks,
     forecasts: LaunchForecasts,
@@ -41,7 +63,7 @@ def with_launches(
     (n,) have no launch point and no impact.
     """
     tracks = reported.tracks
-    no_launch = np.flatnonzero(~launched)
+    no_launch = (~launched).nonzero()[0]
     launch = tracks.launch
     covariance = tracks.launch_covariance
     if len(no_launch):

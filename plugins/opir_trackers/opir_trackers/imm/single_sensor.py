@@ -11,7 +11,6 @@ from opir_estimation import (
     COAST,
     SPIN,
     ImmFilter,
-    ModeEstimates,
     air_velocity,
     are_low_orbits,
     dot,
@@ -29,8 +28,8 @@ from opir_forecast import (
 )
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_trackers.imm.track_management import TrackTable
-from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
+from opir_trackers.imm.state import TrackTable
+from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.sensors import Biases
 
 
@@ -75,70 +74,62 @@ class SingleSensor:
     site_m: float
 
     def with_ascents(
-        self,
-        estimates: ModeEstimates,
-        table: TrackTable,
-        motion: MotionStatistics,
-        seen_before_s: FloatArray,
-        time_s: float,
-    ) -> ModeEstimates:
-        """Return the estimates of tracks (n,) at a time, those of one sensor as ascents say along
-        its line of sight.
+        self, table: TrackTable, seen_before_s: FloatArray, time_s: float
+    ) -> TrackTable:
+        """Return the tracks (n,) at a time, those of one sensor as ascents say along its line of
+        sight.
 
         `seen_before_s` (n,) are the times of the last detections before the slice.
         """
-        rows = self._due(estimates, table, motion, seen_before_s).nonzero()[0]
-        rows = rows[self._are_far(table, motion, rows, time_s)] if rows.size else rows
+        estimates = table.estimates
+        rows = self._due(table, seen_before_s).nonzero()[0]
+        rows = rows[self._are_far(table, rows, time_s)] if rows.size else rows
         compared = list[int]()
         axes = list[FloatArray]()
         moments = list[AlongSight]()
         # A track is compared with thousands of ascents.
         for row in rows.tolist():
-            view = self._view(estimates, table, motion, row, time_s)
+            view = self._view(table, row, time_s)
             along = along_sight(self.ascents, view.sighting, self._ignitions_s(view.sensor))
             if along is not None:
                 compared.append(row)
                 axes.append(view.axis)
                 moments.append(along)
         if not compared:
-            return estimates
+            return table
         mean = np.array([along.mean for along in moments])
         covariance = np.array([along.covariance for along in moments])
         axis = np.array(axes)
         # Ascents move relative to the Earth, and the part of its rotation along the line is the
         # same at all distances.
         mean[:, 1] += dot(axis, estimates.boost_mean[compared, :3] @ SPIN.T)
-        return self.filter.replaced_along(estimates, np.array(compared), axis, mean, covariance)
+        return table.with_estimates(
+            self.filter.replaced_along(estimates, np.array(compared), axis, mean, covariance)
+        )
 
     @cached_property
     def ascents(self) -> BoostAscents:
         """Return the ascents of the law; they are drawn for the first track that needs them."""
         return ascents_of(self.outcomes)
 
-    def _due(
-        self,
-        estimates: ModeEstimates,
-        table: TrackTable,
-        motion: MotionStatistics,
-        seen_before_s: FloatArray,
-    ) -> BoolArray:
+    def _due(self, table: TrackTable, seen_before_s: FloatArray) -> BoolArray:
         """Return which tracks (n,) are compared: those of one sensor that burn and were detected in
         the slice.
 
         Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
         is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
-        if not np.count_nonzero(is_single):
+        if not is_single.any():
             return is_single
         interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
+        estimates = table.estimates
         burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < LAW.free)
+        motion = table.motion
         is_launch = motion.probability[:, LAUNCH] > 0.5
         is_due = interval[0] > interval[1]
         return is_due & is_single & burns & is_launch & (motion.epoch_s <= table.first_s)
 
-    def _are_far(
-        self, table: TrackTable, motion: MotionStatistics, rows: IntArray, time_s: float
-    ) -> BoolArray:
+    def _are_far(self, table: TrackTable, rows: IntArray, time_s: float) -> BoolArray:
         """Return which tracks (m,) a sensor sees that is neither low nor near their horizon.
 
         One that moves past a target sees how far away it is. Near the horizon the first line of
@@ -149,21 +140,16 @@ class SingleSensor:
             [sensor.orbit.position_ecef_m(when) for sensor in self.biases.sensors]
         )
         number = np.argmax(table.reports[rows] >= 0, axis=1)
-        place = motion.reference_m[rows]
+        place = table.motion.reference_m[rows]
         line = origin[number] - place
         sine = dot(line, place) / np.sqrt(dot(line, line) * dot(place, place))
         return ~are_low_orbits(origin)[number] & (sine > LAW.least_sine)
 
-    def _view(
-        self,
-        estimates: ModeEstimates,
-        table: TrackTable,
-        motion: MotionStatistics,
-        row: int,
-        time_s: float,
-    ) -> _View:
+    def _view(self, table: TrackTable, row: int, time_s: float) -> _View:
         """Return what the sensor of a track sees at a time."""
-        sensor = int(np.flatnonzero(table.reports[row] >= 0)[0])
+        estimates = table.estimates
+        motion = table.motion
+        sensor = int((table.reports[row] >= 0).nonzero()[0][0])
         first_s = float(table.first_s[row])
         times_s = np.array([first_s, time_s - 0.5, time_s, time_s + 0.5])
         places = self.biases.sensors[sensor].orbit.position_ecef_m(times_s)

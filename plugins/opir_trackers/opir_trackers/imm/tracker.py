@@ -5,16 +5,17 @@ from collections import deque
 import numpy as np
 from attrs import evolve
 from opir_estimation import LinesOfSight, sensor_health
-from opir_forecast import Forecaster, vehicle_model
+from opir_forecast import Forecaster
 
 from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
-from opir_trackers.imm.report import with_glides, with_launches
+from opir_trackers.imm.report import boost_estimates, with_glides, with_launches
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
+from opir_trackers.parts import PartContext, made_part
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -33,9 +34,12 @@ class ImmTracker(Tracker):
         self._glides = np.array(
             [hypothesis.group == "glide" for hypothesis in context.hypotheses], dtype=np.bool_
         )
-        model = vehicle_model(tracking.config.boost_prior)
-        every_s = tracking.config.regions_every_s
-        self._forecaster = Forecaster(every_s, tracking.forces, context.hypotheses, model)
+        part = PartContext(tracker=context, settings=tracking.config, forces=tracking.forces)
+        self._forecaster = made_part(
+            Forecaster,  # type: ignore[type-abstract]
+            "forecast",
+            part,
+        )
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
@@ -52,9 +56,9 @@ class ImmTracker(Tracker):
         if self._tracking.config.late_s:
             detections = self._waited(tick_s, detections)
         is_late = self._rays.of(detections).time_s < self._state.time_s
-        if np.count_nonzero(is_late):
-            self._go_back(detections.take(np.flatnonzero(is_late)))
-            detections = detections.take(np.flatnonzero(~is_late))
+        if is_late.any():
+            self._go_back(detections.take(is_late.nonzero()[0]))
+            detections = detections.take((~is_late).nonzero()[0])
         self._advance(tick_s, detections)
         return self._reported()
 
@@ -64,14 +68,13 @@ class ImmTracker(Tracker):
         launch_probability = reported.groups[:, LAUNCH]
         launched = launch_probability >= self._tracking.config.least_launch_probability
         launched &= ~reported.tracks.is_brief
-        forecasts = self._forecaster.launch_forecasts(
-            reported.tracks, reported.estimates, reported.reports, launched
-        )
+        estimates = boost_estimates(reported, launched)
+        forecasts = self._forecaster.forecasts(estimates, self._state.time_s)
         glides = launch_probability * forecasts.given_launch[:, self._glides].sum(axis=1)
         hypotheses = self._composition.columns(reported.groups, forecasts.given_launch)
         tracks = with_launches(reported, forecasts, launched, hypotheses)
         tracks = with_glides(tracks, reported.estimates, glides)
-        if np.count_nonzero(forecasts.end):
+        if forecasts.end.any():
             # Nothing new can come of them.
             ended = tracks.track[forecasts.end > 0]
             self._state = self._state.without(np.isin(self._state.table.number, ended))
@@ -96,10 +99,10 @@ class ImmTracker(Tracker):
         self._context = evolve(self._context, sensors=sensors)
         self._tracking = ImmTracking.of(self._tracking.config, self._context)
         self._rays = LineOfSightCache(LinesOfSight.of)
-        pace = self._state.estimates.detection_rate * [share, 1.0, 1.0]
-        self._state = evolve(
-            self._state, estimates=evolve(self._state.estimates, detection_rate=pace)
-        )
+        table = self._state.table
+        pace = table.estimates.detection_rate * [share, 1.0, 1.0]
+        estimates = evolve(table.estimates, detection_rate=pace)
+        self._state = self._state._replace(table=table.with_estimates(estimates))
 
     def _waited(self, tick_s: float, detections: Detections) -> Detections:
         """Return the detections before a tick, once each and in order, of these and the waiting
@@ -146,7 +149,7 @@ def _with_late(
     before_late: Detections, late_detections: Detections, start_s: float, end_s: float
 ) -> Detections:
     """Return a tick's detections with the late ones of its time."""
-    rows = np.flatnonzero((late_detections.time_s >= start_s) & (late_detections.time_s < end_s))
+    rows = ((late_detections.time_s >= start_s) & (late_detections.time_s < end_s)).nonzero()[0]
     return (
         _once_in_order(Detections.concatenate([before_late, late_detections.take(rows)]))
         if len(rows)

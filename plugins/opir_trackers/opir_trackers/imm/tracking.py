@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import ceil
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from opir_estimation import LinesOfSight, Registration, earth_rotated
 from opir_forecast import grounds, hypothesis_log_likelihood
 
@@ -22,8 +22,7 @@ from opir_trackers.imm.initiate import initiate
 from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
-from opir_trackers.imm.prune import prune
-from opir_trackers.imm.renewal import renewed
+from opir_trackers.imm.prune import picture, prune
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
@@ -73,16 +72,16 @@ class ImmTracking:
         """
         lines = LinesOfSight.of(detections) if cached is None else cached
         if state.ended is not None:
-            state = evolve(state, ended=None)
+            state = state._replace(ended=None)
         step_s = tick_s - state.time_s
         slice_s = min(self.config.slice_s, self.config.cadence_s)
         ends = _slice_ends(state.time_s, tick_s, slice_s)
         if state.is_empty:
             if not len(lines.time_s):
-                return evolve(state, time_s=tick_s)
+                return state._replace(time_s=tick_s)
             # Slices before the first line change nothing; a line at the tick is of the last one.
             idle = bisect_right(ends[:-1], lines.time_s.min())
-            state = evolve(state, time_s=[state.time_s, *ends][idle])
+            state = state._replace(time_s=[state.time_s, *ends][idle])
             ends = ends[idle:]
         reported = detections.reported_type.astype(np.int64)
         if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= state.time_s):
@@ -97,35 +96,45 @@ class ImmTracking:
     def _after_slice(
         self, state: TrackerState, end_s: float, raw: LinesOfSight, reported: IntArray
     ) -> TrackerState:
-        """Return the state after a slice with lines of sight and their reported types (m,).
-
-        Crowds are paired anew every few seconds.
-        """
+        """Return the state after a slice with lines of sight and their reported types (m,)."""
         models = self.models
         lines = models.corrected(state.registration, raw)
         prediction = predict(models, state, end_s, lines)
         association = associate(models, state, prediction)
+        owner = association.owner
+        first_number = state.next_number
         state = update(models, state, prediction, association, reported)
-        state = initiate(models, state, prediction, association.owner, raw, reported)
+        state = initiate(models, state, prediction, owner, raw, reported)
         state = with_launch_points(models, state, prediction.span_s)
-        state = prune(models, state, lines, association.owner)
-        if not state.crowds.are_there:
+        state = prune(models, state, lines, owner, association.existence)
+        if state.memory is None and state.next_number == first_number:
             return state
-        return renewed(state, models.view(state.registration), models)
+        return self._settled(state)
+
+    def _settled(self, state: TrackerState) -> TrackerState:
+        """Return the state with the memory of the associator at the end of a slice."""
+        parts = self.models.parts
+        if not parts.settles:
+            return state
+        moments = self.models.moments(state.table.estimates)
+        settled = parts.associator.settled(picture(self.models, state, moments), state.memory)
+        table = state.table if settled.table is None else settled.table
+        return state._replace(table=table, memory=settled.memory, mixtures=settled.mixtures)
 
     def _assessed(self, state: TrackerState, step_s: float) -> TrackerState:
         """Return the state with the probabilities of what each track is, a tick of a length after
         the last one.
         """
         table = state.table
-        motion = state.motion
-        if not len(motion) or motion.is_decided.all():
+        motion = table.motion
+        if motion.is_decided.all():
             return state
         pause_s = self.models.longest(self.models.period_s, table)
+        silent_s = self.models.silent_s(table, state.time_s)
         motion = self.models.groups.assessed(
-            motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s
+            motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s, silent_s
         )
-        return state.after(state.time_s, state.estimates, table, motion)
+        return state._replace(table=table.changed(motion=motion))
 
     def _standing(self, state: TrackerState) -> TrackerState:
         """Return the state with the tracks that are ground sources for good where they stand,
@@ -133,13 +142,14 @@ class ImmTracking:
 
         Lines of what rises from there leave their gate and initiate a track of their own.
         """
-        rows = np.flatnonzero(state.motion.is_decided & state.motion.stands)
-        if not len(rows):
+        table = state.table
+        rows = (table.motion.is_decided & table.motion.stands).nonzero()[0]
+        if not rows.size:
             return state
-        where = self._static_estimates(state.motion.take(rows), state.time_s)
+        where = self._static_estimates(table.motion.take(rows), state.time_s)
         drift_m_s = self.config.hypotheses.ground_drift_m_s
-        still = standing_estimates(state.estimates.take(rows), *where, drift_m_s, self.config)
-        return evolve(state, estimates=state.estimates.put(rows, still))
+        still = standing_estimates(table.estimates.take(rows), *where, drift_m_s, self.config)
+        return state._replace(table=table.with_estimates(table.estimates.put(rows, still)))
 
     def _static_estimates(
         self, motion: MotionStatistics, time_s: float
@@ -161,17 +171,18 @@ class ImmTracking:
         need.
         """
         tracks = self.confirmed_and_ended(state)
-        mean, covariance = self.models.moments(tracks.estimates)
-        added = self.models.shared_covariance(state, tracks.estimates, tracks.table)
+        table = tracks.table
+        mean, covariance = self.models.moments(table.estimates)
+        added = self.models.shared_covariance(state, table)
         if added is not None:
             covariance = covariance + added
         is_brief = self.are_brief(tracks, state.time_s)
-        types = type_evidence(tracks.table.reports, self.type_log_likelihood)
+        types = type_evidence(table.reports, self.type_log_likelihood)
         return ReportedTracks(
-            tracks_of(mean, covariance, tracks.table, state.time_s, is_brief),
-            tracks.estimates,
+            tracks_of(mean, covariance, table, state.time_s, is_brief),
+            table.estimates,
             hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES),
-            tracks.motion.probability,
+            table.motion.probability,
             tracks.end,
         )
 
@@ -180,22 +191,25 @@ class ImmTracking:
         tell a launch.
         """
         table = ended.table
-        silent = time_s - table.seen_s > self.models.longest(self.models.silence_limit_s, table)
-        return ((ended.end > 0) | silent) & are_brief(ended.motion, table.first_s, table.seen_s)
+        silent_s = self.models.silent_s(table, time_s)
+        silent = silent_s > self.models.longest(self.models.silence_limit_s, table)
+        are_over = (ended.end > 0) | silent
+        if True not in are_over:
+            return are_over
+        return are_over & are_brief(table.motion, table.first_s, table.seen_s)
 
     def confirmed_and_ended(self, state: TrackerState) -> EndedTracks:
         """Return the confirmed tracks and those that ended since the last tick, by number; `end` is
         0 if not yet.
         """
-        estimates = state.estimates
         table = state.table
-        if state.crowds.are_there:
-            estimates = state.crowds.mixtures.mixed(estimates, table.number, state.time_s)
-        end = np.zeros(len(table), dtype=np.uint8)
-        tracks = EndedTracks(estimates, table, state.motion, end)
+        if state.mixtures is not None:
+            mixed = state.mixtures.mixed(table.estimates, table.number, state.time_s)
+            table = table.with_estimates(mixed)
+        tracks = EndedTracks(table, np.zeros(table.number.size, dtype=np.uint8))
         confirmed = self.models.confirmed(state)
         if np.count_nonzero(confirmed) < len(confirmed):
-            tracks = tracks.take(np.flatnonzero(confirmed))
+            tracks = tracks.take(confirmed.nonzero()[0])
         if state.ended is None:
             return tracks
         tracks = state.ended.and_others(tracks)

@@ -5,8 +5,8 @@ sensors.
 import numpy as np
 from attrs import evolve
 from opir_estimation import (
-    ERRORS,
     FEW_PAIRS,
+    AngleMeasurements,
     Followed,
     GatedPairs,
     LinesOfSight,
@@ -21,8 +21,6 @@ from opir_estimation import (
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.association import hard_measurements, merged
-from opir_trackers.imm.associate import Associated
-from opir_trackers.imm.crowds import corrected_crowds
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.outliers import (
     FEW,
@@ -37,13 +35,14 @@ from opir_trackers.imm.predict import SlicePrediction
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.onset.posterior import DARK_S, GONE_SCANS
+from opir_trackers.parts import Association
 
 
 def update(
     models: TrackingModels,
     state: TrackerState,
     prediction: SlicePrediction,
-    association: Associated,
+    association: Association,
     reported: IntArray,
 ) -> TrackerState:
     """Return the state after a slice's lines, of reported types (m,), as far as they have
@@ -51,19 +50,18 @@ def update(
     """
     table = state.table
     if not table.number.size:
-        return evolve(state, time_s=prediction.end_s)
+        return state._replace(time_s=prediction.end_s)
     lines = prediction.lines
     estimates, outliers = _updated_estimates(models, prediction, association, table.outliers)
     estimates = models.filter.with_open_coast(
-        estimates, prediction.estimates, state.estimates, prediction.span_s
+        estimates, prediction.estimates, table.estimates, prediction.span_s
     )
+    table = table.with_estimates(estimates)
     if outliers is not None:
-        table = table.with_outliers(outliers)
-    next_state = state.after(prediction.end_s, estimates, table)
+        table = table.changed(outliers=outliers)
+    next_state = state._replace(time_s=prediction.end_s, table=table, memory=association.memory)
     if not lines.scan.size:
         return next_state
-    if association.crowds is not state.crowds:
-        next_state = evolve(next_state, crowds=association.crowds)
     next_state = _registered(models, next_state, prediction, association)
     return _with_detections(models, next_state, association.owner, lines, reported)
 
@@ -75,16 +73,18 @@ def _with_detections(
     lines: LinesOfSight,
     reported: IntArray,
 ) -> TrackerState:
-    """Return the state with lines of rows `owner` (m,) in its table and motion, and single sensors'
-    tracks as ascents say.
+    """Return the state with lines of rows `owner` (m,) in its table, and single sensors' tracks as
+    ascents say.
     """
-    table = state.table.with_detections(owner, lines.time_s, lines.sensor, reported)
+    before = state.table
+    table = before.with_detections(owner, lines.time_s, lines.sensor, reported)
     motion = _relit_motion(models, state, owner, lines.time_s)
     motion = motion.with_lines(owner, lines, models.groups.log_clutter)
-    estimates = models.single.with_ascents(
-        state.estimates, table, motion, state.table.seen_s, state.time_s
-    )
-    return state.after(state.time_s, estimates, table, motion)
+    if motion is not table.motion:
+        table = table.changed(motion=motion)
+    if table.reports.shape[1] == 1 or -1 in table.reports:
+        table = models.single.with_ascents(table, before.seen_s, state.time_s)
+    return state._replace(table=table)
 
 
 def _relit_motion(
@@ -95,18 +95,18 @@ def _relit_motion(
 
     What shines there again may be another source: two flashes would make one fast motion.
     """
-    motion = state.motion
+    motion = state.table.motion
     if motion.is_decided.all():
         return motion
     count = len(state.table)
     owned = owner >= 0
     first_s = group_minima(owner[owned], time_s[owned], count)
-    silent_s = first_s - state.table.seen_s
+    silent_s = models.silent_s(state.table, first_s)
     limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, state.table))
     rows = (np.isfinite(first_s) & ~motion.is_decided & (silent_s > limit_s)).nonzero()[0]
     if not len(rows):
         return motion
-    position_m = state.estimates.likelier_position_m[rows]
+    position_m = state.table.estimates.likelier_position_m[rows]
     begun = MotionStatistics.fresh(position_m, state.time_s, first_s[rows], models.groups.prior)
     order = np.arange(count)
     order[rows] = count + np.arange(len(rows))
@@ -114,24 +114,19 @@ def _relit_motion(
 
 
 def _updated_estimates(
-    models: TrackingModels, prediction: SlicePrediction, association: Associated, log: FloatArray
+    models: TrackingModels, prediction: SlicePrediction, association: Association, log: FloatArray
 ) -> tuple[ModeEstimates, FloatArray | None]:
     """Return the estimates after a slice's lines, and the log likelihoods of outlier fractions as
     of `_with_outliers`.
     """
     if not prediction.lines.scan.size:
-        estimates = prediction.estimates
-        nothing = no_measurements()
-        return (
-            models.filter.updated(estimates, prediction.end_s, nothing, prediction.span_s),
-            None,
-        )
+        return _filtered(models, prediction, no_measurements()), None
     posterior = _updated(models, prediction, association)
     return _with_outliers(models, posterior, prediction, association, log)
 
 
 def _updated(
-    models: TrackingModels, prediction: SlicePrediction, association: Associated
+    models: TrackingModels, prediction: SlicePrediction, association: Association
 ) -> ModeEstimates:
     """Return the estimates after pairs, many of which count as few; all their looks count as
     detections.
@@ -141,30 +136,38 @@ def _updated(
     """
     estimates = prediction.estimates
     end_s = prediction.end_s
-    pairs = association.updating
+    pairs = association.pairs
     if pairs.track.size <= FEW_PAIRS:
         looks = hard_measurements(pairs)
-        return models.filter.updated(estimates, end_s, looks, prediction.span_s)
+        return _filtered(models, prediction, looks)
     was_silent = (estimates.detection_rate[:, 2] > prediction.span_s)[pairs.track]
-    rows = np.flatnonzero(~was_silent)
+    rows = (~was_silent).nonzero()[0]
     means = merged(pairs.take(rows), association.sensor[rows], prediction.path)
-    if np.count_nonzero(was_silent):
-        means = GatedPairs.concatenate([means, pairs.take(np.flatnonzero(was_silent))])
+    if was_silent.any():
+        means = GatedPairs.concatenate([means, pairs.take(was_silent.nonzero()[0])])
     looks = hard_measurements(means)
-    posterior = models.filter.updated(estimates, end_s, looks, prediction.span_s)
+    posterior = _filtered(models, prediction, looks)
     rate = _with_all_looks(posterior.detection_rate, association, means.track, end_s)
     return evolve(posterior, detection_rate=rate)
 
 
+def _filtered(
+    models: TrackingModels, prediction: SlicePrediction, looks: AngleMeasurements
+) -> ModeEstimates:
+    """Return the predicted estimates after the looks of a slice."""
+    times = prediction.end_s, looks, prediction.span_s, prediction.watched
+    return models.filter.updated(prediction.estimates, *times)
+
+
 def _with_all_looks(
-    detection_rate: FloatArray, association: Associated, counted: IntArray, end_s: float
+    detection_rate: FloatArray, association: Association, counted: IntArray, end_s: float
 ) -> FloatArray:
     """Return detection rates (n, 3) in which all looks of a slice are detections, in place of those
     of tracks `counted` (m,).
     """
     count = len(detection_rate)
     owner = association.owner
-    pairs = association.updating
+    pairs = association.pairs
     last_s = group_maxima(pairs.track, pairs.time_s, count)
     rate = detection_rate.copy()
     rate[:, 0] += np.bincount(owner[owner >= 0], minlength=count) - np.bincount(
@@ -178,7 +181,7 @@ def _with_outliers(
     models: TrackingModels,
     posterior: ModeEstimates,
     prediction: SlicePrediction,
-    association: Associated,
+    association: Association,
     log: FloatArray,
 ) -> tuple[ModeEstimates, FloatArray | None]:
     """Return estimates with outliers weighted down, but for tracks that share lines, and the log
@@ -188,13 +191,13 @@ def _with_outliers(
     tracks have next to none.
     """
     fractions = OutlierFractions(log)
-    assigned = association.assigned
+    assigned = association.single
     gate = models.config.gate_sigma
     share = fractions.share
     suspects = suspect_tracks(assigned, share)
-    if suspects.size and association.shared.size:
-        suspects = np.setdiff1d(suspects, association.shared, assume_unique=True)
-    if not suspects.size and not np.count_nonzero(share > FEW):
+    if suspects.size and association.doubtful.size:
+        suspects = np.setdiff1d(suspects, association.doubtful, assume_unique=True)
+    if not suspects.size and not (share > FEW).any():
         return posterior, None
     outliers = clean_log_likelihood(assigned, fractions, gate)
     if not suspects.size:
@@ -216,7 +219,7 @@ def _of_tracks(pairs: GatedPairs, rows: IntArray, count: int) -> GatedPairs:
     """Return the pairs of some of the tracks (count,), renumbered."""
     number = np.full(count, -1, dtype=np.int64)
     number[rows] = np.arange(len(rows))
-    pairs = pairs.take(np.flatnonzero(number[pairs.track] >= 0))
+    pairs = pairs.take((number[pairs.track] >= 0).nonzero()[0])
     return evolve(pairs, track=number[pairs.track])
 
 
@@ -224,7 +227,7 @@ def _registered(
     models: TrackingModels,
     state: TrackerState,
     prediction: SlicePrediction,
-    association: Associated,
+    association: Association,
 ) -> TrackerState:
     """Return the state with the registration after a slice's pairs, and its tracks and crowds
     shifted by the change.
@@ -234,14 +237,14 @@ def _registered(
     is_due = state.registration.is_due(state.time_s, len(state.table))
     if not is_due and not state.registration.has_outliers:
         return state
-    assigned = _unshared(association.assigned, association.pairs)
+    assigned = _unshared(association.single, prediction.pairs)
     if not len(assigned):
         return state
     sensor = prediction.lines.sensor[assigned.line].astype(np.int64)
     if is_due:
         return _with_registration(models, state, assigned, sensor)
     counted = state.registration.counted(state.time_s, state.table.number, assigned.track, sensor)
-    return evolve(state, registration=counted)
+    return state._replace(registration=counted)
 
 
 def _with_registration(
@@ -250,18 +253,13 @@ def _with_registration(
     """Return the state with the registration after pairs of sensors (m,), and all that follows."""
     prior = evolve(state.registration.at(state.time_s), compared_s=state.time_s)
     vantages = models.vantages(prior, state.time_s)
-    visible = state.table.reports >= 0
-    tracks = Followed.of(state.table.number, models.moments(state.estimates), visible)
-    residuals = _with_residuals(assigned, models.path(state.estimates, state.time_s))
+    table = state.table
+    tracks = Followed.of(table.number, models.moments(table.estimates), table.seen)
+    residuals = _with_residuals(assigned, models.path(table.estimates, state.time_s))
     registration = registered(prior, residuals, sensor, tracks, vantages)
     change = registration.known.mean - prior.known.mean
-    estimates = shifted(state.estimates, change, tracks, vantages)
-    state = evolve(state, registration=registration, estimates=estimates)
-    if not state.crowds.are_there or not change.any():
-        return state
-    view = models.view(registration)
-    crowds = corrected_crowds(state.crowds, change.reshape(-1, ERRORS), view)
-    return evolve(state, crowds=crowds)
+    estimates = shifted(table.estimates, change, tracks, vantages)
+    return state._replace(registration=registration, table=table.with_estimates(estimates))
 
 
 def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedPairs:
@@ -276,6 +274,6 @@ def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedP
 def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
     """Return the assigned pairs of tracks none of whose lines is in another's gate."""
     shared = np.bincount(pairs.line)[pairs.line] > 1 if len(pairs) else np.zeros(0, dtype=np.bool_)
-    if not np.count_nonzero(shared):
+    if not shared.any():
         return assigned
-    return assigned.take(np.flatnonzero(~np.isin(assigned.track, pairs.track[shared])))
+    return assigned.take((~np.isin(assigned.track, pairs.track[shared])).nonzero()[0])

@@ -134,8 +134,10 @@ class MotionStatistics(Columns):
         `log_clutter` (sensors,) is the log density of false alarms over the detection probability.
         Of what is decided to move nothing more is taken in.
         """
-        settled = np.append(self.is_decided & ~self.stands, True)
-        rows = (~settled[owner]).nonzero()[0]
+        is_open = ~self.is_decided | self.stands
+        if True not in is_open:
+            return self
+        rows = np.append(is_open, False)[owner].nonzero()[0]
         if not len(rows):
             return self
         rows = rows[owner[rows].argsort(kind="stable")]

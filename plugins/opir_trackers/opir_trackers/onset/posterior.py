@@ -100,17 +100,20 @@ class GroupPosterior:
         seen_s: FloatArray,
         pause_s: FloatArray,
         step_s: float = 1.0,
+        silent_s: FloatArray | None = None,
     ) -> MotionStatistics:
         """Return the statistics with new probabilities of the undecided tracks at a time, a step
         after the last one.
 
         `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s`
-        (n,) the longest scan period of the sensors that see the track. What has been seen for long,
+        (n,) the longest scan period of the sensors that see the track, `silent_s` (n,) for how long
+        they looked since the last detection, by default throughout. What has been seen for long,
         still is, and is less probably a launch than before the first line is assessed now and then.
         Lines that are not of one motion say nothing of it: these statistics begin anew. So do those
         of a source that is still seen and likeliest stands, but may be a launch.
         """
-        is_seen = time_s - seen_s < pause_s + step_s
+        silent_s = time_s - seen_s if silent_s is None else silent_s
+        is_seen = silent_s < pause_s + step_s
         improbable = is_seen & (statistics.probability[:, LAUNCH] < self.prior[LAUNCH])
         waits = improbable & _wait(time_s - first_s, time_s - step_s - first_s)
         rows = (~statistics.is_decided & ~waits).nonzero()[0]
@@ -118,7 +121,7 @@ class GroupPosterior:
             return statistics
         open_tracks = statistics.part(rows)
         bright_s = np.maximum(seen_s[rows] - open_tracks.epoch_s, 0.0)
-        gone = time_s - seen_s[rows] > GONE_SCANS * pause_s[rows]
+        gone = silent_s[rows] > GONE_SCANS * pause_s[rows]
         result = self.probabilities(open_tracks, bright_s, pause_s[rows], gone)
         is_decided, restarts = _decisions(open_tracks, result, time_s, is_seen[rows])
         probability = statistics.probability.copy()

@@ -40,7 +40,7 @@ def plan(sensors: int = 2, clock_sigma_s: float = 0.0) -> opir.Plan:
             }
             for row, (lat, lon) in enumerate(LAUNCHES)
         ],
-        "tracker": {"model": "imm", "regions_every_s": 600.0, "clock_sigma_s": clock_sigma_s},
+        "tracker": {"model": "imm", "forecast": "none", "clock_sigma_s": clock_sigma_s},
     }
     return opir.compile_plan(opir.scene_from_mapping(scene))
 

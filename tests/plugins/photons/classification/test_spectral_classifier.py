@@ -254,6 +254,43 @@ def test_densities_of_mixtures_are_those_of_scipy(bands: int) -> None:
     assert np.allclose(mixture.by_class(seen), np.stack(sums, axis=1), rtol=1e-12)
 
 
+@pytest.mark.parametrize("bands", [1, 2, 3])
+def test_densities_of_classes_reflect_counts_and_have_a_floor(bands: int) -> None:
+    rng = np.random.default_rng([5, bands])
+    least, floor, rows = 0.5, 1e-3, 400
+    classes = []
+    for size in (3, 1):
+        root = rng.standard_normal((size, bands + 1, bands + 1))
+        mean = rng.standard_normal((size, bands + 1)) * 3.0
+        mean[:, -1] = 2.0
+        classes.append(Components(rng.standard_normal(size), mean, root @ root.mT))
+    mixture = Mixture.of([classes, classes[::-1]])
+    place = rng.integers(0, 2, rows)
+    signal = rng.standard_normal((rows, bands)) * 10.0
+    variance = rng.random((rows, bands))
+    count = rng.uniform(least, 30.0, rows)
+    log = mixture.log_class_densities(place, signal, variance, count, least, floor)
+    for row in range(0, rows, 20):
+        for code, parts in enumerate(classes[:: 1 - 2 * int(place[row])]):
+            terms = []
+            for weight, mean, spread in zip(
+                parts.log_weight, parts.mean, parts.covariance, strict=True
+            ):
+                total = spread + np.diag([*variance[row], 0.0])
+                of_signal = multivariate_normal(mean[:-1], total[:-1, :-1]).logpdf(signal[row])
+                joint = multivariate_normal(mean, total)
+                both = [
+                    joint.logpdf([*signal[row], n]) for n in (count[row], 2 * least - count[row])
+                ]
+                terms.append(weight + max(logsumexp(both), of_signal + np.log(floor)))
+            assert log[row, code] == pytest.approx(logsumexp(terms), rel=1e-8, abs=1e-8)
+    # A row's densities do not depend on the rows beside it.
+    alone = mixture.log_class_densities(
+        place[7:8], signal[7:8], variance[7:8], count[7:8], least, floor
+    )
+    assert alone.tobytes() == log[7:8].tobytes()
+
+
 def test_padding_of_mixtures_changes_nothing() -> None:
     few = [one(0.0, [1.0, 2.0], [1.0, 1.0])]
     more = Components(np.zeros(3), np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1)))

@@ -69,7 +69,7 @@ def test_crowds_follow_a_change_of_the_errors_that_are_taken_off_their_lines() -
     kept = Directions(
         np.zeros(2, dtype=np.int64), which, np.zeros(2), origin, unit, np.full(2, 1e-5)
     )
-    after = corrected_crowds(Crowds(tracks, kept), change, view)
+    after = corrected_crowds(Crowds(tracks, kept, errors=np.zeros((2, 3))), change, view)
     for row, axes in enumerate(local_axes(origin)):
         # Less an error to the east, nadir moves west: a turn about north. Less one to the north: a
         # turn against east.

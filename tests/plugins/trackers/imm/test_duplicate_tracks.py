@@ -3,7 +3,7 @@
 import numpy as np
 from opir_estimation import no_lines_of_sight
 from opir_trackers.imm.prune import duplicates
-from opir_trackers.imm.track_management import SharedDetections, sighting_memory_s
+from opir_trackers.imm.state import SharedDetections, sighting_memory_s
 
 NUMBER = np.array([3, 7])
 HITS = np.array([40, 12])

@@ -17,8 +17,8 @@ from opir_estimation import (
 )
 from opir_testing.doubles import stub_sensor, stub_window
 from opir_trackers.configs import ImmConfig
-from opir_trackers.imm.models import needed_scans
 from opir_trackers.imm.tracker import ImmTracker, imm_tracker
+from opir_trackers.track_priors import needed_scans
 from position_roots import position_roots
 
 from opir_core.flight.forces import Forces

@@ -8,6 +8,7 @@ from attrs import evolve
 from opir_estimation import (
     AngleMeasurements,
     LinesOfSight,
+    ModeEstimates,
     earth_rotated,
     emission_s,
     no_lines_of_sight,
@@ -16,11 +17,12 @@ from opir_estimation import (
 from opir_estimation.lines_of_sight import rotate_slightly
 from opir_testing.doubles import stub_window
 from opir_trackers.imm.report import earth_fixed, mixed_with, tracks_of, type_evidence
-from opir_trackers.imm.track_management import SharedDetections, TrackTable
+from opir_trackers.imm.state import SharedDetections, TrackTable
+from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.sensors import LineOfSightCache
 from scipy.spatial.transform import Rotation
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
 from opir_core.plugin import Detections
 
@@ -30,6 +32,12 @@ SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 def covariances(count: int, size: int, seed: int = 1) -> FloatArray:
     side = np.random.default_rng(seed).normal(size=(count, size, size))
     return side @ side.transpose(0, 2, 1) + np.eye(size)
+
+
+def table_of(number: IntArray, time_s: float, sensors: int) -> TrackTable:
+    """Return the table of new tracks, without estimates."""
+    nothing = ModeEstimates.empty(), MotionStatistics.empty()
+    return TrackTable.fresh(number, time_s, sensors, *nothing)
 
 
 def in_ecef(state: FloatArray, time_s: float) -> FloatArray:
@@ -55,9 +63,9 @@ def test_states_are_reported_over_the_rotating_earth(time_s: float) -> None:
 
 
 def test_tracks_have_the_numbers_and_launches_of_their_rows() -> None:
-    table = TrackTable.fresh(np.array([3, 5, 8]), 12.0, 2)
+    table = table_of(np.array([3, 5, 8]), 12.0, 2)
     launch = np.arange(9.0).reshape(3, 3)
-    table = table.with_launches(launch, covariances(3, 3))
+    table = evolve(table, launch=launch, launch_covariance=covariances(3, 3))
     tracks = tracks_of(np.ones((3, 6)), covariances(3, 6), table, 20.0, np.zeros(3, dtype=np.bool_))
     assert tracks.track.tolist() == [3, 5, 8]
     assert np.array_equal(tracks.launch, launch)
@@ -90,7 +98,7 @@ def test_a_mixture_has_the_moments_of_its_parts() -> None:
 @pytest.mark.parametrize("count", [1, 3])
 def test_a_table_counts_the_lines_of_its_rows(count: int) -> None:
     """First and last detection, hits, and what each sensor reported last."""
-    table = TrackTable.fresh(np.arange(count) + 7, 0.0, 3)
+    table = table_of(np.arange(count) + 7, 0.0, 3)
     owner = np.array([0, 2, -1, 0, 2, 0, -1]) if count == 3 else np.array([0, -1, -1, 0, -1, 0, -1])
     time_s = np.array([1.0, 1.5, 1.7, 2.0, 2.5, 3.0, 9.0])
     sensor = np.array([2, 1, 0, 2, 0, 1, 0])

@@ -115,7 +115,10 @@ def test_a_tick_may_have_many_slices() -> None:
     for name in ("number", "first_s", "seen_s", "hits"):
         assert np.array_equal(getattr(long.table, name), getattr(short.table, name)), name
     assert np.allclose(
-        long.estimates.likelier_state, short.estimates.likelier_state, rtol=1e-9, atol=0.1
+        long.table.estimates.likelier_state,
+        short.table.estimates.likelier_state,
+        rtol=1e-9,
+        atol=0.1,
     )
 
 
@@ -219,7 +222,7 @@ def test_each_line_of_a_track_counts_once_for_what_it_is() -> None:
     for tick_s, part in zip(ticks_s, portions(seen(), ticks_s), strict=True):
         state = tracking.stepped(state, tick_s, part)
     hits = state.table.hits
-    motion = state.motion
+    motion = state.table.motion
     # The lines of a track weigh less the longer it is seen: no cubic describes a boost for long.
     assert (motion.lines <= hits + 1e-9).all()
     assert (motion.lines > 0.9 * hits).all()
@@ -259,5 +262,5 @@ def test_lines_are_predicted_where_tracks_are_at_the_end_of_a_slice() -> None:
     there = ahead.path.positions(rows, np.full(len(rows), 20.0))
     assert there == pytest.approx(ahead.estimates.likelier_position_m, abs=1e-3)
     before = ahead.path.positions(rows, np.full(len(rows), 18.0))
-    assert before == pytest.approx(state.estimates.likelier_position_m, abs=50.0)
+    assert before == pytest.approx(state.table.estimates.likelier_position_m, abs=50.0)
     assert np.linalg.norm(there - before, axis=1).min() > 500.0

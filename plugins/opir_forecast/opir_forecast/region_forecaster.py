@@ -1,0 +1,143 @@
+"""The forecaster `regions`: the latest forecast of each track, and when it is renewed."""
+
+from typing import Any, Self
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.flight import Forces
+from opir_core.interfaces import TRACK_ENDS, names_of
+from opir_forecast.configs import RegionsConfig
+from opir_forecast.estimates import BoostEstimates
+from opir_forecast.forecaster import Forecaster, outcomes_of
+from opir_forecast.launch_forecasts import LaunchForecasts
+from opir_forecast.outcomes import Outcomes
+from opir_forecast.particles import LAW
+from opir_forecast.stage_history import StageHistory
+from opir_forecast.track_rows import rows_of_tracks
+
+_IMPACT = TRACK_ENDS.index("impact")
+_ORBIT = TRACK_ENDS.index("orbit")
+
+
+@frozen(eq=False, repr=False)
+class LatestForecasts(LaunchForecasts):
+    """The latest forecasts of tracks (n,) `number`, made at `made_s`, s, of targets that were
+    probably dark or not.
+    """
+
+    number: IntArray
+    made_s: FloatArray
+    is_dark: BoolArray
+
+    @classmethod
+    def of(
+        cls, forecasts: LaunchForecasts, number: IntArray, made_s: float, is_dark: BoolArray
+    ) -> Self:
+        """Return the forecasts of tracks that are made at a time."""
+        columns = {name: getattr(forecasts, name) for name in names_of(LaunchForecasts)}
+        made_at_s = np.full(len(number), made_s)
+        return cls(**columns, number=number, made_s=made_at_s, is_dark=is_dark)
+
+
+class RegionForecaster(Forecaster):
+    """The forecaster `regions`, under the forces of free flight; a target's forecast is renewed when
+    it stops or starts to burn, and as a share of its age passes.
+    """
+
+    def __init__(
+        self, outcomes: Outcomes, forces: Forces, config: RegionsConfig | None = None
+    ) -> None:
+        self._outcomes = outcomes
+        self._forces = forces
+        self._share = (config or RegionsConfig()).renewal_share
+        self._history = StageHistory.begun(np.empty(0, dtype=np.int64), 0.0)
+        self._latest = self._nothing(self._history.number)
+
+    def forecasts(self, estimates: BoostEstimates, time_s: float) -> LaunchForecasts:
+        """Return the forecasts of tracks (n,) at a time; what is no launch has the prior of
+        hypotheses.
+        """
+        history = rows_of_tracks(
+            self._history, estimates.track, lambda number: StageHistory.begun(number, time_s)
+        )
+        self._history = history.updated(estimates, time_s)
+        self._latest = rows_of_tracks(self._latest, estimates.track, self._nothing)
+        self._renew(estimates, time_s)
+        latest = self._latest
+        end = _ends(latest, time_s, estimates.silent_s > LAW.longest_gap_s)
+        columns = {name: getattr(latest, name) for name in names_of(LaunchForecasts)}
+        return LaunchForecasts(**columns | {"probability_burning": estimates.burning, "end": end})
+
+    def _nothing(self, number: IntArray) -> LatestForecasts:
+        """Return what is said of tracks without a forecast: the prior of hypotheses."""
+        count = len(number)
+        zero = np.zeros(count)
+        unknown = np.full(count, np.nan)
+        prior = np.tile(self._outcomes.prior, (count, 1))
+        forecasts = LaunchForecasts.without_impacts(prior, zero, zero, unknown, zero)
+        return LatestForecasts.of(forecasts, number, -np.inf, np.zeros(count, dtype=np.bool_))
+
+    def _renew(self, estimates: BoostEstimates, time_s: float) -> None:
+        """Renew the forecasts of launches that are due, and drop those of what is none any more."""
+        latest = self._latest
+        due = np.flatnonzero(estimates.is_launch & self._are_due(estimates, time_s))
+        others = np.flatnonzero(~estimates.is_launch & np.isfinite(latest.made_s))
+        if not len(due) + len(others):
+            return
+        # Reported tracks hold the columns of the tick before.
+        latest = latest.take(np.arange(len(latest)))
+        latest.overwrite(others, self._nothing(estimates.track[others]))
+        for start in range(0, len(due), LAW.block):
+            rows = due[start : start + LAW.block]
+            latest.overwrite(rows, self._renewed(estimates.take(rows), rows, time_s))
+        self._latest = latest
+
+    def _renewed(self, estimates: BoostEstimates, rows: IntArray, time_s: float) -> LatestForecasts:
+        """Return the new forecasts of the tracks in some rows."""
+        from opir_forecast.forecast import forecasts
+
+        history = self._history.take(rows)
+        dark_s = _dark_s(estimates, history, time_s)
+        made = forecasts(self._outcomes, estimates, history, dark_s, time_s, self._forces)
+        return LatestForecasts.of(made, estimates.track, time_s, estimates.burning <= 0.5)
+
+    def _are_due(self, estimates: BoostEstimates, time_s: float) -> BoolArray:
+        """Return which tracks (n,) need a new forecast: those seen as a share of their age passes,
+        silent ones as a share of their silence does, not for ever.
+        """
+        history = self._history
+        latest = self._latest
+        begun_s = np.where(history.is_dark, history.dark_since_s, history.ignition_s)
+        since_s = time_s - latest.made_s + 1e-6
+        silent_s = estimates.silent_s
+        is_seen = silent_s < since_s
+        wait_s = np.where(
+            is_seen, self._share * (latest.made_s - begun_s), LAW.silent_share * silent_s
+        )
+        is_over = silent_s - since_s >= LAW.longest_gap_s
+        has_turned = (estimates.burning <= 0.5) != latest.is_dark
+        return np.isinf(since_s) | has_turned | ((since_s >= wait_s) & ~is_over)
+
+
+def _dark_s(estimates: BoostEstimates, history: StageHistory, time_s: float) -> FloatArray:
+    """Return the times (n,) since the burns ended.
+
+    They ended when detections did, if these are of plumes; or when the tracker said so.
+    """
+    quiet_s = np.maximum(estimates.silent_s - estimates.pause_s, 0.0)
+    return np.where(history.is_dark, time_s - history.dark_since_s, quiet_s)
+
+
+def _ends(latest: LaunchForecasts, time_s: float, is_silent: BoolArray) -> IntArray:
+    """Return the codes (n,) of the ends of tracks, which are silent for longer than a gap."""
+    impact_s = latest.impact[:, 2]
+    sigma_s = np.sqrt(latest.impact_covariance[:, 2, 2])
+    end = np.where(is_silent & (latest.in_orbit > LAW.in_orbit), _ORBIT, 0)
+    return np.where(is_silent & (impact_s + 3.0 * sigma_s < time_s), _IMPACT, end)
+
+
+def region_forecaster(config: RegionsConfig, context: Any) -> RegionForecaster:
+    """Return the forecaster `regions` for the context of a part."""
+    return RegionForecaster(outcomes_of(context), context.forces, config)

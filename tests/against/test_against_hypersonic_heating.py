@@ -1,0 +1,251 @@
+"""Bodies that the air heats, in a whole scene, against a script of its own: Sutton and Graves' law
+(NASA TR R-376, 1971), laminar flow along a plate (Tauber, Menees and Adelman, 1987), the standard
+atmosphere to 71 km, Stefan and Boltzmann's law solved by bisection, Planck's law integrated by
+SciPy. Shapes are those that opir documents.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from opir_photons.radiometry import stagnation_flux_w_m2
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+import opir_core as opir
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.planning import Looks
+from opir_core.plugin import Exposures
+from opir_core.simulation import ProbabilityInterpolant
+
+EPOCH = "2026-03-01T12:00:00Z"
+BANDS = {"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)}
+SIGMA = 5.670374419e-8
+
+
+def air_kg_m3(height_m):
+    """The 1976 standard to 71 km, from its table of layers."""
+    level = 6356766.0 * height_m / (6356766.0 + height_m)
+    layers = [
+        (0.0, 288.15, -0.0065, 101325.0),
+        (11e3, 216.65, 0.0, 22632.06),
+        (20e3, 216.65, 0.001, 5474.889),
+        (32e3, 228.65, 0.0028, 868.0187),
+        (47e3, 270.65, 0.0, 110.9063),
+        (51e3, 270.65, -0.0028, 66.93887),
+        (71e3, 214.65, -0.002, 3.956420),
+    ]
+    base, warm, lapse, pressure = [layer for layer in layers if layer[0] <= level][-1]
+    kelvin = warm + lapse * (level - base)
+    pull = 9.80665 * 0.0289644 / 8.31432
+    if lapse:
+        pascal = pressure * (warm / kelvin) ** (pull / lapse)
+    else:
+        pascal = pressure * math.exp(-pull * (level - base) / warm)
+    return pascal * 0.0289644 / (8.31432 * kelvin)
+
+
+def surface_k(flux, speed, emissivity=0.9, cold=300.0):
+    """Temperature at which a wall radiates what it gets of a cold wall's flux."""
+    enthalpy = 1100.0 * 220.0 + 0.5 * speed**2
+
+    def balance(kelvin):
+        return emissivity * SIGMA * (kelvin**4 - cold**4) - flux * (
+            1.0 - 1100.0 * kelvin / enthalpy
+        )
+
+    return min(brentq(balance, cold, 3e4, xtol=1e-9), 3900.0)
+
+
+def radiance(kelvin, low, high):
+    def spectral(um):
+        return 1.191042972e8 / um**5 / math.expm1(14387.76877 / (um * kelvin))
+
+    return quad(spectral, low, high, epsrel=1e-10)[0]
+
+
+def plate_w_m2(density, speed, length):
+    slope = math.radians(10.0)
+    shape = math.sqrt(math.cos(slope) / length) * math.sin(slope)
+    free = 0.5 * density * speed**3 * math.sin(slope)
+    return min(2.53e-5 * shape * math.sqrt(density) * speed**3.2, free)
+
+
+def nose_w_m2(density, speed, radius):
+    return min(1.7415e-4 * math.sqrt(density / radius) * speed**3, 0.5 * density * speed**3)
+
+
+def glider_w_sr(density, speed, band):
+    """A nose of 3 cm, and 8 m² each of a windward side and of a lee side that gets a tenth."""
+    flux = plate_w_m2(density, speed, 2.0)
+    parts = (
+        (math.pi * 0.03**2, nose_w_m2(density, speed, 0.03)),
+        (8.0, flux),
+        (8.0, 0.1 * flux),
+    )
+    cold = radiance(300.0, *BANDS[band])
+    excess = sum(
+        0.25 * 0.9 * area * (radiance(surface_k(heat, speed), *BANDS[band]) - cold)
+        for area, heat in parts
+    )
+    return 0.9 * 4.0 * cold + excess
+
+
+def cone_w_sr(density, speed, band):
+    """A nose of 5 cm, and 16 m² of a flank."""
+    parts = (
+        (math.pi * 0.05**2, nose_w_m2(density, speed, 0.05)),
+        (16.0, plate_w_m2(density, speed, 1.0)),
+    )
+    cold = radiance(300.0, *BANDS[band])
+    excess = sum(
+        0.25 * 0.9 * area * (radiance(surface_k(heat, speed), *BANDS[band]) - cold)
+        for area, heat in parts
+    )
+    return 0.9 * 4.0 * cold + excess
+
+
+def plan_of(target, follows=False, **changes):
+    sensor = {"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": 160.0, "scan_period_ms": 1000}
+    scene = {
+        "scene": "hot bodies",
+        "epoch": EPOCH,
+        "duration_s": 4000,
+        "seed": 4,
+        "sensors": [sensor | ({"follows_bodies": True} if follows else {})],
+        "targets": [target],
+        "detection": {"model": "snr"},
+        "outputs": [],
+    }
+    return opir.compile_plan(opir.scene_from_mapping(scene | changes))
+
+
+def seen_w_sr(plan, time_s):
+    """Return opir's intensities (2, n), heights, m, and speeds, m/s, of the target at times."""
+    target = np.zeros(len(time_s), dtype=np.int32)
+    place_m = plan.targets.position_ecef_m(target, time_s)
+    aside_m = place_m + np.array([3e7, 0.0, 1e7])
+    ones = np.ones(len(time_s))
+    looks = Exposures(
+        time_s, time_s, target, target, target, 3.2e7 * ones, 0.5 * ones, place_m, aside_m
+    )
+    height_m = ecef_to_geodetic(place_m).height_m
+    environment = plan.detection.environment
+    # At night: sunlight is another test's.
+    light = environment.intensities_w_sr((0, 1), looks, height_m, ones)
+    step_m = plan.targets.position_ecef_m(target, time_s + 0.02) - plan.targets.position_ecef_m(
+        target, time_s - 0.02
+    )
+    return light, height_m, np.linalg.norm(step_m, axis=1) / 0.04
+
+
+GLIDER = {
+    "id": "G",
+    "type": "HGV",
+    "launch": {"lat_deg": 20.0, "lon_deg": 140.0, "time_s": 10.0},
+    "aim": {"lat_deg": 45.0, "lon_deg": -140.0},
+    "signature": {"model": "plume", "body_albedo": 0.0},
+}
+
+
+def test_a_glider_radiates_what_an_own_script_gives():
+    plan = plan_of(GLIDER)
+    burnout_s, end_s = float(plan.targets.burnout_s[0]), float(plan.targets.end_s[0])
+    time_s = np.linspace(burnout_s + 1.0, end_s - 1.0, 200)
+    light, height_m, speed_m_s = seen_w_sr(plan, time_s)
+    expected = [
+        [
+            glider_w_sr(air_kg_m3(height), speed, band)
+            for height, speed in zip(height_m, speed_m_s, strict=True)
+        ]
+        for band in BANDS
+    ]
+    assert speed_m_s.max() > 6000.0 > 1550.0 > speed_m_s.min()
+    assert light == pytest.approx(np.array(expected), rel=0.01)
+
+
+def test_the_light_falls_with_the_speed_of_the_glide():
+    """The ratio of SWIR from the start of a long glide to its end. Height is that of equilibrium
+    glide in an exponential atmosphere (Eggers, Allen and Neice, NACA TN 4046, 1957): 7100 m times
+    the logarithm of v²/(v_c² - v²).
+    """
+    plan = plan_of(GLIDER)
+    burnout_s, end_s = float(plan.targets.burnout_s[0]), float(plan.targets.end_s[0])
+    time_s = np.linspace(burnout_s + 1.0, end_s - 100.0, 2000)
+    light, height_m, speed_m_s = seen_w_sr(plan, time_s)
+    first, last = (int(np.argmin(np.abs(speed_m_s - speed))) for speed in (6400.0, 1550.0))
+    fast, slow = float(speed_m_s[first]), float(speed_m_s[last])
+    start_m = float(height_m[first])
+    circular = math.sqrt(3.986004418e14 / (6.378137e6 + start_m))
+    lifts = [speed**2 / (circular**2 - speed**2) for speed in (fast, slow)]
+    end_m = start_m + 7100.0 * math.log(lifts[1] / lifts[0])
+    ratio = glider_w_sr(air_kg_m3(start_m), fast, "SWIR") / glider_w_sr(
+        air_kg_m3(end_m), slow, "SWIR"
+    )
+    assert ratio > 100.0
+    assert light[0, first] / light[0, last] == pytest.approx(ratio, rel=0.05)
+
+
+@pytest.mark.parametrize("forces", ["kepler", ["j2", "drag"]])
+def test_a_body_that_comes_down_radiates_what_an_own_script_gives(forces):
+    target = {
+        "id": "R",
+        "type": "ICBM",
+        "launch": {"lat_deg": 20.0, "lon_deg": 140.0, "time_s": 10.0},
+        "aim": {"lat_deg": 45.0, "lon_deg": -140.0},
+        "signature": {"model": "plume", "body_albedo": 0.0},
+    }
+    plan = plan_of(target, follows=True, forces=forces)
+    end_s = float(plan.targets.end_s[0])
+    time_s = end_s - np.linspace(0.1, 60.0, 60)
+    light, height_m, speed_m_s = seen_w_sr(plan, time_s)
+    rows = np.flatnonzero(height_m < 70e3)
+    expected = [
+        [cone_w_sr(air_kg_m3(height_m[row]), speed_m_s[row], band) for row in rows]
+        for band in BANDS
+    ]
+    assert len(rows) > 10
+    assert light[:, rows] == pytest.approx(np.array(expected), rel=0.01)
+
+
+def test_stagnation_flux_is_that_of_another_law_within_a_fifth():
+    """R. W. Detra and H. Hidalgo, ARS Journal 31 (1961) 318: 1.103e8 W/m² √(ρ/ρ₀/R)
+    (v/7925 m/s)^3.15.
+    """
+    for density, speed in ((1e-4, 7000.0), (1e-3, 6000.0), (1e-2, 4000.0)):
+        other = 1.103e8 * math.sqrt(density / 1.225 / 0.3) * (speed / 7925.0) ** 3.15
+        assert float(stagnation_flux_w_m2(density, speed, 0.3)) == pytest.approx(other, rel=0.2)
+
+
+def test_without_light_no_sensor_looks_at_a_glide():
+    plan = plan_of(
+        {name: GLIDER[name] for name in ("id", "type", "launch", "aim")}, detection="constant"
+    )
+    assert plan.targets.end_s[0] == plan.targets.burnout_s[0]
+
+
+def test_every_sensor_that_measures_light_looks_at_a_glide():
+    plan = plan_of(GLIDER)
+    assert plan.targets.watched_s[0] == plan.targets.end_s[0] > plan.targets.burnout_s[0] + 1000.0
+    assert plan.pairs.until_s[0] == plan.targets.end_s[0]
+
+
+def test_probabilities_between_knots_are_those_of_looks_during_re_entry():
+    """Light rises by orders of magnitude in seconds, after half an hour without any."""
+    target = {
+        "id": "R",
+        "type": "ICBM",
+        "launch": {"lat_deg": 20.0, "lon_deg": 140.0, "time_s": 10.0},
+        "aim": {"lat_deg": 45.0, "lon_deg": -140.0},
+    }
+    plan = plan_of(target, follows=True, forces=["j2", "drag"])
+    model = plan.detection
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    interpolant = ProbabilityInterpolant.of(
+        plan.look_geometry(), model, model.probability_tolerance
+    )
+    exact = model.probability(plan.look_geometry().exposures(looks.pair, looks.scan))
+    late = looks.scan > looks.scan.max() - 200
+    assert exact[late].min() < 0.01 < 0.99 < exact[late].max()
+    error = np.abs(interpolant.over(looks).probability() - exact)
+    assert error.max() < 2.0 * model.probability_tolerance

@@ -1,0 +1,71 @@
+"""What nobody reads is not computed: types of detections, in runs without a tracker."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from opir_photons.classification.spectral import SpectralClassifier
+from opir_studies.metrics.detection_metrics import LatencyMetric
+
+import opir_core as opir
+from opir_core.interfaces.columns import names_of
+from opir_core.interfaces.records import Detections
+
+SCENE = {
+    "scene": "on-demand",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 60,
+    "seed": 3,
+    "sensors": [{"model": "SBIRS-GEO", "id": "S-1", "orbital_slot_deg": -120.0}],
+    "targets": [
+        {
+            "id": "T1",
+            "type": "ICBM",
+            "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 5.0},
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+        }
+    ],
+    "detection": "snr",
+}
+
+
+@pytest.fixture
+def classified(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return the numbers of rows of each call of the classifier."""
+    rows: list[int] = []
+    original = SpectralClassifier.log_posterior
+
+    def counted(self: SpectralClassifier, sightings: Any) -> Any:
+        if len(sightings):
+            rows.append(len(sightings))
+        return original(self, sightings)
+
+    monkeypatch.setattr(SpectralClassifier, "log_posterior", counted)
+    return rows
+
+
+def test_a_metric_of_times_classifies_nothing(classified: list[int]) -> None:
+    run = opir.simulate(opir.scene_from_mapping(SCENE), window_s=20.0)
+    assert LatencyMetric().values(run)["detected"] == 1.0
+    assert len(run.detections) > 100
+    assert repr(run).startswith("<Run of on-demand:")
+    assert classified == []
+    assert run.summary["targets"][0]["reported_type"] is not None
+    assert run.detections.type_probability.shape == (len(run.detections), 4)
+    assert classified == [len(run.detections)]
+
+
+def test_a_tracker_has_types_computed_once(classified: list[int]) -> None:
+    run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "imm"}), window_s=20.0)
+    assert sum(classified) == len(run.detections)
+
+
+def test_columns_do_not_depend_on_when_they_are_computed() -> None:
+    scene = opir.scene_from_mapping(SCENE)
+    late = opir.simulate(scene).detections
+    early = Detections.concatenate(
+        window.detections.computed() for window in opir.windows(scene, window_s=7.0)
+    )
+    for name in names_of(Detections):
+        assert getattr(late, name).tobytes() == getattr(early, name).tobytes(), name
+    assert np.isfinite(late.confidence).all()
