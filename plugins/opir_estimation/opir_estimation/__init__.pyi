@@ -1,13 +1,11 @@
 from opir_estimation.assignment import (
     belief_propagation as belief_propagation,
     cheapest_assignment as cheapest_assignment,
-    components as components,
     group_maxima as group_maxima,
     group_minima as group_minima,
     group_sums as group_sums,
     ranks as ranks,
     scan_numbers as scan_numbers,
-    swap_probabilities as swap_probabilities,
     unambiguous as unambiguous,
 )
 from opir_estimation.directions import (
@@ -104,7 +102,6 @@ from opir_estimation.registration.registration import (
 from opir_estimation.registration.shared_errors import (
     ERRORS as ERRORS,
     Vantages as Vantages,
-    turned_back as turned_back,
 )
 from opir_estimation.triangulation import (
     FAR_M as FAR_M,

@@ -22,7 +22,6 @@ from opir_core.host import described_error
 from opir_core.interfaces import PartMaker, PluginPart
 from opir_core.plugin import Host, TrackerContext, TrackerPart
 from opir_trackers.association import AssociationModel, scan_groups
-from opir_trackers.imm.mixtures import Mixtures
 from opir_trackers.imm.state import SharedDetections, TrackTable
 from opir_trackers.initiation import Initiation
 
@@ -173,13 +172,12 @@ class Associator(PluginPart):
 
 @frozen(eq=False, kw_only=True)
 class Settled:
-    """The memory of an associator at the end of a slice, the table of tracks if it changed them, and
-    the mixtures that undecided associations make of states.
+    """The memory of an associator at the end of a slice, and the table of tracks if it changed
+    them.
     """
 
     memory: Any
     table: TrackTable | None = None
-    mixtures: Mixtures | None = None
 
 
 @frozen(eq=False, kw_only=True)

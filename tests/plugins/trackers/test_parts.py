@@ -101,8 +101,8 @@ def test_an_installed_plugin_swaps_a_part(
     ("settings", "words"),
     [
         (
-            {"association": "crowd"},
-            r"tracker\.association.*'crowd'.*nearest is 'crowds'; there are",
+            {"association": "jpd"},
+            r"tracker\.association.*'jpd'.*nearest is 'jpda'; there are",
         ),
         ({"association": "thrust"}, r"thrust is a part for motion, not for association; there are"),
         ({"motion": "cartesian"}, r"cartesian has 6 states, imm needs 10; there are .*thrust"),

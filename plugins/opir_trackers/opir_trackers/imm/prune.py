@@ -119,7 +119,7 @@ def prune(
     state = _bounded(models, state, *moments)
     if table.number.size > 1:
         detections = SharedDetections.of(table.number, owner, lines)
-        first = state.next_number - np.count_nonzero(table.begun_s == state.time_s)
+        first = state.next_number - int(np.count_nonzero(table.begun_s == state.time_s))
         sightings = state.sightings.after(detections, state.time_s, models.memory_s, first)
         state = state._replace(sightings=sightings)
     if existence is not None:

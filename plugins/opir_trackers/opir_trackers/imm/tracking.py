@@ -120,7 +120,7 @@ class ImmTracking:
         tracks = picture(self.models, state, moments, is_pruned=is_pruned)
         settled = parts.associator.settled(tracks, state.memory)
         table = state.table if settled.table is None else settled.table
-        return state._replace(table=table, memory=settled.memory, mixtures=settled.mixtures)
+        return state._replace(table=table, memory=settled.memory)
 
     def _assessed(self, state: TrackerState, step_s: float) -> TrackerState:
         """Return the state with the probabilities of what each track is, a tick of a length after
@@ -208,9 +208,6 @@ class ImmTracking:
         0 if not yet.
         """
         table = state.table
-        if state.mixtures is not None:
-            mixed = state.mixtures.mixed(table.estimates, table.number, state.time_s)
-            table = table.with_estimates(mixed)
         tracks = EndedTracks(table, np.zeros(table.number.size, dtype=np.uint8))
         confirmed = self.models.confirmed(state)
         if np.count_nonzero(confirmed) < len(confirmed):
