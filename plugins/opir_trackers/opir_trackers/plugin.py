@@ -62,6 +62,20 @@ def _build(module: str, name: str) -> Callable[[Any, Any], Any]:
 def opir_tracker_parts() -> Iterable[TrackerPart]:
     """Yield the parts of `imm`."""
     yield TrackerPart(
+        name="jpda",
+        summary="lines that several tracks may have move each by the probability of its label",
+        role="association",
+        build=_build("associators.jpda", "joint_associator"),
+        reads=(),
+    )
+    yield TrackerPart(
+        name="gnn",
+        summary="global nearest neighbour: the most likely one-to-one assignment of each scan",
+        role="association",
+        build=_build("associators.gnn", "nearest_associator"),
+        reads=(),
+    )
+    yield TrackerPart(
         name="crowds",
         summary="global nearest neighbour; tracks that share lines are followed in the sensors'"
         " focal planes",
