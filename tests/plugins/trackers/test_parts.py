@@ -150,7 +150,10 @@ class Parts:
     ("name", "words"),
     [
         ("short", r"tracker part 'short' of plugin .*: Short must return track rows of \d+ lines"),
-        ("empty", r"tracker part 'empty' of plugin .*: build made an? object without associate"),
+        (
+            "empty",
+            r"tracker part 'empty' of plugin .*without associate; derive its class from opir_trackers.Associator",
+        ),
         ("failing", r"tracker part 'failing' of plugin .*: associate raised ZeroDivisionError"),
     ],
 )

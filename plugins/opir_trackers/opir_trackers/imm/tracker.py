@@ -51,11 +51,13 @@ class ImmTracker(Tracker):
         """
         if self._tracking.config.late_s:
             detections = self._waited(tick_s, detections)
-        is_late = self._rays.of(detections).time_s < self._state.time_s
-        if is_late.any():
+        lines = self._rays.of(detections)
+        is_late = lines.time_s < self._state.time_s
+        if True in is_late:
             self._go_back(detections.take(is_late.nonzero()[0]))
             detections = detections.take((~is_late).nonzero()[0])
-        self._advance(tick_s, detections)
+            lines = self._rays.of(detections)
+        self._advance(tick_s, detections, lines)
         return self._reported()
 
     def _reported(self) -> Tracks:
@@ -109,15 +111,13 @@ class ImmTracker(Tracker):
         self._waiting = waiting.take(slice(count, None))
         return waiting.take(slice(count))
 
-    def _advance(self, tick_s: float, detections: Detections) -> None:
+    def _advance(self, tick_s: float, detections: Detections, lines: LinesOfSight) -> None:
         late_s = self._tracking.config.late_s
         if late_s:
             self._past.append((self._state, tick_s, detections))
             while self._past and self._past[0][1] <= tick_s - late_s:
                 self._past.popleft()
-        self._state = self._tracking.stepped(
-            self._state, tick_s, detections, self._rays.of(detections)
-        )
+        self._state = self._tracking.stepped(self._state, tick_s, detections, lines)
 
     def _go_back(self, late_detections: Detections) -> None:
         """Step again from before the late detections; those older than the stored states are
@@ -138,7 +138,7 @@ class ImmTracker(Tracker):
             self._past.pop()
         self._state = steps[first_step][0]
         for _, tick_s, detections in steps[first_step:]:
-            self._advance(tick_s, detections)
+            self._advance(tick_s, detections, self._rays.of(detections))
 
 
 def _with_late(
