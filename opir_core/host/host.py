@@ -12,7 +12,7 @@ from itertools import count
 from types import EllipsisType
 from typing import Any, Self, TypeVar, overload
 
-from opir_core.errors import PluginError
+from opir_core.errors import PluginError, number_of
 from opir_core.host import error_messages
 from opir_core.host.components import CATALOGUE, FileReader, Offered, PluginFailure, Provenance
 from opir_core.host.contributions import Contributions
@@ -53,6 +53,10 @@ class Host:
         for name in selection.unknown:
             warn(error_messages.unknown_plugin(name, selection))
         return cls(selection)
+
+    def __repr__(self) -> str:
+        """Return the number of plugins, in one line."""
+        return f"<Host: {number_of('plugin', len(self.registry.sources))}>"
 
     @classmethod
     def of(cls, *plugins: object) -> Self:

@@ -39,6 +39,11 @@ names_of: Callable[[Any], tuple[str, ...]] = cache(_names)
 _kinds_of: Callable[[Any], tuple[Any, ...]] = cache(_kinds)
 
 
+#: Letters of the columns' names in the text of a record, and rows of its table in a notebook.
+LONGEST_REPR = 300
+ROWS_SHOWN = 10
+
+
 @frozen(eq=False)
 class Deferred:
     """The columns `names` of a record, which `compute` returns of the rows of `inputs` when one of
@@ -81,7 +86,7 @@ class Columns:
     `repr=False`.
 
     A column that is the array of the first one stays so: `take` and `concatenate` copy it once.
-    Columns may be `Deferred`: the first read of one computes them.
+    Columns may be deferred: the first read of one computes them.
     """
 
     #: The shape of a row in the columns that have more than one number a row.
@@ -150,7 +155,28 @@ class Columns:
             if column is not None
         ]
         rows = next((len(column) for column in columns.values() if column is not None), 0)
-        return f"<{type(self).__name__}: {number_of('row', rows)} of {', '.join(names)}>"
+        text = ", ".join(names)
+        if len(text) > LONGEST_REPR:
+            shown = text[:LONGEST_REPR].rpartition(", ")[0]
+            text = f"{shown} and {len(names) - shown.count(', ') - 1} more"
+        return f"<{type(self).__name__}: {number_of('row', rows)} of {text}>"
+
+    def _repr_html_(self) -> str:
+        """Return the first rows of the columns of one number a row, for a notebook."""
+        from html import escape  # of notebooks alone
+
+        columns = {
+            name: column[:ROWS_SHOWN].tolist()
+            for name in names_of(type(self))
+            if isinstance(column := getattr(self, name), np.ndarray) and column.ndim == 1
+        }
+        head = "".join(f"<th>{name}</th>" for name in columns)
+        body = "".join(
+            f"<tr>{''.join(f'<td>{escape(str(value))}</td>' for value in row)}</tr>"
+            for row in zip(*columns.values(), strict=True)
+        )
+        table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        return f"<div><p>{escape(repr(self).strip('<>'))}</p>{table}</div>"
 
     def take(self, rows: Any) -> Self:
         """Return some of the rows, by an index array, a mask or a slice."""

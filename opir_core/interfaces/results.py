@@ -56,6 +56,11 @@ class Metric(Protocol):
         The figures depend on the run alone. A metric may have `shares`: for each figure that some
         launches lack, the name of the figure that is the share of those that have it. Without one,
         it is a share of runs.
+
+        A metric may add columns to the launches of a study, by an attribute "launch_units", their
+        names with units, and a method "launches(run)", one value per launch of the scene in each;
+        inf is never, nan does not apply. Its attribute "launch_containments" has the stated share
+        of columns that are 1 where a region contained the true impact.
         """
 
 

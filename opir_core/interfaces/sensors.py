@@ -158,6 +158,11 @@ class Sensor:
     watched_s: Spans | None = None
     settings: Mapping[str, Any] = field(factory=dict)
 
+    def __repr__(self) -> str:
+        """Return id, type and bands, in one line."""
+        bands = ", ".join(band.name for band in self.bands)
+        return f"<Sensor {self.id}: {self.type}, {bands}>"
+
     def watched_until_s(self, time_s: FloatArray) -> FloatArray:
         """Return for how long (n,), s, it has looked from the scene's start to times (n,)."""
         if self.watched_s is None:

@@ -7,7 +7,7 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray
-from opir_core.errors import ModelError, kind_of
+from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
 from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.scene import TARGET_TYPES
@@ -39,6 +39,10 @@ class Targets:
     dark_gaps_s: FloatArray = field(
         init=False, default=Factory(lambda rows: dark_gaps_s(rows.burns_s), takes_self=True)
     )
+
+    def __repr__(self) -> str:
+        """Return the number of targets with their classes, in one line."""
+        return f"<Targets: {number_of('target', len(self.ids))}>"
 
     @property
     def is_launch(self) -> BoolArray:

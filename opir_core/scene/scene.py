@@ -76,6 +76,10 @@ class SceneSensor:
     model: Choice
     constellation: str | None = None
 
+    def __repr__(self) -> str:
+        """Return id and model, in one line."""
+        return f"<SceneSensor {self.id}: {self.model.name}>"
+
 
 @frozen
 class SceneTarget:
@@ -86,6 +90,10 @@ class SceneTarget:
     id: str
     model: Choice
     signature: Choice | None = None
+
+    def __repr__(self) -> str:
+        """Return id and model, in one line."""
+        return f"<SceneTarget {self.id}: {self.model.name}>"
 
 
 @frozen

@@ -11,11 +11,13 @@ from pathlib import Path
 
 #: The packages that the distributions of the extra install, as they are imported.
 NAMES = (
+    "SALib",
     "astropy",
     "axe_playwright_python",
     "boinor",
     "ccsds_ndm",
     "czml3",
+    "duckdb",
     "erfa",
     "fastkml",
     "geojson_validator",

@@ -4,6 +4,7 @@ each time.
 
 import re
 from collections.abc import Callable, Sequence
+from inspect import isfunction
 from io import BytesIO, StringIO
 from typing import Any
 
@@ -82,6 +83,14 @@ def new_axes(height_in: float) -> Axes:
     with matplotlib.rc_context(STYLE):
         _, axes = pyplot.subplots(figsize=(WIDTH_IN, height_in), layout=new_layout())
     return axes
+
+
+def plots_of(plots: object) -> str:
+    """Return the names of the plots that an object offers as methods."""
+    methods = vars(type(plots)).items()
+    return ", ".join(
+        f"{name}()" for name, value in methods if isfunction(value) and not name.startswith("_")
+    )
 
 
 def without_data(axes: Axes, words: str) -> Axes:

@@ -8,7 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 
 from opir_core import Run
-from opir_report.canvas import STYLE, WIDTH_IN, new_axes, svg_of, without_data
+from opir_report.canvas import STYLE, WIDTH_IN, new_axes, plots_of, svg_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.plots.confidence import confidence_plot, confidences
 from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
@@ -34,6 +34,10 @@ class RunPlots:
 
     def __init__(self, run: Run) -> None:
         self.facts = RunFacts(run)
+
+    def __repr__(self) -> str:
+        """Return the names of the plots, which are methods."""
+        return f"<RunPlots: {plots_of(self)}>"
 
     @cached_property
     def ground_tracks(self) -> FigureData:

@@ -262,10 +262,6 @@ def _with_condition(study: SavedStudy) -> SavedStudy:
         return study
     joined = list(dict.fromkeys([*([study.split] if study.split else []), *conditions]))
 
-    def merged(rows: FigureData) -> FigureData:
-        columns = {name: column for name, column in rows.columns.items() if name not in joined}
-        return FigureData({**columns, CONDITION: np.array(study.short_labels(rows, joined))})
-
     vary = [*(path for path in study.paths if path not in joined), CONDITION]
     return evolve(
         study,
@@ -275,9 +271,9 @@ def _with_condition(study: SavedStudy) -> SavedStudy:
             "split": CONDITION,
             "varied": [path for path in study.paths if path not in conditions],
         },
-        results=merged(study.results),
-        runs=merged(study.runs) if study.runs else None,
-        launches=merged(study.launches) if study.launches else None,
+        results=_merged(study, study.results, joined) or study.results,
+        runs=_merged(study, study.runs, joined),
+        launches=_merged(study, study.launches, joined),
     )
 
 
@@ -296,6 +292,14 @@ def _study_error(words: str, source: object) -> SceneError:
 
 def _columns(table: Any) -> FigureData:
     return FigureData({name: np.array(table[name].to_pylist()) for name in table.column_names})
+
+
+def _merged(study: SavedStudy, rows: FigureData | None, paths: Sequence[str]) -> FigureData | None:
+    """Return rows with some settings as one column, `CONDITION`; None without rows."""
+    if rows is None:
+        return None
+    columns = {name: column for name, column in rows.columns.items() if name not in paths}
+    return FigureData({**columns, CONDITION: np.array(study.short_labels(rows, paths))})
 
 
 def joined_studies(studies: Sequence[SavedStudy]) -> SavedStudy:

@@ -5,7 +5,7 @@ from pathlib import Path
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 
-from opir_report.canvas import STYLE, new_axes
+from opir_report.canvas import STYLE, new_axes, plots_of
 from opir_report.plots.effects import difference_plot, effect_plot
 from opir_report.saved_study import read_study
 
@@ -19,6 +19,10 @@ class StudyPlots:
 
     def __init__(self, folder: str | Path) -> None:
         self.study = read_study(Path(folder))
+
+    def __repr__(self) -> str:
+        """Return the names of the plots, which are methods."""
+        return f"<StudyPlots: {plots_of(self)}>"
 
     def effect(self, figure: str, over: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw the mean of a figure with its 95 % interval over the path `over`, by default that

@@ -11,7 +11,6 @@ from opir_scoring.containments import (
     nees as nees,
 )
 from opir_scoring.errors import (
-    PointErrors as PointErrors,
     ground_error as ground_error,
     last_rows as last_rows,
     place_of as place_of,

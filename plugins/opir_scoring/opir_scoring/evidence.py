@@ -43,6 +43,11 @@ class RunEvidence:
     #: The tracker's estimate of each sensor's health, as plain values, or None.
     health: tuple[Mapping[str, Any] | None, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return the plan with the counts, in one line."""
+        rows = f"{len(self.tracks)} rows of tracks, {len(self.time_s)} detections"
+        return f"<RunEvidence of {self.plan.scene.name}: {rows}>"
+
     @property
     def is_launch(self) -> BoolArray:
         """Whether each of the plan's targets is a launch, not another hot source."""

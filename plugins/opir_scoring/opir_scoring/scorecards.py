@@ -68,6 +68,10 @@ class Scorecard:
 
     figures: Mapping[str, Any]
 
+    def __repr__(self) -> str:
+        """Return the number of runs and figures, in one line."""
+        return f"<Scorecard: {self.figures.get('runs', 0)} runs, {len(self.figures)} figures>"
+
     def as_plain(self) -> Any:
         """Return the figures for JSON, with null for unknown values."""
         return plain(self.figures)

@@ -92,10 +92,15 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a study, and which combinations run."""
     _study_arguments(parser)
     parser.add_argument(
-        "--design", metavar="NAME", help="factorial (default), one-at-a-time or latin-hypercube"
+        "--design",
+        metavar="NAME",
+        help="factorial (default), one-at-a-time, latin-hypercube or sobol (sensitivity indices)",
     )
     parser.add_argument(
-        "--samples", metavar="N", type=int, help="designs of a Latin hypercube (default 20)"
+        "--samples",
+        metavar="N",
+        type=int,
+        help="samples of a Latin hypercube or of Sobol indices (default 20)",
     )
     parser.add_argument(
         "--shard",

@@ -12,7 +12,8 @@ from attrs import frozen
 from opir_core.errors import Problem, SceneError
 from opir_core.reading import InvalidNode, data_of_node, node_of_scalar, node_of_yaml
 from opir_studies.refusals import refusal
-from opir_studies.study import FACTORIAL, LATIN_HYPERCUBE, Study
+from opir_studies.sobol import sobol_points
+from opir_studies.study import FACTORIAL, LATIN_HYPERCUBE, SAMPLED, SOBOL, Study
 
 #: The most designs of a study.
 MAXIMUM_DESIGNS = 10_000
@@ -76,7 +77,7 @@ class Design:
 def designs_of(study: Study) -> tuple[Design, ...]:
     """Return the designs of a study; raises `SceneError` with every axis that is invalid."""
     problems = list[Problem]()
-    is_sampled = study.design == LATIN_HYPERCUBE
+    is_sampled = study.design in SAMPLED
     axes = axes_of(study.vary, "vary", problems, is_sampled=is_sampled)
     conditions = axes_of(study.conditions, "conditions", problems)
     problems += [
@@ -85,7 +86,7 @@ def designs_of(study: Study) -> tuple[Design, ...]:
         if path in study.vary
     ]
     if is_sampled and not study.vary:
-        problems.append(Problem("vary", "a Latin hypercube needs at least one path that varies"))
+        problems.append(Problem("vary", f"{study.design} needs at least one path that varies"))
     if problems:
         raise SceneError(problems, source=f"study {study.study}")
     combinations = list(product(*(axis.levels for axis in conditions)))
@@ -123,6 +124,8 @@ def _limited(rows: Iterable[Sequence[Level]]) -> Iterator[Sequence[Level]]:
 def _combinations(study: Study, axes: Sequence[Axis]) -> Iterable[Sequence[Level]]:
     if study.design == LATIN_HYPERCUBE:
         return _hypercube(axes, study.samples, study.seed)
+    if study.design == SOBOL:
+        return _sobol(axes, study.samples, study.seed)
     if study.design == FACTORIAL:
         return product(*(axis.levels for axis in axes))
     reference = [axis.levels[0] for axis in axes]
@@ -139,6 +142,12 @@ def _hypercube(axes: Sequence[Axis], samples: int, seed: int) -> Iterator[Sequen
 
     points = qmc.LatinHypercube(len(axes), seed=np.random.default_rng(seed)).random(samples)
     for point in points.tolist():
+        yield [_drawn(axis, uniform) for axis, uniform in zip(axes, point, strict=True)]
+
+
+def _sobol(axes: Sequence[Axis], samples: int, seed: int) -> Iterator[Sequence[Level]]:
+    """Yield the designs of Sobol indices, as `sobol_points` orders them."""
+    for point in sobol_points(len(axes), samples, seed).tolist():
         yield [_drawn(axis, uniform) for axis, uniform in zip(axes, point, strict=True)]
 
 

@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from html import escape
 from typing import Any, NamedTuple
 
 from attrs import evolve, frozen
@@ -12,6 +13,7 @@ from opir_scoring import (
     Scorecard,
     ScoredRun,
     ScoreSettings,
+    comparison_text,
     evidence_of_run,
     paired_figures,
     scorecard_of,
@@ -74,6 +76,14 @@ class Comparison:
     cards: Mapping[str, Scorecard]
     paired: Mapping[str, Any]
     automatic: Sequence[str] = ()
+
+    def __repr__(self) -> str:
+        """Return the names of the trackers, in one line."""
+        return f"<Comparison of {', '.join(self.cards)}>"
+
+    def _repr_html_(self) -> str:
+        """Return the scores as a notebook shows them."""
+        return f"<pre>{escape(comparison_text(self.paired, self.cards))}</pre>"
 
     def as_plain(self) -> Any:
         """Return the figures for JSON, with null for unknown values."""

@@ -62,6 +62,14 @@ class Optimised:
     is_feasible: bool
     possible: int
 
+    def __repr__(self) -> str:
+        """Return the best design and the number of evaluations, in one line."""
+        return f"<Optimised: {self.result!r}, best is design {self.best}>"
+
+    def _repr_html_(self) -> str:
+        """Return the result as a notebook shows it."""
+        return self.result._repr_html_()
+
 
 def optimise(
     study: Study,

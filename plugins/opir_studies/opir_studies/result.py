@@ -12,6 +12,8 @@ import io
 import json
 import math
 from collections.abc import Mapping, Sequence
+from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +34,9 @@ from opir_studies.planning import PlannedStudy
 from opir_studies.refusals import refusal
 from opir_studies.runs import RunRecord
 from opir_studies.shares import SHARE_COLUMNS, share_rows
+from opir_studies.sobol import sobol_indices
 from opir_studies.statistics import difference_of, figures_of
-from opir_studies.study import Study
+from opir_studies.study import SOBOL, Study
 
 RESULTS = "results.parquet"
 RESULTS_CSV = "results.csv"
@@ -41,6 +44,7 @@ RUNS = "runs.parquet"
 LAUNCHES = "launches.parquet"
 SHARES = "shares.parquet"
 SHARES_CSV = "shares.csv"
+SENSITIVITY = "sensitivity.csv"
 DEFINITION = "study.json"
 TIMES = "run_times.csv"
 _VERSION = 3
@@ -110,6 +114,11 @@ class StudyResult:
         """Return the table as a data frame of pandas."""
         return self.table.to_pandas()
 
+    def _repr_html_(self) -> str:
+        """Return verdicts, tables and differences as a notebook shows them."""
+        text = import_module("opir_studies.sweep_command").as_text(self)
+        return f"<pre>{escape(text)}</pre>"
+
     def __repr__(self) -> str:
         """Return the study with its size, in one line."""
         name = self.definition["study"]
@@ -169,6 +178,7 @@ def written_result(
         LAUNCHES: parquet_bytes(launches),
         SHARES: parquet_bytes(shares),
         SHARES_CSV: _csv_bytes(shares),
+        **_sensitivity_file(planned, table),
     }
     with (
         OutputFiles() as times
@@ -338,6 +348,32 @@ def _shares_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | 
         name: pa.array([row[name] for _, row in rows], kind) for name, kind in SHARE_COLUMNS.items()
     }
     return pa.table({**labels, **columns})
+
+
+def _sensitivity_file(planned: PlannedStudy, table: pa.Table) -> dict[str, bytes]:
+    """Return the file of Sobol indices of each figure and setting, of means over all conditions;
+    none for another design.
+    """
+    study = planned.study
+    if study.design != SOBOL:
+        return {}
+    rows = list[dict[str, Any]]()
+    means = np.array(table["mean"].to_pylist()).reshape(len(planned.groups), -1, len(planned.units))
+    for place, figure in enumerate(planned.units):
+        index = sobol_indices(means[:, :, place].mean(axis=1), len(study.vary), study.seed)
+        columns = {name: column.tolist() for name, column in index._asdict().items()}
+        rows += [
+            {
+                "figure": figure,
+                "setting": path,
+                "first": columns["first"][row],
+                "first_half_95": columns["first_half"][row],
+                "total": columns["total"][row],
+                "total_half_95": columns["total_half"][row],
+            }
+            for row, path in enumerate(study.vary)
+        ]
+    return {SENSITIVITY: _csv_bytes(pa.Table.from_pylist(rows))}
 
 
 def _results_table(

@@ -12,11 +12,15 @@ from opir_core.reading import InvalidNode, class_reader, complaints_inside, node
 from opir_core.scene import file_bytes, text_of
 from opir_studies.refusals import refusal
 
-FACTORIAL, ONE_AT_A_TIME, LATIN_HYPERCUBE = DESIGNS = (
+FACTORIAL, ONE_AT_A_TIME, LATIN_HYPERCUBE, SOBOL = DESIGNS = (
     "factorial",
     "one-at-a-time",
     "latin-hypercube",
+    "sobol",
 )
+
+#: Designs whose settings are drawn from intervals.
+SAMPLED = (LATIN_HYPERCUBE, SOBOL)
 
 #: The most runs of one design.
 MAXIMUM_RUNS = 1_000_000
@@ -68,20 +72,21 @@ class Study:
     )
     design: str = text(
         help="which combinations run: all (factorial), the first one and each change of one setting"
-        " (one-at-a-time), or samples of a Latin hypercube",
+        " (one-at-a-time), samples of a Latin hypercube, or those of Sobol indices (sobol)",
         default=FACTORIAL,
         choices=DESIGNS,
         source="arbitrary",
     )
     samples: int = number(
-        help="designs of a Latin hypercube",
+        help="designs of a Latin hypercube; of Sobol indices as many for each setting and two more,"
+        " best a power of two",
         default=20,
         minimum=1,
         maximum=10_000,
         source="arbitrary",
     )
     seed: int = number(
-        help="seed of the Latin hypercube; runs have the scene's seed plus their number",
+        help="seed of the designs that are drawn; runs have the scene's seed plus their number",
         default=0,
         minimum=0,
         maximum=2**63 - 1,

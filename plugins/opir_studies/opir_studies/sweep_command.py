@@ -1,6 +1,7 @@
 """`opir sweep`: read the study, run it with progress and remaining time, print a table."""
 
 import argparse
+import csv
 import json
 import math
 import sys
@@ -17,7 +18,7 @@ from opir_core.host import ended_if_stuck
 from opir_core.reading import InvalidNode
 from opir_studies.axes import value_of_text, vary_argument
 from opir_studies.refusals import refusal, require_positive
-from opir_studies.result import RESULTS_CSV, StudyResult
+from opir_studies.result import RESULTS_CSV, SENSITIVITY, StudyResult
 from opir_studies.result_words import (
     cell,
     difference_cell,
@@ -26,7 +27,7 @@ from opir_studies.result_words import (
     verdict_lines,
 )
 from opir_studies.sharding import sweep_shard
-from opir_studies.study import Study, is_study, read_study
+from opir_studies.study import SOBOL, Study, is_study, read_study
 from opir_studies.subsets import SUBSET_PATHS
 from opir_studies.sweeping import Shard, StudyProgress, sweep as result_of_sweep
 
@@ -239,6 +240,7 @@ def as_text(result: StudyResult) -> str:
             *share_lines(result, shown),
             *([f"In every run: {', '.join(constant)}"] if constant else []),
             *_differences(result, shown, rows),
+            *_sensitivity(result, shown),
             f"All figures: {result.folder / RESULTS_CSV}",
         ]
     )
@@ -305,6 +307,8 @@ def _differences(
     design.
     """
     conditions = result.definition["conditions"]
+    if result.definition["design"] == SOBOL:
+        return ()
     designs = result.definition["designs"][:_MOST_ROWS]
     count = len({tuple(design[path] for path in conditions) for design in designs})
     if len(designs) <= count:
@@ -319,6 +323,28 @@ def _differences(
         if place >= count
     ]
     return _tables(head, body, 1)
+
+
+def _sensitivity(result: StudyResult, shown: Sequence[str]) -> Sequence[str]:
+    """Return a table of the Sobol indices of the shown figures; none for another design."""
+    if result.definition["design"] != SOBOL:
+        return ()
+    with (result.folder / SENSITIVITY).open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["figure"] in shown]
+    body = [
+        [
+            row["figure"],
+            _short(row["setting"]),
+            *(
+                f"{float(row[name]):.2f} ± {float(row[f'{name}_half_95']):.2f}"
+                if row[name]
+                else "-"
+                for name in ("first", "total")
+            ),
+        ]
+        for row in rows
+    ]
+    return [table(["Sobol indices", "setting", "alone", "in all"], body)]
 
 
 def _short(path: str) -> str:

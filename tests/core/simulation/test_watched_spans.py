@@ -84,7 +84,10 @@ def test_spans_are_in_the_scene_and_its_hash_only_where_they_are_set() -> None:
 
 def test_the_manifest_says_when_each_sensor_looked() -> None:
     part = scene(watched_s={"EAST": SPANS["EAST"]})
-    assert opir.simulate(part).manifest["watched_s"] == {"WEST": [[0.0, 90.0]], "EAST": [[30.0, 90.0]]}
+    assert opir.simulate(part).manifest["watched_s"] == {
+        "WEST": [[0.0, 90.0]],
+        "EAST": [[30.0, 90.0]],
+    }
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ not chosen.
 import numpy as np
 import pytest
 from attrs import evolve
+from figure_rules import drawn_complaints
 from opir_report.pages.share_section import calibration_sentences, share_answers, share_section
 from opir_report.pages.study_report import study_page
 from opir_report.plots.share_curves import curve_rows, never_texts
@@ -67,6 +68,23 @@ def test_the_caption_has_launches_runs_and_the_share_that_never_comes(study):
     assert never[0] in caption
     table = section.parts[-1]
     assert len(table.rows) == 4 * (1 + 2)
+
+
+def test_every_caption_has_runs_seeds_and_version(study):
+    page = study_page(study)
+    version = study.definition["versions"]["opir-core"]
+    end = f"12 runs of each, seeds 100 to 111; opir {version}."
+    assert all(figure.caption.endswith(end) for figure in page.figures())
+    citing = next(section for section in page.sections if section.name == "citing")
+    assert f"with opir {version} for 8 combinations" in citing.text
+    assert "in the conditions day, night: 12 runs of each, seeds 100 to 111 with 96 launches" in (
+        citing.text
+    )
+
+
+def test_curves_keep_the_rules_of_figures(study):
+    section = share_section(study)
+    assert drawn_complaints(section.parts[0]) == []
 
 
 def test_a_study_without_launches_has_no_section(study):

@@ -9,7 +9,7 @@ const { geoGraticule10, geoPath } = globalThis.d3;
 // Larger ellipses of linear estimates mean nothing and are not drawn.
 const WIDEST_M = 2.5e6;
 // Larger regions, a twentieth of the Earth, are faint outlines unless they are selected: they would hide the map.
-const WIDEST_KM2 = 2.5e7;
+const WIDEST_KM2 = 5e6, CONTINENT_KM2 = 4.46e7;
 // More tracks are drawn as a crowd; more detections as squares.
 const FEW = 60, FEW_HITS = 300, SHADE_MS = 500;
 export const SHOWN_S = 6, GONE_S = 20, MOST_HITS = 1500;
@@ -170,6 +170,7 @@ export class Layers {
     const alpha = pen.globalAlpha, shapes = [], regions = report.impact_regions || [];
     for (const region of regions) {
       const key = `${region.condition} ${region.containment}`, isMain = region.condition === regions[0].condition;
+      if (region.area_km2 > CONTINENT_KM2 && !isSelected) continue;
       if (Math.sqrt(region.area_km2) * 1000 >= leastM) shapes.push([key, () => rewound(region.geometry), isMain ? [] : [4, 4], region.area_km2 > WIDEST_KM2 && !isSelected]);
     }
     this.drawn.regions += shapes.length;

@@ -2,6 +2,7 @@
 import { ellipse, rewound } from "/page/earth.js";
 import { byId, whole } from "/page/panels.js";
 import { likeliest } from "/page/order.js";
+import { areaWords } from "/page/table.js";
 
 const { geoOrthographic, geoPath } = globalThis.d3;
 const ROWS = 3, LABEL_PX = 15, WIDEST_KM2 = 1.2e8;
@@ -28,7 +29,7 @@ export function curvesOf(track, timeS) {
   };
   return [
     curve(`P(${name})`, (report) => chances(report)[name] ?? NaN, (y) => (y >= 0.995 ? "> 0.99" : y < 0.005 ? "< 0.01" : y.toFixed(2)), [0, 1]),
-    curve("95 % area, log", areaKm2, (y) => `${whole.format(Math.round(y))} km²`, null, true),
+    curve("95 % area, log", areaKm2, (y) => `${areaWords(y)} km²`.replace("continent km²", "continent"), null, true),
     curve("Altitude", (report) => (report.altitude_m === null ? NaN : report.altitude_m / 1000), (y) => `${whole.format(Math.round(y))} km`, null),
   ];
 }

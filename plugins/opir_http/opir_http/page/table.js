@@ -3,7 +3,7 @@
 import { likeliest } from "/page/order.js";
 import { byId, position, whole } from "/page/panels.js";
 
-const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 12, AROUND = 8, EVERY_MS = 500, HEIGHT_PX = 26;
+const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 8, CONTINENT_KM2 = 4.46e7, AROUND = 8, EVERY_MS = 500, HEIGHT_PX = 26;
 
 export class TrackTable {
   constructor(body, store, order, onPick) {
@@ -132,27 +132,33 @@ const named = (report) => (report.hypotheses ? `${likeliest(report)} ${share(rep
 
 function cellsOf(report) {
   return [
-    named(report), share(report.probability_launch), ...TYPES.map((type) => share(report.type_probability[type])), share(report.probability_burning),
-    report.altitude_m === null ? "–" : whole.format(Math.round(report.altitude_m / 1000) + 0),
-    position(report.launch_point), position(report.impact_point), area(report),
+    named(report), position(report.impact_point), clock(report.impact_point), area(report), position(report.launch_point), clock(report.launch_point),
+    share(report.probability_launch),
   ];
 }
+
+const clock = (point) => (point && point.time ? point.time.slice(11, 19) : "–");
+
+// An area to two digits; the largest continent, Asia, has 44.6 million km².
+export function areaWords(km2) { return km2 > CONTINENT_KM2 ? "> a continent" : whole.format(Number(km2.toPrecision(2))); }
+
+const withUnit = (words) => (/^[\d,]+$/.test(words) ? `${words} km²` : words);
 
 // The area of the 95 % region, or of the ellipse of a track without regions.
 export function area(report) {
   const region = (report.impact_regions || []).find((each) => each.containment > 0.94), shape = report.impact_point && report.impact_point.ellipse;
-  if (region) return whole.format(Math.round(region.area_km2));
-  return shape ? whole.format(Math.round(Math.PI * shape.semi_major_m * shape.semi_minor_m / 1e6)) : "–";
+  if (region) return areaWords(region.area_km2);
+  return shape ? areaWords(Math.PI * shape.semi_major_m * shape.semi_minor_m / 1e6) : "–";
 }
 
 // The areas of the 95 % regions with their conditions, the most probable first.
 export function areas(report) {
   const regions = (report.impact_regions || []).filter((each) => each.containment > 0.94);
-  if (!regions.length) return `${area(report)} km²`;
+  if (!regions.length) return withUnit(area(report));
   const words = { "burn over": () => "if the burn is over: ", relights: (each) => `relights ${share(each.probability)}: ` };
   return regions.map((each) => {
     const thin = typeof each.effective_samples === "number" && each.effective_samples < 100 ? ", thin" : "";
-    return `${(words[each.condition] || (() => ""))(each)}${whole.format(Math.round(each.area_km2))} km²${thin}`;
+    return `${(words[each.condition] || (() => ""))(each)}${withUnit(areaWords(each.area_km2))}${thin}`;
   }).join("; ");
 }
 
@@ -177,9 +183,9 @@ export function detailsOf(store, key, timeS) {
   if (!report) return [["Track", `${key.slice(6)}, not at this time`]];
   const cells = cellsOf(report), impact = report.impact_point;
   return [
-    ["Track", `${track.id}`], ["Estimate of", `${report.timestamp.slice(11, 22)} Z`], [report.hypotheses ? "Likeliest" : "Type", named(report)], ...weighed(report), ["P(burning)", cells[6]],
-    ["P(ICBM, IRBM, SRBM)", cells.slice(2, 5).join(", ")], ["Altitude", `${cells[7]} km`], ["Launch point", cells[8]], ["Launch time", report.launch_point && report.launch_point.time ? `${report.launch_point.time.slice(11, 22)} Z` : "–"],
-    ["Impact point", cells[9]], ["Impact time", impact && impact.time ? `${impact.time.slice(11, 19)} Z` : "–"], ["95 % area", areas(report)], ["Impact method", (impact && impact.method) || "–"],
+    ["Track", `${track.id}`], ["Estimate of", `${report.timestamp.slice(11, 22)} Z`], [report.hypotheses ? "Likeliest" : "Type", named(report)], ...weighed(report), ["P(burning)", share(report.probability_burning)],
+    ["Reported type", TYPES.map((type) => `${type === "UNKNOWN" ? "unknown" : type} ${share(report.type_probability[type])}`).join(", ")], ["Altitude", report.altitude_m === null ? "–" : `${whole.format(Math.round(report.altitude_m / 1000) + 0)} km`], ["Launch point", cells[4]], ["Launch time", report.launch_point && report.launch_point.time ? `${report.launch_point.time.slice(11, 22)} Z` : "–"],
+    ["Impact point", cells[1]], ["Impact time", impact && impact.time ? `${impact.time.slice(11, 19)} Z` : "–"], ["95 % area", areas(report)], ["Impact method", (impact && impact.method) || "–"],
   ];
 }
 

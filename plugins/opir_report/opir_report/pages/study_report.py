@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from opir_core.cli import grouped
+from opir_report.pages.citing_section import citing_section, with_provenance
 from opir_report.pages.files import write_page
 from opir_report.pages.method_section import method_section
 from opir_report.pages.page import ReportFigure, ReportPage, ReportSection, ReportTable
@@ -105,6 +106,7 @@ def study_page(study: SavedStudy) -> ReportPage:
         _trade_section(study),
         *(_metric_section(study, *metric) for metric in study.figures_of_metrics.items()),
         method_section(study),
+        citing_section(study),
     ]
     return ReportPage(
         title=study.question or f"Study {definition['study']}",
@@ -113,7 +115,11 @@ def study_page(study: SavedStudy) -> ReportPage:
             f" {grouped(runs)} runs; varied: {study.names() or 'nothing'}"
         ),
         summary=[*calibration_sentences(study), *definition.get("notes", ()), *summary],
-        sections=[section for section in sections if section and (section.parts or section.text)],
+        sections=[
+            with_provenance(study, section)
+            for section in sections
+            if section and (section.parts or section.text)
+        ],
         footer="Written by opir-report. Unclassified textbook physics, notional numbers.",
     )
 

@@ -20,7 +20,7 @@ WIDE_SETTING = 8.0
 
 
 #: Kinds of designs that are not combinations: samples, and the way of an optimisation.
-SAMPLED = ("latin-hypercube", "optimise")
+SAMPLED = ("latin-hypercube", "sobol", "optimise")
 
 
 @frozen(eq=False)

@@ -18,6 +18,8 @@ from opir_report.saved_study import SavedStudy
 
 #: The most designs that have a curve each.
 CURVES = 6
+#: The style of lines of requirements.
+REQUIRED: dict[str, Any] = {"color": INK, "linewidth": 1.0, "linestyle": (0, (2, 2))}
 _COLUMNS = ("design", "condition", "time_s", "share", "low_95", "high_95", "launches", "runs")
 #: The most curves that have bands.
 _BANDS = 2
@@ -108,11 +110,10 @@ def _draw_panel(
         if len(curve):
             axes.step(curve["time_s"], 100.0 * curve["share"], where="post", **hue.style)
             _draw_intervals(axes, curve, hue, number, len(hues), limits_s)
-    style: dict[str, Any] = {"color": INK, "linewidth": 1.0, "linestyle": (0, (2, 2))}
-    for required in requirements:
-        if np.isfinite(required["limit"]):
-            axes.axvline(required["limit"], **style)
-        axes.axhline(100.0 * required["share"], **style)
+    for limit_s in limits_s:
+        axes.axvline(limit_s, **REQUIRED)
+    for requirement in requirements:
+        axes.axhline(100.0 * requirement["share"], **REQUIRED)
     axes.set_ylim(-2.0, 102.0)
     axes.set_xlabel("time since ignition, s")
 

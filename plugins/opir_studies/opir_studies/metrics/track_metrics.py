@@ -4,7 +4,7 @@ impact regions.
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from attrs import frozen
@@ -14,7 +14,6 @@ from opir_scoring import (
     SURE,
     ImpactScores,
     Ownership,
-    PointErrors,
     RunEvidence,
     coverage,
     evidence_of_run,
@@ -175,7 +174,7 @@ class LaunchErrorMetric:
 
 
 @lru_cache(maxsize=1)
-def _last_errors(run: Run) -> PointErrors:
+def _last_errors(run: Run) -> Any:
     return point_errors(*run_evidence(run))
 
 
