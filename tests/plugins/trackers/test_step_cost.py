@@ -152,4 +152,4 @@ def test_a_tracker_of_states_alone_computes_nothing_of_a_forecast() -> None:
     )
     # Between renewals: stages are followed, and the latest forecast is reported.
     assert np.median(with_regions - alone) <= 150
-    assert max(alone) <= 2600
+    assert max(alone) <= 2800
