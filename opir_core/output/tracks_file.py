@@ -27,8 +27,11 @@ _NUMBERS = (
     "seen_s",
 )
 
-#: Tracks in a block, as regions take memory while they are text.
-_BLOCK_ROWS = 256
+#: Tracks whose records are made together: regions that several of them share are text once.
+_BLOCK_ROWS = 4_096
+
+#: Lines that are text at once, each with the text of its regions.
+_LINES = 256
 
 
 class TracksFile(LinesFile):
@@ -45,9 +48,10 @@ class TracksFile(LinesFile):
     def write(self, tracks: Tracks) -> None:
         """Write the tracks of a window."""
         for start in range(0, len(tracks), _BLOCK_ROWS):
-            self._write(
-                track_records(tracks.take(slice(start, start + _BLOCK_ROWS)), self._hypotheses)
-            )
+            block = tracks.take(slice(start, start + _BLOCK_ROWS))
+            records = track_records(block, self._hypotheses)
+            for first in range(0, len(records), _LINES):
+                self._write(records[first : first + _LINES])
 
 
 def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
