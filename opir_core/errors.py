@@ -31,13 +31,26 @@ __all__ = [
 
 
 def install_command(distribution: str, extra: str = "") -> str:
-    """Return how to install a distribution of this project, with an extra if it needs one.
+    """Return how to install a distribution of this project with those it needs, and with an extra if
+    it needs one.
 
     None of them is on a package index: the command works in a clone, and the words say so.
     """
-    folder = "." if distribution == "opir-core" else f"./plugins/{distribution.replace('-', '_')}"
+    text = _REQUIREMENTS.read_text("utf-8")
+    needed = {name: names for name, *names in map(str.split, text.splitlines())}
+    folder = _folder(distribution)
     place = f"'{folder}[{extra}]'" if extra else folder
-    return f"from a clone of opir: python -m pip install {place}"
+    places = " ".join([*map(_folder, needed.get(distribution, ())), place])
+    return f"from a clone of opir: python -m pip install {places}"
+
+
+#: What each distribution of this project needs of the others, in order. A test compares the file
+#: with the projects.
+_REQUIREMENTS = Path(__file__).parent / "data" / "requirements.txt"
+
+
+def _folder(distribution: str) -> str:
+    return "." if distribution == "opir-core" else f"./plugins/{distribution.replace('-', '_')}"
 
 
 class OpirError(Exception):

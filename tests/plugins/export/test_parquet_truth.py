@@ -164,7 +164,7 @@ def test_without_opir_export_the_message_says_what_to_install(
     reported = capsys.readouterr().err
     assert "a truth file with the ending .parquet: no sink is named 'parquet'" in reported
     assert (
-        "opir-export provides it; from a clone of opir: python -m pip install ./plugins/opir_export"
-        in reported
+        "opir-export provides it; from a clone of opir: python -m pip install ./plugins/opir_readers"
+        " ./plugins/opir_export" in reported
     )
     assert not list(tmp_path.iterdir())
