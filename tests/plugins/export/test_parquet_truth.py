@@ -156,7 +156,7 @@ def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
 def test_without_opir_export_the_message_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,trackers")
+    monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,forecast,trackers")
     path = tmp_path / "truth.parquet"
     run_command(
         "run {} --quiet --truth {} --out {}", SCENE, path, tmp_path / "events.jsonl", code=3
