@@ -64,7 +64,11 @@ def installed(folder: Path, module: str, component: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "role", "name"),
-    [("nearest_part", "association", "nearest"), ("straight_part", "motion", "straight")],
+    [
+        ("nearest_part", "association", "nearest"),
+        ("straight_part", "motion", "straight"),
+        ("even_part", "forecast", "even"),
+    ],
 )
 def test_an_installed_plugin_swaps_a_part(
     module: str, role: str, name: str, tmp_path: Path

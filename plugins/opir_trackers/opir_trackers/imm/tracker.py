@@ -15,7 +15,7 @@ from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
-from opir_trackers.parts import PartContext, made_part
+from opir_trackers.parts import PartContext, made_part, maker_of, require_shape
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -36,6 +36,7 @@ class ImmTracker(Tracker):
         )
         part = PartContext(tracker=context, settings=tracking.config, forces=tracking.forces)
         self._forecaster = made_part(Forecaster, "forecast", part)
+        self._forecast_owner = maker_of("forecast", part).owner
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
@@ -68,6 +69,13 @@ class ImmTracker(Tracker):
         launched &= ~reported.tracks.is_brief
         estimates = boost_estimates(reported, launched)
         forecasts = self._forecaster.forecasts(estimates, self._state.time_s)
+        shape = estimates.log_likelihood.shape
+        require_shape(
+            self._forecaster,
+            self._forecast_owner,
+            f"forecasts of {shape[0]} tracks over {shape[1]} hypotheses",
+            is_right=forecasts.given_launch.shape == shape,
+        )
         glides = launch_probability * forecasts.given_launch[:, self._glides].sum(axis=1)
         hypotheses = self._composition.columns(reported.groups, forecasts.given_launch)
         tracks = with_launches(reported, forecasts, launched, hypotheses)
