@@ -59,7 +59,7 @@ from opir_estimation.gating import (
 )
 from opir_estimation.labels import (
     LabelPosterior as LabelPosterior,
-    Looks as Looks,
+    SharedLooks as SharedLooks,
     equivalent_pairs as equivalent_pairs,
     label_posterior as label_posterior,
 )

@@ -33,7 +33,7 @@ LAW = law_parameters("opir_estimation", "labels")
 _SIZE = 9
 
 
-class Looks(NamedTuple):
+class SharedLooks(NamedTuple):
     """Gated pairs (k,), the look of each: a track in a scan, and the log odds of a detection over
     a miss and a false alarm in 2π sr; `sensor` (k,) is that of the lines.
     """
@@ -55,11 +55,11 @@ class LabelPosterior(NamedTuple):
 
 
 def label_posterior(
-    looks: Looks, path: PredictedMeasurements, *, light_time: bool
+    looks: SharedLooks, path: PredictedMeasurements, *, light_time: bool
 ) -> LabelPosterior:
     """Return the probabilities of the pairs of tracks with predicted paths."""
     pairs = looks.pairs
-    motion = _Motion.of(pairs, path, light_time=light_time)
+    motion = _PathDeviations.of(pairs, path, light_time=light_time)
     variance = np.square(pairs.sigma_rad)
     mean = np.zeros(motion.prior.shape[:2])
     covariance = motion.prior
@@ -79,7 +79,7 @@ def label_posterior(
     return LabelPosterior(probability, log_ratio, residual)
 
 
-class _Motion(NamedTuple):
+class _PathDeviations(NamedTuple):
     """How pairs (k,) measure what tracks (n,) deviate from their predicted paths in position,
     velocity and acceleration: rows of `track` (k,), Jacobians (k, 2, 9), and covariances (n, 9, 9).
     """
@@ -89,7 +89,9 @@ class _Motion(NamedTuple):
     prior: FloatArray
 
     @classmethod
-    def of(cls, pairs: GatedPairs, path: PredictedMeasurements, *, light_time: bool) -> "_Motion":
+    def of(
+        cls, pairs: GatedPairs, path: PredictedMeasurements, *, light_time: bool
+    ) -> "_PathDeviations":
         """Return that of pairs with predicted paths."""
         emitted_s = emission_s(pairs.time_s, FAR_M, light_time)
         weight = path.weights(emitted_s)
@@ -129,7 +131,7 @@ def _without_look(spread: FloatArray, pull: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _probabilities(
-    looks: Looks, residual: FloatArray, covariance: FloatArray
+    looks: SharedLooks, residual: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return log likelihood ratios (k,) and probabilities (k,) of pairs with residuals (k, 2) about
     predictions with covariances (k, 2, 2).
@@ -148,7 +150,7 @@ def _probabilities(
     return log_ratio, belief_propagation(looks.look, pairs.line, ratio, LAW.sweeps)
 
 
-def equivalent_pairs(looks: Looks, posterior: LabelPosterior) -> GatedPairs:
+def equivalent_pairs(looks: SharedLooks, posterior: LabelPosterior) -> GatedPairs:
     """Return one pair for each look that is probably of its track: it moves the track as the lines
     of the look do, and leaves the covariance that they leave.
 
@@ -181,7 +183,7 @@ def equivalent_pairs(looks: Looks, posterior: LabelPosterior) -> GatedPairs:
     )
 
 
-def _exchanged(looks: Looks, probability: FloatArray) -> FloatArray:
+def _exchanged(looks: SharedLooks, probability: FloatArray) -> FloatArray:
     """Return the share (m,) of the doubt in each look that is between tracks: 0 where a line is the
     track's or nobody's, 1 where it is the track's or another one's.
     """

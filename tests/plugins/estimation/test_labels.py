@@ -7,8 +7,8 @@ import pytest
 from attrs import evolve
 from opir_estimation import (
     GatedPairs,
-    Looks,
     PredictedMeasurements,
+    SharedLooks,
     equivalent_pairs,
     label_posterior,
 )
@@ -30,7 +30,7 @@ def path_of(tracks: int, sigma_m: float) -> PredictedMeasurements:
 
 def looks_of(
     measured_m: np.ndarray, track: np.ndarray, line: np.ndarray, look: np.ndarray
-) -> Looks:
+) -> SharedLooks:
     """Return pairs (k,) with innovations (k, 2), m across the line of sight."""
     count = len(track)
     axes = np.tile(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]), (count, 1, 1))
@@ -45,10 +45,10 @@ def looks_of(
         np.zeros(count),
         np.full(count, SIGMA_RAD),
     )
-    return Looks(pairs, look, np.full(count, LOG_ODDS), np.zeros(count, dtype=np.int32))
+    return SharedLooks(pairs, look, np.full(count, LOG_ODDS), np.zeros(count, dtype=np.int32))
 
 
-def crossed(targets_m: np.ndarray, scans: int, rng: np.random.Generator) -> Looks:
+def crossed(targets_m: np.ndarray, scans: int, rng: np.random.Generator) -> SharedLooks:
     """Return all pairs of as many tracks, predicted at 0, with the lines of targets (n, 2)."""
     count = len(targets_m)
     lines = targets_m + SIGMA_RAD * RANGE_M * rng.normal(size=(scans, count, 2))
