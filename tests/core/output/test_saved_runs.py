@@ -17,6 +17,7 @@ from opir_core import ImpactRegion, run_of_plan
 from opir_core.cli.main import main
 from opir_core.errors import ModelError, PluginError, SceneError
 from opir_core.output import deliver, read_run
+from opir_core.output.geojson import region_from_document, region_text
 from opir_core.output.run_files import TRUTH_DECIMALS
 from opir_core.plugin import Host, RunView, hookimpl
 
@@ -234,6 +235,16 @@ def radius_m(region: ImpactRegion) -> float:
     return float(np.sqrt(1e6 * region.area_km2 / np.pi))
 
 
+def as_written(run: opir_core.Run) -> Any:
+    """Return the regions of a run's tracks (n,) with the outlines that files have."""
+    rows = run.tracks.impact_regions.tolist()
+    texts = {id(row): json.loads(region_text(row)) for row in rows}
+    regions = np.empty(len(rows), dtype=np.object_)
+    for place, row in enumerate(rows):
+        regions[place] = tuple(region_from_document(region) for region in texts[id(row)])
+    return regions
+
+
 def edge_distance_m(region: ImpactRegion, places: Any) -> Any:
     """Return the distances (n,) of places from the edges of a region, on its map."""
     chart = region.chart()
@@ -268,7 +279,9 @@ def test_regions_and_scores_are_those_of_the_run(
             ]
             point_count += len(places)
     assert point_count > 100
-    cards = [scorecard([evidence_of_run(run, run.plan)]) for run in (memory, saved)]
+    # An energy score of regions that nearly coincide depends on their outlines: those of the file.
+    written = evolve(memory, tracks=memory.tracks.replaced(impact_regions=as_written(memory)))
+    cards = [scorecard([evidence_of_run(run, run.plan)]) for run in (written, saved)]
     texts = [scorecard_text({"imm": card}) for card in cards]
     words = [re.sub(NUMBER, "#", text).split() for text in texts]
     assert words[0] == words[1]
