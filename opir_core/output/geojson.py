@@ -107,10 +107,8 @@ def _short_document(region: ImpactRegion) -> dict[str, Any]:
     """
     outline = outlined(region)
     coarse = Resolution.of(region)
-    documents = [
-        *(partial(region_document, outline, coarse.finer(times)) for times in range(_REFINEMENTS)),
-        *(partial(region_document, each) for each in (outline, region)),
-    ]
+    resolutions = [*map(coarse.finer, range(_REFINEMENTS)), FINE]
+    documents = [partial(region_document, outline, resolution) for resolution in resolutions]
     made = (document() for document in documents)
     simple = next((document for document in made if not _crosses(document["geometry"])), None)
     # A region whose own parts cross each other stays so.

@@ -138,11 +138,18 @@ def sides_cross(rings: Sequence[FloatArray]) -> bool:
     first_side = np.cumsum([0, *lengths[:-1]])
     following = np.arange(1, len(start) + 1)
     following[first_side + np.array(lengths) - 1] = first_side
-    first, second = np.triu_indices(len(start), 1)
-    apart = (following[first] != second) & (following[second] != first)
-    first, second = first[apart], second[apart]
     low, high = np.minimum(start, end), np.maximum(start, end)
-    near = np.all((low[first] <= high[second]) & (low[second] <= high[first]), axis=1)
+    # Sides by their west ends: those that begin before another ends may cross it.
+    order = np.argsort(low[:, 0], kind="stable")
+    reach = np.searchsorted(low[order, 0], high[order, 0], side="right")
+    counts = reach - np.arange(1, len(order) + 1)
+    place = np.repeat(np.arange(len(order)), counts)
+    first = order[place]
+    second = order[
+        place + 1 + np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)
+    ]
+    apart = (following[first] != second) & (following[second] != first)
+    near = apart & (low[first, 1] <= high[second, 1]) & (low[second, 1] <= high[first, 1])
     first, second = first[near], second[near]
     return bool(
         np.any(
