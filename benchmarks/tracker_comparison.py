@@ -20,7 +20,6 @@ SENSORS = "sensors=[{constellation: SBIRS-GEO}]"
 #: What is written after `--tracker`, and its name on the page.
 TRACKERS = {
     "kepler-arc": "kepler-arc",
-    "{model: kepler-arc, memory_s: 5}": "kepler-arc, memory 5 s",
     "imm": "imm",
 }
 FIGURES: dict[str, dict[str, list[Any]]] = yaml.safe_load(
@@ -53,14 +52,8 @@ opir compare {scene} --set "{sensors}" \\
     {words} --runs {runs}
 ```
 
-* **kepler-arc** fits one Keplerian arc to all detections of a boost. A thrusting target is on no
-  such arc, so the errors grow to many times the Cramér–Rao bound, while the least-squares
-  covariance shrinks with each detection. The arc gives the mean speed of the boost, not the speed
-  at burnout: the predicted range falls short and the estimated type is too small. No ellipse of
-  the paper's σ₀ exp(−k n/N) contains the impact.
-* **kepler-arc with `memory_s: 5`** fits the last seconds. It does not diverge, but lags an
-  accelerating target by about the acceleration times the memory, which its covariance does not
-  include.
+* **kepler-arc** has the states of imm. Its impact is that of the Keplerian arc once a target no
+  longer burns: none during the boost.
 * **imm** has the specific force in its state and does not lag. It assumes a boost about along the
   velocity, so it may be below the bound *with the thrust unknown*, which allows any force. Its
   impact regions include what the target may still burn: they are large in the burn, and shrink at

@@ -78,6 +78,7 @@ SHOWN = (
     "class profiles",
     "2 stages with gaps: one sensor",
     "2 stages: biases of 3σ",
+    "2 stages with gaps: Stone Soup EKF",
 )
 HEAD = (
     *("flights", "impact in 95 %", "in 50 %", "velocity, m/s"),
@@ -98,6 +99,8 @@ class Line(NamedTuple):
 
 
 LOW_P_D = {"detection_probability": dict.fromkeys(("ICBM", "IRBM", "SRBM"), 0.1)}
+#: Stone Soup's filter with the same forecaster.
+STONE_SOUP = {"model": "stonesoup", "silence_s": 400.0}
 LINES = (
     Line("1 stage", 1),
     Line("2 stages", 2),
@@ -108,6 +111,7 @@ LINES = (
     Line("2 stages with gaps: one sensor", 2, True, sensors=1),
     Line("2 stages: P_d 0.1", 2, settings=LOW_P_D),
     Line("2 stages: biases of 3σ", 2, settings={"line_of_sight_bias_sigma_urad": 60.0}),
+    Line("2 stages with gaps: Stone Soup EKF", 2, True, settings={"tracker": STONE_SOUP}),
 )
 
 

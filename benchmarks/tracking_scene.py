@@ -60,7 +60,6 @@ SCENE = {
 #: Names of lines, and the tracker of the scene; FilterPy has none.
 TRACKERS = {
     "kepler-arc, 1 s": {"model": "kepler-arc"},
-    "kepler-arc, memory 5 s, 1 s": {"model": "kepler-arc", "memory_s": 5.0},
     "imm, 0.2 s": {"model": "imm", "cadence_s": 0.2},
     "imm, 1 s": {"model": "imm"},
     "imm, 5 s": {"model": "imm", "cadence_s": 5.0, "slice_s": 5.0},
@@ -75,7 +74,7 @@ TRACKERS = {
     "FilterPy EKF, acceleration, true association, 1 s": None,
 }
 #: Lines in the data and the plot, not in the table.
-UNSHOWN = ("imm, 0.2 s", "imm, 5 s", "kepler-arc, memory 5 s, 1 s", "Stone Soup EKF, jerk, 1 s")
+UNSHOWN = ("imm, 0.2 s", "imm, 5 s", "Stone Soup EKF, jerk, 1 s")
 UNKNOWN = "rmse_over_bound_thrust_unknown"
 
 PAGE = """# Tracking: every tracker on one scene

@@ -56,10 +56,11 @@ PARTS = (
         " µm. By"
         " [propellant](radiometry.md#propellants) soot or alumina: a stated share of jet power with"
         " a stated spread",
-        "spectral lines; gas bands near 2.0 and 15 µm; soot of single engines; alumina that emits"
-        " more in long waves",
+        "spectral lines; gas bands near 2.0 and 15 µm, and hot water from 8 to 14 µm; hot exhaust left"
+        " behind, which glows for minutes in the bands of water (Geophys. Res. Lett. 30(15), 2003);"
+        " soot of single engines; alumina that emits more in long waves",
         "Kerosene: a factor of 3, held against GOES-16. Solid: a factor of 4. Signal too low in the"
-        " omitted gas bands",
+        " omitted gas bands: 5 to 100 times from 8 to 14 µm, by sightings of GOES-16",
     ),
     Part(
         "Plume against altitude, stage and aspect",
@@ -81,12 +82,12 @@ PARTS = (
         " [nose, windward and lee side in radiative equilibrium](radiometry.md#bodies-in-the-air)."
         " Every sensor looks at gliders, those with `follows_bodies` at all bodies",
         "earthshine; gloss and spin; albedo that differs from band to band; which side a sensor"
-        " sees; in the air turbulent flow, conduction, ablation, wakes, glowing air and plasma"
+        " sees; in the air conduction, ablation, wakes, glowing air and plasma"
         " lines; spent stages, debris and nozzles that cool after burnout; with"
         " `forces: kepler` the drag of re-entry",
-        "LWIR: earthshine adds at most about 10 % at emissivity 0.9. Re-entry: laminar flow heats"
-        " two to four times less than turbulent flow, so below about 40 km bodies are up to 30 %"
-        " too cold. Shapes are notional",
+        "LWIR: earthshine adds at most about 10 % at emissivity 0.9. In the air: flow turns turbulent"
+        " somewhere between Reynolds numbers of 3e5 and 1e7, where light is off by up to a factor of"
+        " 3. Shapes are notional",
     ),
     Part(
         "Fires and gas flares",
@@ -116,7 +117,7 @@ PARTS = (
     Part(
         "Atmospheric transmittance",
         "tabulated",
-        "LOWTRAN7 band means for five climates, zenith to horizon. Interpolation error 0.003 at 360"
+        "LOWTRAN7 band means for six climates, zenith to horizon. Interpolation error 0.003 at 360"
         " places"
         " ([benchmark](../benchmarks/atmosphere.md))",
         "coincidence of hot gas lines with cold absorption lines; weather; change of trace gases"

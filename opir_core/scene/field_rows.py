@@ -59,7 +59,7 @@ def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[Fie
         is_required = default is NOTHING
         yield FieldRow(
             key=f"{prefix}{attribute.name}",
-            kind=_kind_text(kind),
+            kind=f"{info.role} part" if info.role else _kind_text(kind),
             is_required=is_required,
             default=None if is_required else plain(default),
             unit=info.unit,

@@ -1,5 +1,5 @@
 """Bodies that the air heats, in a whole scene, against a script of its own: Sutton and Graves' law
-(NASA TR R-376, 1971), laminar flow along a plate (Tauber, Menees and Adelman, 1987), the standard
+(NASA TR R-376, 1971), laminar and turbulent flow along a plate (Tauber, Menees and Adelman, 1987), the standard
 atmosphere to 71 km, Stefan and Boltzmann's law solved by bisection, Planck's law integrated by
 SciPy. Shapes are those that opir documents.
 """
@@ -67,8 +67,14 @@ def radiance(kelvin, low, high):
 def plate_w_m2(density, speed, length):
     slope = math.radians(10.0)
     shape = math.sqrt(math.cos(slope) / length) * math.sin(slope)
+    laminar = 2.53e-5 * shape * math.sqrt(density) * speed**3.2
+    fast = speed**3.7 if speed > 3962.0 else 3962.0**0.33 * speed**3.37
+    bent = math.cos(slope) ** 2.08 * math.sin(slope) ** 1.6
+    turbulent = 2.2e-5 * bent * density**0.8 * length**-0.2 * fast
+    reynolds = density * speed * length / 1.45e-5
+    share = reynolds**2 / (reynolds**2 + 1e12)
     free = 0.5 * density * speed**3 * math.sin(slope)
-    return min(2.53e-5 * shape * math.sqrt(density) * speed**3.2, free)
+    return min(laminar + share * max(turbulent - laminar, 0.0), free)
 
 
 def nose_w_m2(density, speed, radius):
@@ -182,7 +188,7 @@ def test_the_light_falls_with_the_speed_of_the_glide():
     ratio = glider_w_sr(air_kg_m3(start_m), fast, "SWIR") / glider_w_sr(
         air_kg_m3(end_m), slow, "SWIR"
     )
-    assert ratio > 100.0
+    assert ratio > 10.0
     assert light[0, first] / light[0, last] == pytest.approx(ratio, rel=0.05)
 
 

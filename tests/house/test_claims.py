@@ -13,11 +13,12 @@ from repository import DATA, ROOT
 
 sys.path.insert(0, str(ROOT / "docs"))
 
-from claims import claims, claims_page
+from claims import claims_page
+from opir_testing.commands.claims import ledger
 
 AGAINST = ROOT / "tests" / "against"
 SUPPORT = ROOT / "tests" / "support"
-ROWS = claims()
+ROWS = ledger()
 VALIDATED = [row for row in ROWS if row["status"] == "VALIDATED"]
 IDS = [row["claim"] for row in VALIDATED]
 
@@ -133,7 +134,7 @@ def test_what_is_called_validated_has_an_oracle_that_shares_no_code(row):
         ({"oracle": "support imager_pixels"}, "does not import imager_pixels"),
         (
             {
-                "test": "test_against_goes_sightings.py::test_nearly_all_facts_hold_at_the_middle_level",
+                "test": "test_against_goes_sightings.py::test_facts_that_hold_at_the_level_and_within_the_spread",
                 "oracle": "support imager_pixels",
             },
             "the oracle imager_pixels imports",
@@ -156,8 +157,13 @@ def test_each_claim_has_a_status_and_says_why():
     assert len(set(names)) == len(names)
 
 
-def test_three_of_five_claims_are_validated():
-    assert len(VALIDATED) >= 0.6 * len(ROWS)
+#: How many claims are validated: it only rises.
+LEAST_VALIDATED = 83
+
+
+def test_the_number_of_validated_claims_only_rises():
+    assert len(VALIDATED) >= LEAST_VALIDATED
+    assert len(ROWS) <= 110
 
 
 def test_tables_of_the_page_have_at_most_20_rows():
@@ -168,12 +174,13 @@ def test_tables_of_the_page_have_at_most_20_rows():
 def test_the_figure_of_the_sightings_is_that_of_their_table():
     facts = json.loads((DATA / "goes_sightings.json").read_text(encoding="utf-8"))["looks"]
     count = sum(len(look["seen"]) + len(look["unseen"]) for look in facts)
+    missed = sum(len(look.get("missed_k", ())) for look in facts)
     row = next(row for row in ROWS if row["claim"].startswith("launches that GOES-16 saw"))
-    assert row["figure"].startswith(f"{count - 5} of {count} band facts")
+    assert row["figure"].startswith(f"{count - missed} of {count} band facts")
 
 
 @pytest.mark.parametrize(
-    "words", ["EchoStar 23 in the water bands", "entry burn", "boostback burn"]
+    "words", ["EchoStar 23 in the water bands", "entry burn", "boostback burn", "long waves of"]
 )
 def test_a_sighting_that_is_missed_is_a_row_with_its_figure(words):
     (row,) = [row for row in ROWS if row["claim"].startswith(words)]

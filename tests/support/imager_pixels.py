@@ -3,7 +3,7 @@
 from functools import cache
 
 import numpy as np
-from opir_photons.imagers.plugin import BANDS as EDGES, PIXEL_URAD
+from opir_photons.imagers.plugin import BANDS as EDGES, LONG_BANDS, PIXEL_URAD
 from opir_photons.radiometry import band_radiance, band_transmittance, pixel_temperature_k
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.earth import sky_tables
@@ -13,7 +13,7 @@ from opir_photons.radiometry.propellants import jet_power_w
 from opir_core.plugin import Band, SignatureContext
 from opir_core.scene import core_plumes
 
-BANDS = tuple(Band(name, *edges) for name, edges in EDGES.items())
+BANDS = tuple(Band(name, *edges) for name, edges in {**EDGES, **LONG_BANDS}.items())
 
 
 def intensities_w_sr(look):

@@ -41,7 +41,14 @@ ABSCISSAE: Mapping[str, Abscissa] = {
     ),
     "cloud": Abscissa("cloud top, km", (0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0)),
 }
-CLIMATES = ("us1976", "tropical", "midlat_summer", "midlat_winter", "subarctic_winter")
+CLIMATES = (
+    "us1976",
+    "tropical",
+    "midlat_summer",
+    "midlat_winter",
+    "subarctic_summer",
+    "subarctic_winter",
+)
 
 
 def curve(

@@ -59,6 +59,12 @@ from opir_estimation.gating import (
     gated as gated,
     neighbour_pairs as neighbour_pairs,
 )
+from opir_estimation.labels import (
+    LabelPosterior as LabelPosterior,
+    Looks as Looks,
+    equivalent_pairs as equivalent_pairs,
+    label_posterior as label_posterior,
+)
 from opir_estimation.law_files import (
     law_parameters as law_parameters,
 )

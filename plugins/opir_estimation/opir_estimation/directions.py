@@ -51,3 +51,16 @@ def dot(vectors: FloatArray, factors: FloatArray) -> FloatArray:
     for column in range(1, vectors.shape[1]):
         total += vectors[:, column] * factors[:, column]
     return total
+
+
+def cross(vectors: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the cross products (..., 3) of vectors of one shape, as `numpy.cross` in a tenth of its
+    calls.
+    """
+    product = np.empty(vectors.shape)
+    for axis in range(3):
+        after = (axis + 1) % 3
+        last = (axis + 2) % 3
+        np.multiply(vectors[..., after], others[..., last], out=product[..., axis])
+        product[..., axis] -= vectors[..., last] * others[..., after]
+    return product

@@ -59,21 +59,16 @@ def stepped_state(state: Vector, step: Any, functions: Functions) -> list[Any]:
     ez = z + step * w
     derivatives: list[Any] = []
     if len(state) > COAST:
-        fx, fy, fz, jx, jy, jz = state[6:12]
-        square = step * step
-        quarter = half * half
-        third = step / 6.0
-        sixth = half / 6.0
-        mx = mx + quarter * (0.5 * fx + sixth * jx)
-        my = my + quarter * (0.5 * fy + sixth * jy)
-        mz = mz + quarter * (0.5 * fz + sixth * jz)
-        ex = ex + square * (0.5 * fx + third * jx)
-        ey = ey + square * (0.5 * fy + third * jy)
-        ez = ez + square * (0.5 * fz + third * jz)
-        u = u + step * (fx + half * jx)
-        v = v + step * (fy + half * jy)
-        w = w + step * (fz + half * jz)
-        derivatives = [fx + step * jx, fy + step * jy, fz + step * jz, jx, jy, jz]
+        pushes, derivatives = _pushes(state, step)
+        mx = mx + pushes[0]
+        my = my + pushes[1]
+        mz = mz + pushes[2]
+        ex = ex + pushes[3]
+        ey = ey + pushes[4]
+        ez = ez + pushes[5]
+        u = u + pushes[6]
+        v = v + pushes[7]
+        w = w + pushes[8]
     gravity = functions.gravity
     ax, ay, az = gravity(x, y, z)[:3]
     eighth = 0.5 * half * half
@@ -82,15 +77,33 @@ def stepped_state(state: Vector, step: Any, functions: Functions) -> list[Any]:
     cx, cy, cz = gravity(ex + push * bx, ey + push * by, ez + push * bz)[:3]
     share = step * step / 6.0
     sixth = step / 6.0
+    position = (ex + share * (ax + 2.0 * bx), ey + share * (ay + 2.0 * by))
+    speed = (u + sixth * (ax + 4.0 * bx + cx), v + sixth * (ay + 4.0 * by + cy))
     return [
-        ex + share * (ax + 2.0 * bx),
-        ey + share * (ay + 2.0 * by),
+        *position,
         ez + share * (az + 2.0 * bz),
-        u + sixth * (ax + 4.0 * bx + cx),
-        v + sixth * (ay + 4.0 * by + cy),
+        *speed,
         w + sixth * (az + 4.0 * bz + cz),
         *derivatives,
     ]
+
+
+def _pushes(state: Vector, step: Any) -> tuple[list[Any], list[Any]]:
+    """Return what specific force and jerk of a state of 12 add to the position in the middle of a
+    step, to that at its end and to the velocity (9), and the force and the jerk at its end (6).
+    """
+    half = 0.5 * step
+    square = step * step
+    quarter = half * half
+    third = step / 6.0
+    sixth = half / 6.0
+    fx, fy, fz, jx, jy, jz = state[6:12]
+    components = ((fx, jx), (fy, jy), (fz, jz))
+    middle = [quarter * (0.5 * force + sixth * jerk) for force, jerk in components]
+    end = [square * (0.5 * force + third * jerk) for force, jerk in components]
+    speed = [step * (force + half * jerk) for force, jerk in components]
+    forces = [force + step * jerk for force, jerk in components]
+    return [*middle, *end, *speed], [*forces, jx, jy, jz]
 
 
 def taylor_series(state: Vector, mu_m3_s2: float, functions: Functions) -> list[Any]:

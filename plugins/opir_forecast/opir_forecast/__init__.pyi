@@ -1,3 +1,6 @@
+from opir_forecast.arc import (
+    ArcForecaster as ArcForecaster,
+)
 from opir_forecast.ascents import (
     BoostAscents as BoostAscents,
     ascents_of as ascents_of,

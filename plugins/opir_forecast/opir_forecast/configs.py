@@ -23,3 +23,8 @@ class RegionsConfig:
 @frozen(kw_only=True)
 class NoForecastConfig:
     """The forecaster `none` has no settings."""
+
+
+@frozen(kw_only=True)
+class ArcConfig:
+    """The forecaster `arc` has no settings."""

@@ -5,13 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.arrays import FloatArray
-from opir_core.interfaces import PluginPart
+from opir_core.arrays import BoolArray, IntArray
+from opir_core.interfaces import TRACK_ENDS, PluginPart
 from opir_forecast.configs import NoForecastConfig
 from opir_forecast.estimates import BoostEstimates
 from opir_forecast.launch_forecasts import LaunchForecasts
 from opir_forecast.outcomes import Outcomes
+from opir_forecast.particles import LAW
 from opir_forecast.vehicles import vehicle_model
+
+_IMPACT = TRACK_ENDS.index("impact")
+_ORBIT = TRACK_ENDS.index("orbit")
 
 
 class Forecaster(PluginPart):
@@ -40,22 +44,19 @@ class Forecaster(PluginPart):
 class NoForecast(Forecaster):
     """The forecaster `none`: hypotheses by their prior and the sensors' reports, and no impacts."""
 
-    def __init__(self, prior: FloatArray) -> None:
-        self._prior = prior
+    def __init__(self, outcomes: Outcomes) -> None:
+        self._outcomes = outcomes
 
     def forecasts(self, estimates: BoostEstimates, time_s: float) -> LaunchForecasts:
         """Return forecasts without impacts, and without the probabilities that these would give."""
-        log = estimates.log_likelihood
-        share = self._prior * np.exp(log - log.max(axis=1, keepdims=True))
-        unknown = np.full(len(share), np.nan)
-        return LaunchForecasts.without_impacts(
-            share / share.sum(axis=1, keepdims=True), estimates.burning, *[unknown] * 3
-        )
+        given_launch = self._outcomes.by_reports(estimates.log_likelihood)
+        unknown = np.full(len(estimates), np.nan)
+        return LaunchForecasts.without_impacts(given_launch, estimates.burning, *[unknown] * 3)
 
 
 def no_forecast(config: NoForecastConfig, context: Any) -> NoForecast:
     """Return the forecaster `none` for the context of a part."""
-    return NoForecast(outcomes_of(context).prior)
+    return NoForecast(outcomes_of(context))
 
 
 def outcomes_of(context: Any) -> Outcomes:
@@ -64,3 +65,11 @@ def outcomes_of(context: Any) -> Outcomes:
     """
     model = vehicle_model(getattr(context.settings, "boost_prior", None))
     return Outcomes(model, tuple(context.tracker.hypotheses))
+
+
+def track_ends(latest: LaunchForecasts, time_s: float, is_silent: BoolArray) -> IntArray:
+    """Return the codes (n,) of the ends of tracks, which are silent for longer than a gap."""
+    impact_s = latest.impact[:, 2]
+    sigma_s = np.sqrt(latest.impact_covariance[:, 2, 2])
+    end = np.where(is_silent & (latest.in_orbit > LAW.in_orbit), _ORBIT, 0)
+    return np.where(is_silent & (impact_s + 3.0 * sigma_s < time_s), _IMPACT, end)

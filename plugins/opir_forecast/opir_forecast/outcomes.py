@@ -73,6 +73,13 @@ class Outcomes:
             prior[columns] = share * (self.unknown_range if group == "missile" else even)
         return prior / prior.sum()
 
+    def by_reports(self, log_likelihood: FloatArray) -> FloatArray:
+        """Return the probabilities (n, H) of the hypotheses given a launch, by their prior and the
+        log likelihoods (n, H) of sensors' reports.
+        """
+        share = np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True)) * self.prior
+        return share / share.sum(axis=1, keepdims=True)
+
     def columns(self, group: str) -> list[int]:
         """Return the numbers of the hypotheses of a group."""
         return [

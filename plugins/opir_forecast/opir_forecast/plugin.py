@@ -4,13 +4,19 @@ from collections.abc import Iterable
 from typing import Any
 
 from opir_core.plugin import TrackerPart, hookimpl
-from opir_forecast.configs import NoForecastConfig, RegionsConfig
+from opir_forecast.configs import ArcConfig, NoForecastConfig, RegionsConfig
 
 
 def _regions(config: RegionsConfig, context: Any) -> Any:
     from opir_forecast.region_forecaster import region_forecaster
 
     return region_forecaster(config, context)
+
+
+def _arc(config: ArcConfig, context: Any) -> Any:
+    from opir_forecast.arc import arc_forecaster
+
+    return arc_forecaster(config, context)
 
 
 def _none(config: NoForecastConfig, context: Any) -> Any:
@@ -29,6 +35,15 @@ def opir_tracker_parts() -> Iterable[TrackerPart]:
         role="forecast",
         config=RegionsConfig,
         build=_regions,
+        reads=(),
+    )
+    yield TrackerPart(
+        name="arc",
+        summary="the Keplerian arc of a target that no longer burns, with the covariance of its"
+        " impact",
+        role="forecast",
+        config=ArcConfig,
+        build=_arc,
         reads=(),
     )
     yield TrackerPart(

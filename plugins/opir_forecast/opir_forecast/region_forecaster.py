@@ -7,18 +7,15 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces
-from opir_core.interfaces import TRACK_ENDS, names_of
+from opir_core.interfaces import names_of
 from opir_forecast.configs import RegionsConfig
 from opir_forecast.estimates import BoostEstimates
-from opir_forecast.forecaster import Forecaster, outcomes_of
+from opir_forecast.forecaster import Forecaster, outcomes_of, track_ends
 from opir_forecast.launch_forecasts import LaunchForecasts
 from opir_forecast.outcomes import Outcomes
 from opir_forecast.particles import LAW
 from opir_forecast.stage_history import StageHistory
 from opir_forecast.track_rows import rows_of_tracks
-
-_IMPACT = TRACK_ENDS.index("impact")
-_ORBIT = TRACK_ENDS.index("orbit")
 
 
 @frozen(eq=False, repr=False)
@@ -66,7 +63,7 @@ class RegionForecaster(Forecaster):
         self._latest = rows_of_tracks(self._latest, estimates.track, self._nothing)
         self._renew(estimates, time_s)
         latest = self._latest
-        end = _ends(latest, time_s, estimates.silent_s > LAW.longest_gap_s)
+        end = track_ends(latest, time_s, estimates.silent_s > LAW.longest_gap_s)
         columns = {name: getattr(latest, name) for name in names_of(LaunchForecasts)}
         return LaunchForecasts(**columns | {"probability_burning": estimates.burning, "end": end})
 
@@ -109,16 +106,16 @@ class RegionForecaster(Forecaster):
         """
         history = self._history
         latest = self._latest
+        is_new = np.isinf(latest.made_s)
+        made_s = np.where(is_new, time_s, latest.made_s)
         begun_s = np.where(history.is_dark, history.dark_since_s, history.ignition_s)
-        since_s = time_s - latest.made_s + 1e-6
+        since_s = time_s - made_s + 1e-6
         silent_s = estimates.silent_s
-        is_seen = silent_s < since_s
-        wait_s = np.where(
-            is_seen, self._share * (latest.made_s - begun_s), LAW.silent_share * silent_s
-        )
+        ages_s = self._share * (made_s - begun_s)
+        wait_s = np.where(silent_s < since_s, ages_s, LAW.silent_share * silent_s)
         is_over = silent_s - since_s >= LAW.longest_gap_s
         has_turned = (estimates.burning <= 0.5) != latest.is_dark
-        return np.isinf(since_s) | has_turned | ((since_s >= wait_s) & ~is_over)
+        return is_new | has_turned | ((since_s >= wait_s) & ~is_over)
 
 
 def _dark_s(estimates: BoostEstimates, history: StageHistory, time_s: float) -> FloatArray:
@@ -128,14 +125,6 @@ def _dark_s(estimates: BoostEstimates, history: StageHistory, time_s: float) -> 
     """
     quiet_s = np.maximum(estimates.silent_s - estimates.pause_s, 0.0)
     return np.where(history.is_dark, time_s - history.dark_since_s, quiet_s)
-
-
-def _ends(latest: LaunchForecasts, time_s: float, is_silent: BoolArray) -> IntArray:
-    """Return the codes (n,) of the ends of tracks, which are silent for longer than a gap."""
-    impact_s = latest.impact[:, 2]
-    sigma_s = np.sqrt(latest.impact_covariance[:, 2, 2])
-    end = np.where(is_silent & (latest.in_orbit > LAW.in_orbit), _ORBIT, 0)
-    return np.where(is_silent & (impact_s + 3.0 * sigma_s < time_s), _IMPACT, end)
 
 
 def region_forecaster(config: RegionsConfig, context: Any) -> RegionForecaster:

@@ -275,7 +275,8 @@ class _Contours:
             for grid, column in zip((x, y), unit.T, strict=True)
         )
         nodes = self._coordinates(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1))
-        return _generator(x, y, (along * weight) @ across.T / self._frame.stretch(nodes))
+        density = _product(along * weight, across.T) / self._frame.stretch(nodes)
+        return _generator(x, y, density)
 
     def _coordinates(self, unit: FloatArray) -> FloatArray:
         """Return the coordinates (..., 2) of multiples (..., 2) of the scales along the axes."""
@@ -399,7 +400,8 @@ def _density(squares: FloatArray, widths: FloatArray, weight: FloatArray) -> Flo
     (n,).
     """
     exponents = squares * (-0.5 / np.square(widths)).astype(squares.dtype)
-    density = np.exp(exponents, out=exponents) @ (weight / np.square(widths)).astype(squares.dtype)
+    share = (weight / np.square(widths)).astype(squares.dtype)
+    density = np.exp(exponents, out=exponents) @ share
     return density.astype(np.float64)
 
 
@@ -414,6 +416,15 @@ def _density_without_own(squares: FloatArray, widths: FloatArray, weight: FloatA
     density = _density(squares, widths, weight) / np.maximum(1.0 - weight, np.finfo(float).tiny)
     edge = weight / np.square(widths) * np.exp(-0.5 * LAW.beyond**2)
     return np.maximum(density, edge)
+
+
+def _product(rows: FloatArray, columns: FloatArray) -> FloatArray:
+    """Return a product of matrices, a few rows at a time: each is so small that BLAS starts no
+    threads, which take longer than they save.
+    """
+    size = max(LAW.product // columns.size, 1)
+    parts = [rows[start : start + size] @ columns for start in range(0, len(rows), size)]
+    return np.concatenate(parts)
 
 
 def _kernel(distance: FloatArray, width: FloatArray) -> FloatArray:

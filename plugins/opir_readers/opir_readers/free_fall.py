@@ -7,6 +7,7 @@ flight in air falls freely under no reading: it shows nothing.
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
@@ -180,6 +181,11 @@ def _other_heights(given: Reading) -> Iterator[Reading]:
     )
 
 
+#: Columns of latitude and longitude that are exchanged, and in rad.
+_EXCHANGED = (("lat", "lon"), ("lon", "lat"))
+_IN_RADIANS = (("lat", "lat_rad"), ("lon", "lon_rad"))
+
+
 def _other_angles(given: Reading) -> Iterator[Reading]:
     """Yield states with latitudes and longitudes in other units, exchanged, or counted to the
     west, and with two axes exchanged.
@@ -187,18 +193,17 @@ def _other_angles(given: Reading) -> Iterator[Reading]:
     where = ecef_to_geodetic(given.position_m)
     latitude = where.latitude_rad
     longitude = where.longitude_rad
-    names = (("lat", "lon"), ("lon", "lat"))
-    angles: list[tuple[str, FloatArray, FloatArray, tuple[tuple[str, str], ...], str]]
-    angles = [("counted to the west", latitude, -longitude, (), "change the sign of longitudes")]
-    if np.abs(longitude).max() <= 0.5 * np.pi:
-        exchanged = "exchanged with latitudes"
-        angles.append((exchanged, longitude, latitude, names, "exchange the two"))
-    if np.degrees(np.abs(latitude)).max() <= 0.5 * np.pi:
-        names = (("lat", "lat_rad"), ("lon", "lon_rad"))
-        angles.append(("in rad", np.degrees(latitude), np.degrees(longitude), names, ""))
-    for slip, lat_rad, lon_rad, quantities, way in angles:
+
+    def reading(slip: str, lat_rad: FloatArray, lon_rad: FloatArray, **described: Any) -> Reading:
         place_m = geodetic_to_ecef(lat_rad, lon_rad, where.height_m)
-        yield Reading(f"with longitudes {slip}", given.time_s, place_m, 1.0, quantities, way)
+        return Reading(f"with longitudes {slip}", given.time_s, place_m, **described)
+
+    yield reading("counted to the west", latitude, -longitude, way="change the sign of longitudes")
+    if np.abs(longitude).max() <= 0.5 * np.pi:
+        yield reading("exchanged with latitudes", longitude, latitude, quantities=_EXCHANGED)
+    if np.degrees(np.abs(latitude)).max() <= 0.5 * np.pi:
+        degrees = np.degrees(latitude), np.degrees(longitude)
+        yield reading("in rad", *degrees, quantities=_IN_RADIANS)
     yield evolve(
         given,
         slip="with x and y exchanged",

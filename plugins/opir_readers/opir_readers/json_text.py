@@ -3,11 +3,15 @@
 import csv
 import io
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 #: Lists in a record that are longer than this are no vectors.
 _LONGEST_VECTOR = 9
+#: A name that fewer than one in so many records have is no column: a table of records that all have
+#: other names would be as large as their square.
+_RAREST = 100
 
 Records = Sequence[Mapping[str, Any]]
 
@@ -16,15 +20,18 @@ def table_of_json(text: str) -> str | None:
     """Return the records of JSON as comma-separated text, None if it is not a table.
 
     A table is a list of records, records a line each, lists by name, or an object with one of these
-    among its values. Values inside of a record have names like `position.x` and `position.0`.
+    among its values. Values inside of a record have names like `position.x` and `position.0`. Names
+    of few records are left out.
     """
     records = _records(_value(text)) if text.lstrip()[:1] in ("{", "[") else []
     rows = [dict(_flattened(record, "")) for record in records]
-    if sum(any(isinstance(cell, int | float) for cell in row.values()) for row in rows) < 2:
+    times = Counter(name for row in rows for name in row)
+    names = [name for name, count in times.items() if count * _RAREST >= len(rows)]
+    has_numbers = (any(isinstance(cell, int | float) for cell in row.values()) for row in rows)
+    if not names or sum(has_numbers) < 2:
         return None
-    names = list(dict.fromkeys(name for row in rows for name in row))
     table = io.StringIO()
-    writer = csv.DictWriter(table, names, restval="", lineterminator="\n")
+    writer = csv.DictWriter(table, names, "", extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return table.getvalue()

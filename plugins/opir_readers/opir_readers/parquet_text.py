@@ -11,8 +11,12 @@ from opir_core.plugin import BadFileError
 #: Parquet files begin so.
 MAGIC = b"PAR1"
 
-#: The most cells of a table: a small file may hold endless repetitions.
-_MOST_CELLS = 20_000_000
+#: The most cells of the columns that are read: a small file may hold endless repetitions.
+_MOST_CELLS = 5_000_000
+#: The most bytes that are unpacked of these columns.
+_MOST_BYTES = 256_000_000
+#: A column with more bytes of text holds no names, types or times, and is left out.
+_MOST_TEXT_BYTES = 64_000_000
 
 #: Columns of vectors, and those of their components.
 _VECTORS = {
@@ -32,14 +36,24 @@ def text_of_parquet(content: bytes) -> str:
     except ImportError as error:
         remedy = install_command("opir-readers", "parquet")
         raise BadFileError(f"is Parquet, which needs pyarrow; {remedy}") from error
-    text = BytesIO()
     try:
-        file = parquet.ParquetFile(BytesIO(content))
-        _require_size(file.metadata.num_rows, file.metadata.num_columns)
-        columns = dict(_columns(file.read()))
-        if not columns:
+        table = parquet.ParquetFile(BytesIO(content))
+        names = [field.name for field in table.schema_arrow if _is_read(field)]
+        if not names:
             raise BadFileError("has no columns of numbers, texts or times")
-        csv.write_csv(pyarrow.table(columns), text)
+        _require_size(table.metadata, names)
+        # Texts stay numbers into the list of the distinct ones until their size is known.
+        texts = [name for name in names if _is_text(table.schema_arrow.field(name).type)]
+        file = parquet.ParquetFile(BytesIO(content), read_dictionary=texts)
+        long = {name for name in texts if _text_bytes(file, name) > _MOST_TEXT_BYTES}
+        text = BytesIO()
+        for group in range(file.num_row_groups):
+            rows = file.read_row_group(group, [name for name in names if name not in long])
+            csv.write_csv(
+                pyarrow.table(dict(_columns(rows))),
+                text,
+                csv.WriteOptions(include_header=not group),
+            )
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         if isinstance(error, BadFileError):
             raise
@@ -49,12 +63,66 @@ def text_of_parquet(content: bytes) -> str:
     return text.getvalue().decode("utf-8", "replace")
 
 
-def _require_size(rows: int, columns: int) -> None:
-    if rows * columns > _MOST_CELLS:
+def _require_size(metadata: Any, names: list[str]) -> None:
+    """Raise `BadFileError` if the columns of these names are too large."""
+    if metadata.num_rows * len(names) > _MOST_CELLS:
         raise BadFileError(
-            f"has {rows} rows of {columns} columns; at most {_MOST_CELLS} values are read: keep the"
-            " burn, or fewer columns"
+            f"has {metadata.num_rows} rows of {len(names)} columns; at most {_MOST_CELLS} values"
+            " are read: keep the burn, or fewer columns"
         )
+    sizes = dict.fromkeys(names, 0)
+    for number in range(metadata.num_row_groups):
+        group = metadata.row_group(number)
+        for column in map(group.column, range(group.num_columns)):
+            name = column.path_in_schema.split(".")[0]
+            if name in sizes:
+                sizes[name] += column.total_uncompressed_size
+    if sum(sizes.values()) > _MOST_BYTES:
+        largest = max(sizes, key=lambda name: sizes[name])
+        raise BadFileError(
+            f"has {sum(sizes.values())} bytes in the columns of numbers, texts and times, most of"
+            f" them in {largest!r}; at most {_MOST_BYTES} are read: leave that column out"
+        )
+
+
+def _is_read(field: Any) -> bool:
+    """Return whether a column is one of numbers, texts, times or known vectors."""
+    from pyarrow import types
+
+    kind = field.type.value_type if types.is_dictionary(field.type) else field.type
+    is_list = types.is_list(kind) or types.is_fixed_size_list(kind)
+    kinds = (
+        types.is_floating,
+        types.is_boolean,
+        types.is_integer,
+        types.is_timestamp,
+        types.is_date,
+    )
+    return (
+        (is_list and field.name in _VECTORS)
+        or _is_text(kind)
+        or any(is_kind(kind) for is_kind in kinds)
+        or (types.is_fixed_size_binary(kind) and kind.byte_width == 16)
+    )
+
+
+def _is_text(kind: Any) -> bool:
+    from pyarrow import types
+
+    kind = kind.value_type if types.is_dictionary(kind) else kind
+    return bool(types.is_string(kind) or types.is_large_string(kind))
+
+
+def _text_bytes(file: Any, name: str) -> int:
+    """Return the bytes of a column of texts, row by row."""
+    from pyarrow import compute
+
+    total = 0
+    for group in range(file.num_row_groups):
+        for chunk in file.read_row_group(group, [name]).column(name).chunks:
+            lengths = compute.binary_length(chunk.dictionary).cast("int64").take(chunk.indices)
+            total += compute.sum(lengths).as_py() or 0
+    return total
 
 
 def _columns(table: Any) -> Iterator[tuple[str, Any]]:

@@ -107,6 +107,12 @@ def _track_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="id of a sensor in --sensors; repeatable",
     )
+    add(
+        "--watched",
+        metavar="FILE",
+        help="when each sensor looked: a table of sensor_id, start_s, end_s, or the word throughout"
+        " (default: the scene, the manifest beside the events, or the lines of each sensor)",
+    )
     add("--tracker", metavar="NAME", help="tracker (default: that of the scene, else imm)")
     add(
         "--set",

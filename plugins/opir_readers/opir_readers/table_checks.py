@@ -8,9 +8,14 @@ figure, the likely cause and the way out.
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
-from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.constants import (
+    EARTH_ECCENTRICITY_SQUARED,
+    EARTH_EQUATORIAL_RADIUS_M,
+    EARTH_MU_M3_S2,
+    EARTH_ROTATION_RAD_S,
+)
 from opir_core.geometry import dot, ecef_to_geodetic
 from opir_core.plugin import StateTable
 from opir_readers.frames import lengths
@@ -40,10 +45,12 @@ class PlausibleLimits:
     acceleration_m_s2: float = 250.0
     #: bends of a path below this, m, are the rounding of positions,
     least_bend_m: float = 20.0
-    #: and those below this, m, are noise where none is so many times the median of all: 20 m of noise
-    #: leave 300 m.
-    noisy_bend_m: float = 1000.0
+    #: and where their median is below this, m, all are noise that are not so many times the median:
+    #: 20 m of noise leave 100 m in the median, and 13 times as much in the first and the last step.
+    noisy_bend_m: float = 125.0
     isolated: float = 30.0
+    #: Of long tables so many states before and after the hardest bend are looked at.
+    bent_states: int = 5000
     #: A step that goes farther around the Earth than this, rad, cannot be interpolated: there, the
     #: polynomials of states with velocities are some 60 m off a low orbit,
     step_rad: float = 1.0
@@ -148,17 +155,12 @@ def _misread(table: StateTable) -> list[str]:
 
 
 def _two_places(table: StateTable) -> list[str]:
-    """Return the reason to refuse states that repeat others, and times with two places each."""
+    """Return the reason to refuse states that repeat others, or times with two places each."""
     rows = np.flatnonzero(np.diff(table.time_s) == 0.0)
     apart_m = lengths(table.position_m[rows + 1] - table.position_m[rows])
     repeated = rows[apart_m <= _LIMITS.jump_m]
     if len(repeated) >= max(_LIMITS.jumps, _LIMITS.repeated_share * len(table.time_s)):
-        row = int(repeated[0])
-        words = (
-            f"line {table.line_of(row + 1)}: repeats line {table.line_of(row)}; so do"
-            f" {len(repeated)} of {len(table.time_s)} states: leave them out"
-        )
-        return [words]
+        return [_repeats_text(table, int(repeated[0]), len(repeated))]
     jumps = np.flatnonzero(apart_m > _LIMITS.jump_m)
     if len(jumps) < max(_LIMITS.jumps, _LIMITS.jump_share * len(table.time_s)):
         return []
@@ -169,6 +171,13 @@ def _two_places(table: StateTable) -> list[str]:
         " or one state for each"
     )
     return [words]
+
+
+def _repeats_text(table: StateTable, row: int, count: int) -> str:
+    return (
+        f"line {table.line_of(row + 1)}: repeats line {table.line_of(row)}; so do {count} of"
+        f" {len(table.time_s)} states: leave them out"
+    )
 
 
 def _coarse_steps(table: StateTable) -> list[str]:
@@ -326,6 +335,29 @@ def _fastest(table: StateTable) -> tuple[int, float]:
 
 
 def _hardest(table: StateTable) -> tuple[int, float]:
+    """Return the row after which the path turns hardest, and how hard, as of `_hardest_bend`: of a
+    long table, about its hardest plain bend.
+    """
+    start = 0
+    if len(table.time_s) > 2 * _LIMITS.bent_states:
+        chord = np.diff(table.position_m, axis=0)
+        bend_m = lengths(np.diff(chord, axis=0))
+        start = max(int(bend_m.argmax()) - _LIMITS.bent_states, 0)
+        rows = slice(start, start + 2 * _LIMITS.bent_states)
+        velocity = None if table.velocity_m_s is None else table.velocity_m_s[rows]
+        states = table.time_s[rows], table.position_m[rows]
+        table = evolve(
+            table,
+            time_s=states[0],
+            position_m=states[1],
+            velocity_m_s=velocity,
+            run=table.run[rows],
+        )
+    row, acceleration = _hardest_bend(table)
+    return start + row, acceleration
+
+
+def _hardest_bend(table: StateTable) -> tuple[int, float]:
     """Return the row after which the path as it is flown turns hardest, and its mean acceleration
     over a quarter of the interval, m/s²; bends of a few metres, of rounded positions, and of
     noise do not count.
@@ -340,18 +372,30 @@ def _hardest(table: StateTable) -> tuple[int, float]:
     spans_s = np.diff(time_s, axis=1)[..., None]
     turn = np.diff(velocity.reshape(*time_s.shape, 3), axis=1) / spans_s
     hardest = lengths(turn).max(axis=1)
-    is_isolated = hardest > _LIMITS.isolated * np.median(hardest)
-    least_m = np.where(is_isolated, _LIMITS.least_bend_m, _LIMITS.noisy_bend_m)
-    hardest[hardest * length_s**2 < least_m] = 0.0
+    bends_m = hardest * length_s**2
+    is_told = hardest > _LIMITS.isolated * np.median(hardest)
+    is_told |= np.median(bends_m) > _LIMITS.noisy_bend_m
+    hardest[~is_told | (bends_m < _LIMITS.least_bend_m)] = 0.0
     row = hardest.argmax()
     return int(rows[row]), float(hardest[row])
 
 
 def _doubts_of_heights(table: StateTable) -> Iterator[str]:
-    height_m = ecef_to_geodetic(table.position_m).height_m
-    row = int(height_m.argmin())
-    if height_m[row] < _LIMITS.least_height_m:
+    # Distances from the ellipsoid along the radius are heights, near it.
+    radius_m = lengths(table.position_m)
+    cosine = np.hypot(table.position_m[:, 0], table.position_m[:, 1]) / radius_m
+    share = np.sqrt(
+        (1.0 - EARTH_ECCENTRICITY_SQUARED) / (1.0 - EARTH_ECCENTRICITY_SQUARED * cosine**2)
+    )
+    above_m = radius_m - EARTH_EQUATORIAL_RADIUS_M * share
+    rows = np.flatnonzero(above_m < 0.99 * _LIMITS.least_height_m)
+    if not len(rows):
+        return
+    height_m = ecef_to_geodetic(table.position_m[rows]).height_m
+    lowest = int(height_m.argmin())
+    row = int(rows[lowest])
+    if height_m[lowest] < _LIMITS.least_height_m:
         yield (
-            f"line {table.line_of(row)}: {-height_m[row]:.6g} m below the WGS 84 ellipsoid; are"
+            f"line {table.line_of(row)}: {-height_m[lowest]:.6g} m below the WGS 84 ellipsoid; are"
             " latitudes geocentric, or heights above something else?"
         )

@@ -91,7 +91,7 @@ def track_forecasts(config: StoneSoupConfig, context: TrackerContext) -> TrackFo
     part = PartContext(tracker=context, settings=config, forces=forces_of(context.forces))
     free_flight = EarthFixedTransition(ndim_state=_COAST, noise=config.coast_noise, forces=forces)
     return TrackForecasts(
-        made_part(Forecaster, "forecast", part),  # type: ignore[type-abstract]
+        made_part(Forecaster, "forecast", part),
         Composition.of(context.hypotheses),
         len(context.hypotheses),
         ExtendedKalmanPredictor(free_flight),

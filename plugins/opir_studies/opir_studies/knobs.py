@@ -98,7 +98,10 @@ def _tracker(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
         )
         yield Knob(
             "impact regions",
-            tuple((f"tracker.regions_every_s={s}",) for s in ("1.0", "5.0", "20.0", "60.0")),
+            tuple(
+                (f"tracker.forecast={{model: regions, renewal_share: {share}}}",)
+                for share in ("0.05", "0.2", "0.5")
+            ),
         )
     elif scene.tracker.name == "kepler-arc":
         yield Knob(

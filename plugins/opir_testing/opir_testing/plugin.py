@@ -1,4 +1,4 @@
-"""The commands for plugin authors: `opir check` and `opir new-plugin`."""
+"""The commands `opir check`, `opir claims` and `opir new-plugin`."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -8,13 +8,14 @@ from opir_core.plugin import hookimpl
 
 _SUMMARIES = {
     "check": "run the conformance tests of a component",
+    "claims": "list what opir claims, and what each claim was held against",
     "new-plugin": "write the package of a new plugin, ready to install",
 }
 
 
 @hookimpl
 def opir_add_commands(commands: Any) -> None:
-    """Add `opir check` and `opir new-plugin`."""
+    """Add `opir check`, `opir claims` and `opir new-plugin`."""
     for name, summary in _SUMMARIES.items():
         module = import_module(f"opir_testing.commands.{name.replace('-', '_')}")
         parser = commands.add_parser(name, help=summary)

@@ -425,40 +425,10 @@ class KeplerArcConfig:
     )
     needed_scans: int | None = _needed_scans()
     recent_scans: int = _recent_scans()
-    memory_s: float | None = number(
-        default=None,
-        unit="s",
-        minimum=1.0,
-        maximum=1e6,
-        help="time constant of exponential forgetting; by default none, as in the paper",
-    )
-    climb_m_s2: float = number(
-        default=15.0,
-        unit="m/s²",
-        above=0.0,
-        maximum=200.0,
-        source="twice the height over the squared time since ignition of the class profiles: 7.5"
-        " (ICBM_liquid) to"
-        " 18 (ICBM_solid), 15 to 17 of the others; notional",
-        help="assumed vertical acceleration of a target seen by one sensor: height = half this"
-        " times the squared time"
-        " since launch",
-    )
-    sigma_0_m: float = number(
-        default=300e3,
-        unit="m",
-        above=0.0,
-        maximum=2e7,
-        source='opir-simulator paper (2026), section 5.2: early in boost "hundreds of kilometers"',
-        help="σ₀ of the predicted impact, per ground axis, before the first detection",
-    )
-    convergence: float = number(
-        default=4.6,
-        minimum=0.0,
-        maximum=100.0,
-        source='opir-simulator paper (2026), section 5.2: "by mid-boost, it converges to tens of'
-        ' kilometers": ln 100',
-        help="k in σ = σ₀ exp(-k n/N), after n of N expected detections of the boost",
+    forecast: Any = part(
+        role="forecast",
+        default="arc",
+        help="impacts: Keplerian arcs after burnout, or others",
     )
     hypotheses: HypothesesConfig = nested(
         default=HypothesesConfig(),
@@ -470,10 +440,12 @@ class KeplerArcConfig:
         _check_scans(self.needed_scans, self.recent_scans)
 
     def imm(self) -> ImmConfig:
-        """Return the settings of `imm`, whose tracks the arcs are fitted to."""
+        """Return the settings of `imm`, whose tracks fly on the arcs."""
         return ImmConfig(
             cadence_s=self.cadence_s,
             needed_scans=self.needed_scans,
             recent_scans=self.recent_scans,
+            forecast=self.forecast,
             hypotheses=self.hypotheses,
+            least_launch_probability=self.least_launch_probability,
         )

@@ -7,6 +7,7 @@ of its association, because late detections return the tracker to an earlier tim
 """
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -39,7 +40,7 @@ class PartContext:
 _Part = TypeVar("_Part", bound=PluginPart)
 
 
-def made_part(contract: type[_Part], role: str, context: PartContext) -> _Part:
+def made_part(contract: Callable[..., _Part], role: str, context: PartContext) -> _Part:
     """Return the part of a role that the settings name; raises `ModelError` with its owner if it
     cannot be built or lacks a method of the contract.
     """
@@ -50,7 +51,9 @@ def made_part(contract: type[_Part], role: str, context: PartContext) -> _Part:
         raise
     except Exception as error:
         raise ModelError(f"{maker.owner}: build raised {described_error(error)}") from error
-    return contract.adopt(part, lambda: maker.owner)
+    base: Any = contract
+    adopted: _Part = base.adopt(part, lambda: maker.owner)
+    return adopted
 
 
 def maker_of(role: str, context: PartContext) -> PartMaker:
@@ -158,8 +161,8 @@ class Associator(PluginPart):
         return self.associate(problem).owner
 
     def settled(self, tracks: "TrackPicture", memory: Any) -> "Settled":
-        """Return the memory, and what it changes of the tracks, at the end of a slice in which there
-        is a memory or tracks began.
+        """Return the memory, and what it changes of the tracks: after tracks began, and at the end of
+        a slice with a memory, when those that ended are out of the table (`tracks.is_pruned`).
         """
         return Settled(memory=memory)
 
@@ -185,7 +188,8 @@ class TrackPicture:
     longest silence, s, that missed detections explain.
     `sightings` are the recent scans with detections, `existence` (n,) is that of the association.
     `known_errors` (sensors, 3) are taken off lines of sight: two angles, rad, and the clock, s;
-    `bias_sigma_rad` (sensors,) is left.
+    `bias_sigma_rad` (sensors,) is left. `is_pruned` is whether the tracks that ended are out of the
+    table.
     """
 
     time_s: float
@@ -199,6 +203,7 @@ class TrackPicture:
     known_errors: FloatArray
     bias_sigma_rad: FloatArray
     existence: FloatArray | None = None
+    is_pruned: bool = False
 
     @property
     def number(self) -> IntArray:

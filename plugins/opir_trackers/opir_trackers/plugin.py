@@ -19,9 +19,9 @@ def _imm(config: ImmConfig, context: "TrackerContext") -> "Tracker":
 
 
 def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker":
-    from opir_trackers.arc.tracker import kepler_arc_tracker
+    from opir_trackers.imm.tracker import imm_tracker
 
-    return kepler_arc_tracker(config, context)
+    return imm_tracker(config.imm(), context)
 
 
 def _subjects_read(config: ImmConfig) -> Sequence[str]:
@@ -33,8 +33,8 @@ def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `kepler-arc` and `imm`."""
     yield TrackerModel(
         name="kepler-arc",
-        summary="a Keplerian arc fitted to three or more detections, with the paper's empirical"
-        " impact sigma",
+        summary="the tracks of imm, with the paper's Keplerian arc to the impact once a target no"
+        " longer burns",
         config=KeplerArcConfig,
         build=_kepler_arc,
         reads=(),
@@ -61,6 +61,20 @@ def _build(module: str, name: str) -> Callable[[Any, Any], Any]:
 @hookimpl
 def opir_tracker_parts() -> Iterable[TrackerPart]:
     """Yield the parts of `imm`."""
+    yield TrackerPart(
+        name="jpda",
+        summary="lines that several tracks may have move each by the probability of its label",
+        role="association",
+        build=_build("associators.jpda", "joint_associator"),
+        reads=(),
+    )
+    yield TrackerPart(
+        name="gnn",
+        summary="global nearest neighbour: the most likely one-to-one assignment of each scan",
+        role="association",
+        build=_build("associators.gnn", "nearest_associator"),
+        reads=(),
+    )
     yield TrackerPart(
         name="crowds",
         summary="global nearest neighbour; tracks that share lines are followed in the sensors'"

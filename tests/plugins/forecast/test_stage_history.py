@@ -8,6 +8,7 @@ from attrs import evolve
 from boost_law import GAP, NONE
 from opir_forecast import BoostEstimates
 from opir_forecast.stage_history import StageHistory
+from opir_forecast.track_rows import rows_of_tracks
 from plain_boosts import RADIUS_M
 
 
@@ -79,10 +80,12 @@ def test_staging_counts_if_the_force_has_dropped(force: float, stages: int) -> N
 
 def test_tracks_keep_their_histories_whatever_comes_and_goes() -> None:
     history = history_of(*FIRST, *DARK)
-    among = history.of(np.array([3, 7, 9]), 80.0)
+    among = rows_of_tracks(
+        history, np.array([3, 7, 9]), lambda number: StageHistory.begun(number, 80.0)
+    )
     assert among.number.tolist() == [3, 7, 9]
     assert among.done.tolist() == [0, 1, 0]
-    assert np.array_equal(among.of(np.array([7]), 81.0).logs, history.logs, equal_nan=True)
+    assert np.array_equal(among.take(np.array([1])).logs, history.logs, equal_nan=True)
 
 
 def test_a_burn_in_another_direction_is_evidence_for_none() -> None:

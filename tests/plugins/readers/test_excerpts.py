@@ -89,28 +89,20 @@ def test_a_scene_without_an_end_ends_with_the_last_line(folder: Path, flights: F
     assert scene["duration_s"] == last_s
 
 
-def test_an_end_after_the_last_line_is_said_to_be_dark(
+def test_a_scene_that_goes_on_ends_with_the_last_line_too(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, last_s = excerpt(folder, 0, 8.3)
-    command = [
-        "track",
-        str(path),
-        "--sensors",
-        str(folder / "sensors.yaml"),
-        "--out",
-        str(path) + "l",
-        *WORDS,
-    ]
-    assert main(command) == 0
-    assert "as after a burn" not in capsys.readouterr().out
-    assert main([*command, "--set", "duration_s=20"]) == 0
+    expected = tracked(path)
+    (folder / "longer.yaml").write_text(f"duration_s: 300\n{SENSORS}")
+    command = ["track", str(path), "--sensors", str(folder / "longer.yaml"), *WORDS]
+    assert main([*command, "--out", str(path) + "l"]) == 0
     out = capsys.readouterr().out
-    assert (
-        f"nothing is detected in the last {20.0 - last_s:.1f} s of the scene, as after a burn;"
-        in out
-    )
-    assert f"--set duration_s={np.ceil(last_s * 1e3) * 1e-3:.3f}" in out
+    assert f"as of {last_s:.1f} s" in out
+    assert f"–{last_s:.1f} s; " in out
+    assert "after that nothing is known (by first and last lines, and gaps)" in out
+    (folder / "sensors.yaml").write_text(SENSORS)
+    assert tracked(path) == expected
 
 
 @pytest.mark.slow

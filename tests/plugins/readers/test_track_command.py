@@ -42,6 +42,10 @@ def folder(tmp_path_factory):
     return where
 
 
+#: The sensors of a run looked throughout its scene: tables of its events do not say so.
+WATCHED = ("--watched", "throughout")
+
+
 @pytest.fixture
 def track(tmp_path, capsys):
     """Return a function that tracks a file and returns the tracks' rows, or with an exit code the
@@ -104,7 +108,7 @@ def test_a_table_gives_the_same_tracks_as_events(track, folder, tmp_path):
     cells = [[*(row[name] for name in names), *row["sensor_position_ecef_m"]] for row in rows]
     (tmp_path / "own.csv").write_text(table_of(cells, [*names, *places]))
     same(
-        track(tmp_path / "own.csv", folder / "sensors.yaml"),
+        track(tmp_path / "own.csv", folder / "sensors.yaml", *WATCHED),
         track(folder / "events.jsonl", folder / "sensors.yaml"),
     )
 
@@ -165,7 +169,7 @@ def test_other_units_names_and_delimiters_give_the_same_tracks(track, folder, tm
     ]
     words += ["--rename", "west=WEST", "--rename", "east=EAST"]
     # Times to a microsecond and radians back to degrees: as much as the rounding of events.
-    tracks = track(tmp_path / "own.csv", folder / "sensors.yaml", *words)
+    tracks = track(tmp_path / "own.csv", folder / "sensors.yaml", *WATCHED, *words)
     same(tracks, track(folder / "events.jsonl", folder / "sensors.yaml"), metres=1.0)
 
 
@@ -183,7 +187,7 @@ def test_a_tracking_data_message_gives_the_same_tracks(track, folder, tmp_path, 
     ]
     assert main(["export", str(folder / "events.jsonl"), *words]) == 0
     same(
-        track(tmp_path / "run.tdm", folder / "scene.yaml"),
+        track(tmp_path / "run.tdm", folder / "scene.yaml", *WATCHED),
         track(folder / "events.jsonl", folder / "scene.yaml"),
         metres=5.0,
     )
@@ -191,7 +195,7 @@ def test_a_tracking_data_message_gives_the_same_tracks(track, folder, tmp_path, 
 
 def test_an_exported_table_of_detections_gives_the_same_tracks(track, folder, tmp_path):
     run_command("export {} --to csv --out {}", folder / "events.jsonl", tmp_path / "tables")
-    tracks = track(tmp_path / "tables" / "detections.csv", folder / "scene.yaml")
+    tracks = track(tmp_path / "tables" / "detections.csv", folder / "scene.yaml", *WATCHED)
     # Angles of the table went through radians.
     same(tracks, track(folder / "events.jsonl", folder / "scene.yaml"), metres=0.01)
 
@@ -205,7 +209,7 @@ def test_parquet_gives_the_same_tracks(track, folder, tmp_path, is_export):
         run_command("run {} -q --out {}", folder / "scene.yaml", path)
     # Without an epoch of their own: the column of dates counts, not the seconds of the scene beside
     # it.
-    tracks = track(path, folder / "sensors.yaml")
+    tracks = track(path, folder / "sensors.yaml", *WATCHED)
     ids = [
         json.loads(line)["detection_id"]
         for line in (tmp_path / "tracked.jsonl").read_text().splitlines()

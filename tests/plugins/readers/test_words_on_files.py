@@ -64,7 +64,7 @@ def test_dates_may_have_decimal_commas(tmp_path: Path, capsys: Capsys) -> None:
     assert "180 detections (sights)" in tracked(written(tmp_path, "l.csv", lines), capsys)
 
 
-def test_one_detection_is_counted_as_one(tmp_path: Path, capsys: Capsys) -> None:
+def test_a_single_detection_has_no_plural(tmp_path: Path, capsys: Capsys) -> None:
     lines = "\n".join(lines_csv(lines_of(rng(3))).splitlines()[:2])
     assert "1 detection (sights)" in tracked(written(tmp_path, "l.csv", lines), capsys)
 

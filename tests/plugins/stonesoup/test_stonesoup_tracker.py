@@ -215,7 +215,7 @@ def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_fil
     assert len(set(run.tracks.track.tolist())) == 1
     end = predictor.predict(now, timestamp=now.timestamp.replace(minute=1, second=0, microsecond=0))
     assert run.tracks.tick_s[-1] == 60.0
-    assert run.tracks.hypothesis_probability.shape == (len(run.tracks), 0)
+    assert run.tracks.hypothesis_probability.sum(axis=1) == pytest.approx(np.ones(len(run.tracks)))
     sigma = np.sqrt(np.diag(np.array(end.covar, float)))[:6]
     assert np.all(
         np.abs(run.tracks.state[-1] - np.array(end.state_vector, float)[:6, 0]) < 1e-6 * sigma
@@ -297,6 +297,21 @@ def test_windows_change_nothing():
 
 
 @pytest.mark.slow
+def test_its_tracks_have_hypotheses_and_regions_unless_none_are_asked_for():
+    with_regions, without = (
+        run_of_plan(plan_of(f"tracker={{model: stonesoup, forecast: {name}}}", "duration_s=60"))
+        for name in ("regions", "none")
+    )
+    assert np.array_equal(with_regions.tracks.state, without.tracks.state)
+    last = with_regions.tracks.take(slice(-1, None))
+    assert last.impact_regions[0]
+    assert last.probability_launch[0] > 0.99
+    assert last.probability_burning[0] > 0.9
+    assert last.hypothesis_probability.sum() == pytest.approx(1.0)
+    assert not any(without.tracks.impact_regions)
+    assert np.isnan(without.tracks.impact).all()
+
+
 def test_it_is_compared_with_other_trackers():
     overrides = ["outputs=[]", "duration_s=45", SENSORS]
     cards = compared(SCENE, trackers=["imm", "stonesoup"], runs=2, overrides=overrides).cards

@@ -360,7 +360,9 @@ def planted(scene: Scene, seeds: Sequence[int], lost: float | None = None) -> An
         from_truth={"position_km": np.nan, "launch_km": np.nan, "impact_km": away_km},
         estimated={"position_km": 0.0, "launch_km": 0.0, "impact_km": share},
     )
-    return [answers] * len(seeds), cost_s + 0.001 * (scene.tracker.config.regions_every_s < 60.0)
+    return [answers] * len(seeds), cost_s + 0.001 * (
+        scene.tracker.config.forecast.config.renewal_share < 0.5
+    )
 
 
 def tuned_pair(

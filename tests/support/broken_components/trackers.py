@@ -384,3 +384,29 @@ class BlindAssociator(Associator):
 @mutant(TrackerPart, "blind-associator", "test_targets_are_followed", role="association")
 def blind_associator(_config, _context):
     return BlindAssociator()
+
+
+class ForgetfulAssociator(BlindAssociator):
+    """Gives each line to the first track, but for every third call."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def associate(self, problem):
+        self.calls += 1
+        if self.calls % 3 == 0:
+            return super().associate(problem)
+        pairs = problem.pairs.take(np.unique(problem.pairs.line, return_index=True)[1])
+        owner = np.full(len(problem.lines), -1)
+        owner[pairs.line] = pairs.track
+        return Association(lines=problem.lines, owner=owner, pairs=pairs)
+
+
+@mutant(
+    TrackerPart,
+    "forgetful-associator",
+    "test_associate_has_no_side_effects",
+    role="association",
+)
+def forgetful_associator(_config, _context):
+    return ForgetfulAssociator()

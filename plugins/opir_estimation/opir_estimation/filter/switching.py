@@ -210,6 +210,8 @@ class ImmFilter:
         count = len(estimates.weight)
         if not count:
             return estimates
+        if not measurements.track.size:
+            return self._undetected(estimates, step_s, watched)
         estimates = self._with_ignitions(estimates, time_s, measurements)
         hits = np.bincount(measurements.track, minlength=count)
         boost, burns, coast, change = self._measured(estimates, hits, time_s, measurements)
@@ -224,6 +226,21 @@ class ImmFilter:
                 estimates, hits, silent_s, change, step_s, self.memory_s, self.pause_s, watched
             )
         return ModeEstimates(weight, *boost, *coast, rate, *burns)
+
+    def _undetected(
+        self, estimates: ModeEstimates, step_s: float, watched: Watched | None
+    ) -> ModeEstimates:
+        """Return the estimates after a slice without measurements."""
+        if not self.switches and not all(estimates.are_used):
+            return estimates
+        count = len(estimates.weight)
+        change = np.zeros((count, 2))
+        silent_s = np.array([step_s] * count)
+        times_s = step_s, self.memory_s, self.pause_s
+        weight, rate = mode_mixing.mode_update(
+            estimates, change[:, 0], silent_s, change, *times_s, watched
+        )
+        return ModeEstimates(weight, *estimates.boost, *estimates.coast, rate, *estimates.burns)
 
     def _with_ignitions(
         self, estimates: ModeEstimates, time_s: float, measurements: AngleMeasurements

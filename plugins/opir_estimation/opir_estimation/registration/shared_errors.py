@@ -14,7 +14,7 @@ from attrs import evolve
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import local_axes
-from opir_estimation.directions import dot
+from opir_estimation.directions import cross, dot
 from opir_estimation.law_files import law_parameters
 from opir_estimation.lines_of_sight import LinesOfSight, earth_rotated
 
@@ -65,7 +65,7 @@ class Vantages(NamedTuple):
         east = np.broadcast_to(self.axes[:, 0], line.shape)
         north = np.broadcast_to(self.axes[:, 1], line.shape)
         clock = self.velocity_m_s - over_ground[:, None]
-        return np.stack([np.cross(line, north), np.cross(east, line), clock], axis=3)
+        return np.stack([cross(line, north), cross(east, line), clock], axis=3)
 
     def shifts(
         self, position_m: FloatArray, velocity_m_s: FloatArray, is_seen: BoolArray
@@ -93,7 +93,7 @@ def turned_back(direction: FloatArray, origin_m: FloatArray, error: FloatArray) 
     """
     axes = local_axes(origin_m)
     turn = error[:, 1:2] * axes[:, 0] - error[:, :1] * axes[:, 1]
-    moved = direction - np.cross(turn, direction)
+    moved = direction - cross(turn, direction)
     return moved / np.sqrt(dot(moved, moved))[:, None]
 
 

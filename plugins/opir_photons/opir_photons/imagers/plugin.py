@@ -1,4 +1,5 @@
-"""The sensor models `GOES-ABI` and `AHI`: bands 7 to 10 of the imagers of GOES-R and Himawari.
+"""The sensor models `GOES-ABI` and `AHI`: bands 7 to 10 of the imagers of GOES-R and Himawari, and
+11 to 16 as a preset.
 
 Bands, 2 km pixels at nadir, noise and cadence: T. J. Schmit et al., "A closer look at the ABI on
 the GOES-R series", Bulletin of the American Meteorological Society 98 (2017), 681-698, and the
@@ -24,23 +25,47 @@ AHI = "Bessho et al., J. Meteor. Soc. Japan 94 (2016) 151"
 #: Bands 7 to 10, µm: shortwave window; upper, middle and lower tropospheric water vapour.
 BANDS = {"B07": (3.8, 4.0), "B08": (5.77, 6.6), "B09": (6.75, 7.15), "B10": (7.24, 7.44)}
 
+#: Bands 11 to 16, µm: cloud phase, ozone, windows, carbon dioxide.
+LONG_BANDS = {
+    "B11": (8.3, 8.7),
+    "B12": (9.42, 9.8),
+    "B13": (10.1, 10.6),
+    "B14": (10.8, 11.6),
+    "B15": (11.8, 12.8),
+    "B16": (13.0, 13.6),
+}
+
 #: NEDT of 0.1 K at 300 K in each band, and of 0.16 K in band 7 of AHI, as irradiances.
 ABI_NEI_W_M2 = {"B07": 1.553e-12, "B08": 3.783e-11, "B09": 2.137e-11, "B10": 1.113e-11}
 AHI_NEI_W_M2 = {**ABI_NEI_W_M2, "B07": 2.484e-12}
 
+#: NEDT of 0.1 K at 300 K, 0.3 K in band 16, as irradiances.
+LONG_NEI_W_M2 = {
+    "B11": 2.26e-11,
+    "B12": 1.986e-11,
+    "B13": 2.407e-11,
+    "B14": 3.438e-11,
+    "B15": 3.642e-11,
+    "B16": 5.575e-11,
+}
+
 #: A pixel is sampled every 2 km at nadir, from 35 786 km.
 PIXEL_URAD = 56.0
+
+LONG_WAVES = {"long-waves": {"bands": LONG_BANDS, "band_nei_w_m2": LONG_NEI_W_M2}}
 
 ABI_SCANS = {
     "full-disk": {"scan_period_ms": 600_000.0},
     "conus": {"scan_period_ms": 300_000.0},
     "mesoscale": {"scan_period_ms": 60_000.0},
     "mesoscale-30s": {"scan_period_ms": 30_000.0},
+    **LONG_WAVES,
 }
 AHI_SCANS = {
     "full-disk": {"scan_period_ms": 600_000.0},
     "target-area": {"scan_period_ms": 150_000.0},
     "landmark": {"scan_period_ms": 30_000.0},
+    **LONG_WAVES,
 }
 
 

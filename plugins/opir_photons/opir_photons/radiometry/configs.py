@@ -191,11 +191,23 @@ class PlumeConfig:
 
 
 LOWTRAN = "LOWTRAN7 as shipped in opir_core/data"
-CLIMATES = ("us1976", "tropical", "midlat_summer", "midlat_winter", "subarctic_winter")
+CLIMATES = (
+    "us1976",
+    "tropical",
+    "midlat_summer",
+    "midlat_winter",
+    "subarctic_summer",
+    "subarctic_winter",
+)
+#: Which air is whose: the model atmospheres' own latitudes and months.
+SEASONS = (
+    "model atmosphere: tropical to 30 deg of latitude, midlat to 50 deg, subarctic beyond; summer"
+    " from April to September, in the south from October to March; us1976 anywhere"
+)
 TABLE_BANDS = ("SWIR", "SWIR_N", "MWIR", "MWIR_N", "LWIR", "STG_2.0_2.4", "MWIRW_3.5_4.0")
-#: Bands 7 to 10 of civil imagers; the table of backgrounds has them under clear skies and opaque
+#: Bands 7 to 16 of civil imagers; the table of backgrounds has them under clear skies and opaque
 #: cloud alone.
-IMAGER_BANDS = ("ABI_07", "ABI_08", "ABI_09", "ABI_10")
+IMAGER_BANDS = tuple(f"ABI_{number:02}" for number in range(7, 17))
 
 
 def _stand_ins_complaint(bands: Mapping[str, Any]) -> str | None:
@@ -236,7 +248,7 @@ class CloudConfig:
 class LowtranConfig:
     """What a scene may set of the atmosphere `lowtran`."""
 
-    climate: str = text(default="us1976", choices=CLIMATES, help="model atmosphere", source=LOWTRAN)
+    climate: str = text(default="us1976", choices=CLIMATES, help=SEASONS, source=LOWTRAN)
     aerosol: str = text(
         default="rural23km",
         choices=("rural23km", "none"),
@@ -357,8 +369,8 @@ class EarthConfig:
 
     climate: str = text(
         default="us1976",
-        choices=("us1976", "tropical", "midlat_summer", "subarctic_winter"),
-        help="model atmosphere",
+        choices=CLIMATES,
+        help=SEASONS,
         source=LOWTRAN,
     )
     sky: str = text(

@@ -2,11 +2,12 @@
 and light of surfaces that radiate what they get.
 
 The nose gets the stagnation heat flux of Sutton and Graves, q = K √(ρ/R) v³; other parts that of
-laminar flow along a plate (Tauber, Menees and Adelman), both at most the flow of energy ρ v³/2 that
-meets the part. In radiative equilibrium a surface of emissivity ε at T gets ε σ (T⁴ - T₀⁴) = q (1 -
-c T/H), with the total enthalpy H = c T_air + v²/2 and the temperature T₀ that it has without air.
-Constants, shapes and sources: `opir_photons/data/heated_bodies.json`. A convex body shows a quarter
-of its surface on average over all directions.
+flow along a plate, laminar or turbulent by its Reynolds number (Tauber, Menees and Adelman). Both
+are at most the flow of energy ρ v³/2 that meets the part. In radiative equilibrium a surface of
+emissivity ε at T gets ε σ (T⁴ - T₀⁴) = q (1 - c T/H), with the total enthalpy H = c T_air + v²/2
+and the temperature T₀ that it has without air. Constants, shapes and sources:
+`opir_photons/data/heated_bodies.json`. A convex body shows a quarter of its surface on average over
+all directions.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,19 +43,37 @@ def stagnation_flux_w_m2(
 def plate_flux_w_m2(
     density_kg_m3: ArrayLike, speed_m_s: ArrayLike, slope_rad: ArrayLike, length_m: ArrayLike
 ) -> FloatArray:
-    """Return the heat fluxes, W/m², of laminar flow along cold plates at running lengths; arguments
+    """Return the heat fluxes, W/m², of flow along cold plates at running lengths; arguments
     broadcast.
 
-    Source: M. E. Tauber, G. P. Menees and H. G. Adelman, J. Aircraft 24 (1987) 594; at most ρ v³/2
-    times the sine of the slope.
+    Laminar flow turns turbulent about a Reynolds number. Source: M. E. Tauber, G. P. Menees and H.
+    G. Adelman, J. Aircraft 24 (1987) 594; at most ρ v³/2 times the sine of the slope.
     """
     table = law("heated_bodies")
     density = floats(density_kg_m3)
     speed = floats(speed_m_s)
+    length = floats(length_m)
     sine = np.sin(slope_rad)
-    shape = table["plate_factor"] * np.sqrt(np.cos(slope_rad) / floats(length_m)) * sine
-    flux = shape * np.sqrt(density) * speed ** table["plate_speed_power"]
+    shape = table["plate_factor"] * np.sqrt(np.cos(slope_rad) / length) * sine
+    laminar = shape * np.sqrt(density) * speed ** table["plate_speed_power"]
+    reynolds = density * speed * length / table["viscosity_pa_s"]
+    share = 1.0 / (1.0 + np.square(table["transition_reynolds"] / np.maximum(reynolds, 1e-9)))
+    turbulent = _turbulent_flux_w_m2(density, speed, slope_rad, length)
+    flux = laminar + share * np.maximum(turbulent - laminar, 0.0)
     return np.minimum(flux, 0.5 * density * speed**3 * sine)
+
+
+def _turbulent_flux_w_m2(
+    density_kg_m3: FloatArray, speed_m_s: FloatArray, slope_rad: ArrayLike, length_m: FloatArray
+) -> FloatArray:
+    """Return the heat fluxes, W/m², of turbulent flow along cold plates."""
+    table = law("heated_bodies")
+    edge = table["turbulent_slow_below_m_s"]
+    power = table["turbulent_speed_power"]
+    slow = edge**power * (speed_m_s / edge) ** table["turbulent_slow_speed_power"]
+    by_speed = np.where(speed_m_s > edge, speed_m_s**power, slow)
+    shape = np.cos(slope_rad) ** table["turbulent_cosine_power"] * np.sin(slope_rad) ** 1.6
+    return table["turbulent_factor"] * shape * density_kg_m3**0.8 / length_m**0.2 * by_speed
 
 
 def equilibrium_temperature_k(

@@ -1,4 +1,4 @@
-"""The atmosphere `lowtran`: band transmittances of LOWTRAN7 for five climates, with clouds if a
+"""The atmosphere `lowtran`: band transmittances of LOWTRAN7 for six climates, with clouds if a
 scene has them.
 
 Between the table's heights and zenith angles τ is interpolated in the fourth root of optical depth,

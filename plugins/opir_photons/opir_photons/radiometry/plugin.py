@@ -50,7 +50,7 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     """Yield `lowtran`."""
     yield AtmosphereModel(
         name="lowtran",
-        summary="band transmittances of LOWTRAN7 for five climates, with a deck of cloud where one"
+        summary="band transmittances of LOWTRAN7 for six climates, with a deck of cloud where one"
         " is set",
         config=LowtranConfig,
         build=_built_by("lowtran", "lowtran_atmosphere"),

@@ -12,7 +12,7 @@ from opir_core.errors import number_of
 from opir_core.geometry import dot
 from opir_core.plugin import BadFileError
 from opir_readers.detections.columns_of_run import RunColumns
-from opir_readers.detections.line_doubts import odd_sigmas, rare_lines
+from opir_readers.detections.line_doubts import odd_sigmas, rare_lines, unwatched_lines
 from opir_readers.detections.meeting import slips_of_lines
 from opir_readers.detections.numbers import Rows, place_of
 from opir_readers.detections.times import NS_PER_S
@@ -67,6 +67,7 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
     yield from odd_sigmas(columns, plan)
     yield from rare_lines(columns, plan)
     yield from slips_of_lines(columns, plan)
+    yield from unwatched_lines(columns, plan)
     for number, sensor in enumerate(plan.sensors):
         rows = np.flatnonzero(detections.sensor == number)
         offset = origin_m[rows] - sensor.orbit.position_ecef_m(detections.time_s[rows])

@@ -14,7 +14,7 @@ from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import nearest_names
 from opir_core.geometry import dot, line_of_sight, unit_vectors
-from opir_core.plugin import BadFileError, FieldInfo, ScanningSensorConfig, Sensor
+from opir_core.plugin import BadFileError, FieldInfo, ScanningSensorConfig
 from opir_core.random_streams import id_key, uuid8_words
 from opir_core.scene import info_of
 from opir_readers.detections.numbers import (
@@ -96,7 +96,9 @@ def columns_of(rows: Rows, plan: Plan, names: Mapping[str, str]) -> RunColumns:
 
     Raises `BadFileError` with the line of a row that cannot be one of a sensor's detections.
     """
-    sensor = _sensors(rows, plan.sensors, names)
+    ids = [each.id for each in plan.sensors]
+    number = {name: place for place, name in enumerate(ids)}
+    sensor = np.array([number[name] for name in sensor_ids(rows, ids, names)], dtype=np.int32)
     time_ns = times_ns(rows, plan.scene.epoch_us)
     order = np.lexsort((sensor, time_ns))
     rows = [rows[place] for place in order.tolist()]
@@ -125,22 +127,26 @@ def columns_of(rows: Rows, plan: Plan, names: Mapping[str, str]) -> RunColumns:
     return RunColumns(detections.freeze(), truth_of(rows, detections, plan), rows)
 
 
-def _sensors(rows: Rows, sensors: Sequence[Sensor], names: Mapping[str, str]) -> IndexArray:
-    """Return the numbers (n,) of the rows' sensors."""
-    number = {sensor.id: place for place, sensor in enumerate(sensors)}
-    only = sensors[0].id if len(sensors) == 1 else None
-    numbers = []
+def sensor_ids(rows: Rows, ids: Sequence[str], names: Mapping[str, str]) -> list[str]:
+    """Return the ids (n,) of the rows' sensors, of those of a scene; `names` are the scene's of
+    ids in the file.
+
+    Raises `BadFileError` with the line of another.
+    """
+    only = ids[0] if len(ids) == 1 else None
+    known = set(ids)
+    found = []
     for row in rows:
         name = row.get("sensor_id", only)
         if name is None:
             raise BadFileError(
-                f"{place_of(row)}has no sensor_id, and --sensors has several: {', '.join(number)}"
+                f"{place_of(row)}has no sensor_id, and --sensors has several: {', '.join(ids)}"
             )
         name = names.get(str(name), str(name))
-        if name not in number:
-            raise _unknown_sensor(name, row, rows, list(number))
-        numbers.append(number[name])
-    return np.array(numbers, dtype=np.int32)
+        if name not in known:
+            raise _unknown_sensor(name, row, rows, ids)
+        found.append(name)
+    return found
 
 
 def _unknown_sensor(name: str, row: Row, rows: Rows, known: Sequence[str]) -> BadFileError:
@@ -227,8 +233,8 @@ def _way(row: Row) -> int:
 def _require_angles(rows: Rows, angle_rad: FloatArray, name: str) -> None:
     for place in np.flatnonzero(np.abs(angle_rad) > 0.5 * np.pi + 1e-9).tolist():
         raise BadFileError(
-            f"{place_of(rows[place])}{name} is {rows[place][name]}, beyond 90 deg; are its units"
-            " others?"
+            f"{place_of(rows[place])}{name} is {rows[place][name]}, beyond 90 deg; name the columns"
+            " of zenith angles, other units or exchanged angles with --columns"
         )
 
 

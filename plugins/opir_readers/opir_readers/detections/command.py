@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core import Engine, Plan, Tracks, Window, compile_plan
+from opir_core import Detections, Engine, Plan, Tracks, Window, compile_plan
 from opir_core.cli import answers, grouped, prints_on_standard_error, reported_tables, table
 from opir_core.errors import Problem, SceneError
 from opir_core.output import RunOutcome, deliver, timestamp_text
@@ -18,12 +18,13 @@ from opir_core.plugin import BadFileError, FileReader, Host
 from opir_core.simulation import ReportOrder
 from opir_readers.column_maps import columns_of_text
 from opir_readers.detections.checks import warnings_of, within_scene
-from opir_readers.detections.columns_of_run import RunColumns, columns_of, times_ns
+from opir_readers.detections.columns_of_run import RunColumns, columns_of, sensor_ids, times_ns
 from opir_readers.detections.no_tracks import reason_of_no_track
 from opir_readers.detections.numbers import NOTES, Rows
 from opir_readers.detections.repeats import repeats_text, without_repeats
-from opir_readers.detections.sensors_scene import scene_of_sensors
+from opir_readers.detections.sensors_scene import scene_of_sensors, watched_scene
 from opir_readers.detections.times import NS_PER_S
+from opir_readers.detections.watched import Watched, spans_text, watched_lines, watched_of
 from opir_readers.reading import FileText, content_of, file_text, reader_of, refused
 
 
@@ -48,10 +49,15 @@ def track_file(arguments: argparse.Namespace) -> int:
     with prints_on_standard_error():
         source = _source(arguments, host)
         scene = scene_of_sensors(arguments, source.rows, host)
-        plan = compile_plan(scene, host)
+        names = renamed(arguments.rename)
         try:
             rows = within_scene(source.rows, times_ns(source.rows, scene.epoch_us), scene)
-            columns = columns_of(rows, plan, renamed(arguments.rename))
+            ids = sensor_ids(rows, [sensor.id for sensor in scene.sensors], names)
+            times = times_ns(rows, scene.epoch_us)
+            watched = watched_of(arguments, source.rows, ids, times, scene)
+            last_s = int(times.max()) / NS_PER_S
+            plan = compile_plan(watched_scene(arguments, scene, watched, last_s), host)
+            columns = columns_of(rows, plan, names)
         except BadFileError as error:
             raise refused(arguments.file, error) from error
     if not arguments.quiet:
@@ -63,7 +69,7 @@ def track_file(arguments: argparse.Namespace) -> int:
     with prints_on_standard_error():
         outcome = _tracked(arguments, plan, columns, source.file, paths)
     if not arguments.quiet:
-        read = _read_text(arguments, plan, source.reader, columns)
+        read = _read_text(arguments, plan, source.reader, columns, watched)
         paths["events"] = arguments.out
         written = [f"{path}: {kind}" for kind, path in paths.items()]
         parts = [
@@ -171,37 +177,30 @@ def _counted(count: int) -> str:
 
 
 def _read_text(
-    arguments: argparse.Namespace, plan: Plan, reader: FileReader, columns: RunColumns
+    arguments: argparse.Namespace,
+    plan: Plan,
+    reader: FileReader,
+    columns: RunColumns,
+    watched: Watched,
 ) -> Iterator[str]:
     """Yield the sentences on the detections that were read, and their number by sensor."""
+    head = _head_text(arguments.file, plan, reader, columns.detections)
+    yield "\n".join([head, *watched_lines(watched)])
+    count = np.bincount(columns.detections.sensor, minlength=len(plan.sensors)).tolist()
+    rows = [
+        (sensor.id, sensor.type, grouped(number), spans_text(watched.spans[sensor.id]))
+        for sensor, number in zip(plan.sensors, count, strict=True)
+    ]
+    yield table(("sensor", "type", "detections", "watched s"), rows, numbers=(2,))
+
+
+def _head_text(path: str, plan: Plan, reader: FileReader, detections: Detections) -> str:
+    """Return what was read, and of which scene, in a sentence."""
     scene = plan.scene
-    detections = columns.detections
     start_s, end_s = (detections.time_ns[[0, -1]] / NS_PER_S).tolist()
     epoch = timestamp_text(np.array([scene.epoch_us]))[0]
-    head = (
-        f"{arguments.file}: {_counted(len(detections))} ({reader.name}), {start_s:.3f} to"
+    return (
+        f"{path}: {_counted(len(detections))} ({reader.name}), {start_s:.3f} to"
         f" {end_s:.3f} s of a scene of {scene.duration_s:g} s from {epoch}, tracker"
         f" {scene.tracker.name}, as of {scene.duration_s:.1f} s"
     )
-    yield "\n".join([head, *_darkness(plan, columns)])
-    count = np.bincount(detections.sensor, minlength=len(plan.sensors)).tolist()
-    rows = [
-        (sensor.id, sensor.type, grouped(number))
-        for sensor, number in zip(plan.sensors, count, strict=True)
-    ]
-    yield table(("sensor", "type", "detections"), rows, numbers=(2,))
-
-
-def _darkness(plan: Plan, columns: RunColumns) -> Iterator[str]:
-    """Yield how long the scene goes on after the last detection, if longer than a scan of any
-    sensor takes.
-    """
-    last_ns = int(columns.detections.time_ns[-1])
-    silent_ns = plan.end_ns - last_ns
-    if silent_ns > max(sensor.scan.period_ns for sensor in plan.sensors):
-        # The next whole millisecond.
-        end_s = -(-last_ns // 1_000_000) * 1_000_000 / NS_PER_S
-        yield (
-            f"nothing is detected in the last {silent_ns / NS_PER_S:.1f} s of the scene, as after a"
-            f" burn; if the file is an excerpt, end the scene with it: --set duration_s={end_s:.3f}"
-        )

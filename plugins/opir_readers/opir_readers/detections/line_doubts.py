@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from opir_core import Plan
+from opir_core.errors import number_of
 from opir_readers.detections.columns_of_run import RunColumns, sigma_setting
 from opir_readers.detections.numbers import place_of
 from opir_readers.detections.times import NS_PER_S
@@ -28,6 +29,23 @@ def odd_sigmas(columns: RunColumns, plan: Plan) -> Iterator[str]:
         )
 
 
+def unwatched_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
+    """Yield, for each sensor, that it has lines of times at which it did not look."""
+    detections = columns.detections
+    for number, sensor in enumerate(plan.sensors):
+        rows = np.flatnonzero(detections.sensor == number)
+        time_s = detections.time_s[rows]
+        # Spans are given to a microsecond.
+        near = sensor.is_watching(time_s + 1e-6) | sensor.is_watching(time_s - 1e-6)
+        outside = rows[~(near | sensor.is_watching(time_s))]
+        if len(outside):
+            yield (
+                f"{place_of(columns.rows[outside[0]])}{number_of('detection', len(outside))} of"
+                f" {sensor.id} are outside of the spans that it watched, and are kept: are its"
+                " spans right?"
+            )
+
+
 def rare_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
     """Yield, for each sensor, that its lines come more rarely than its scans in the scene."""
     detections = columns.detections
@@ -39,6 +57,6 @@ def rare_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
         period_ms = float(np.median(gaps_ns)) * 1e-6
         yield (
             f"lines of {sensor.id} are {period_ms * 1e-3:.3g} s apart in the median, and its scans"
-            f" in the scene {sensor.scan.period_ns / NS_PER_S:g} s: looks between count as"
-            f" darkness; if the file is thinned, set scan_period_ms: {period_ms:.0f}"
+            f" in the scene {sensor.scan.period_ns / NS_PER_S:g} s; if the file is thinned, set"
+            f" scan_period_ms: {period_ms:.0f}"
         )

@@ -155,13 +155,7 @@ def slips_of_pair(
         return
     slips = {slip: lines for slip, lines in _mended(pair, mends) if lines.share >= MOST}
     if len(given.meets) < MIN_LINES or given.share > FEW:
-        # Within biases slow sources meet at wrong times too: the right ones fit to the noise.
-        far_m = given.typical_m if len(given.meets) else np.inf
-        slips = {
-            slip: lines
-            for slip, lines in slips.items()
-            if lines.is_sharp and len(lines.meets) >= MANY and SHARPER * lines.typical_m < far_m
-        }
+        slips = _sharp(given, slips)
     if slips:
         nearest_m = min(lines.typical_m for lines in slips.values())
         ways = [
@@ -173,6 +167,18 @@ def slips_of_pair(
             f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s {_passing(given)}, and at"
             f" {nearest_m * 1e-3:.2g} km {' or '.join(ways)}"
         )
+
+
+def _sharp(given: Meeting, slips: Mapping[str, Meeting]) -> dict[str, Meeting]:
+    """Return the slips without which lines fit to their noise, where they meet as given within
+    biases: slow sources do so at wrong times too.
+    """
+    far_m = given.typical_m if len(given.meets) else np.inf
+    return {
+        slip: lines
+        for slip, lines in slips.items()
+        if lines.is_sharp and len(lines.meets) >= MANY and SHARPER * lines.typical_m < far_m
+    }
 
 
 def _passing(given: Meeting) -> str:

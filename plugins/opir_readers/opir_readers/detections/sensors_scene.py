@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from attrs import evolve
 
 from opir_core import Scene, load_scene, scene_from_mapping
 from opir_core.arrays import IntArray
@@ -21,6 +22,7 @@ from opir_core.scene import file_bytes, text_of
 from opir_readers.detections.columns_of_run import times_ns
 from opir_readers.detections.numbers import Rows
 from opir_readers.detections.times import NS_PER_S
+from opir_readers.detections.watched import Watched
 
 
 def scene_of_sensors(arguments: argparse.Namespace, rows: Rows, host: Host) -> Scene:
@@ -43,6 +45,23 @@ def scene_of_sensors(arguments: argparse.Namespace, rows: Rows, host: Host) -> S
     return scene_from_mapping(
         {"sensors": sensors}, overrides=overrides, host=host, source="--sensors"
     )
+
+
+def watched_scene(
+    arguments: argparse.Namespace, scene: Scene, watched: Watched, last_s: float
+) -> Scene:
+    """Return the scene in which sensors look as they did, and that ends with their last looks, not
+    before the last detection at `last_s`.
+
+    A length that `--set` gives stays; one that a file of sensors lacks may grow.
+    """
+    is_set = any(override.startswith("duration_s=") for override in arguments.overrides)
+    is_file = Path(arguments.sensors).exists() and "duration_s" in _keys(arguments.sensors)
+    end_s = scene.duration_s
+    if not is_set and watched.end_s > 0.0:
+        looked_s = max(watched.end_s, last_s)
+        end_s = min(looked_s, end_s) if is_file else looked_s
+    return evolve(scene, duration_s=end_s, watched_s=watched.spans)
 
 
 def _keys(path: str) -> Mapping[str, Any]:

@@ -215,6 +215,7 @@ def _take(
         return
     inner = [(stage, item) for item in value]
     if isinstance(value, dict):
+        events |= _events_of(value)
         inner = []
         stage = f"stage {value['stage']}" if "stage" in value else stage
         names = ("time", "velocity" if "velocity" in value else "speed", "altitude")
@@ -231,9 +232,12 @@ def _take(
             ]
     for name, item in inner:
         _take(item, stages, events, name, depth + 1)
-    if isinstance(value, dict):
-        times = {name: _number(value.get(name)) for name in _EVENTS}
-        events |= {name: time_s for name, time_s in times.items() if math.isfinite(time_s)}
+
+
+def _events_of(value: Mapping[str, Any]) -> dict[str, float]:
+    """Return the times of events, s, of an object."""
+    times = {name: _number(value.get(name)) for name in _EVENTS}
+    return {name: time_s for name, time_s in times.items() if math.isfinite(time_s)}
 
 
 def _number(value: Any) -> float:

@@ -42,7 +42,8 @@ class TrackerPartContract(TrackerContract):
         run = cls.run()
         of_target = run.truth.target >= 0
         followed = run.detections.track >= 0
-        return float(np.count_nonzero(followed & of_target) / max(np.count_nonzero(of_target), 1))
+        count = int(np.count_nonzero(of_target))
+        return int(np.count_nonzero(followed & of_target)) / max(count, 1)
 
     def test_targets_are_followed(self) -> None:
         """Most detections of targets belong to a track."""

@@ -90,4 +90,4 @@ def track_numbers(models: TrackingModels, state: TrackerState, lines: LinesOfSig
     problem = _problem(models, state, prediction, lines.of_instants(), pairs)
     owner = models.parts.associator.labels(problem, eligible)
     _require_owners(models, owner, state, lines)
-    return np.append(number, -1)[owner]
+    return np.where(owner < 0, -1, number[owner])

@@ -124,15 +124,17 @@ class CrowdAssociator(Associator):
         return associate_nearest(pairs, problem.lines, problem.model).owner
 
     def settled(self, tracks: TrackPicture, memory: Any) -> Settled:
-        """Return the crowds with new tracks near others and without those that ended, paired anew
+        """Return the crowds with new tracks near others, or without those that ended and paired anew
         every few seconds.
         """
         view = self._view(tracks.bias_sigma_rad)
         crowds = crowd.corrected_crowds(
             memory or Crowds(errors=tracks.known_errors), tracks.known_errors, view
         )
+        if not tracks.is_pruned:
+            crowds = self._with_neighbours(tracks, crowds, view)
+            return Settled(memory=crowds if crowds.are_there else None, mixtures=crowds.mixtures)
         crowds = crowds.without(np.setdiff1d(crowds.tracks.number, tracks.number))
-        crowds = self._with_neighbours(tracks, crowds, view)
         crowds = crowd.pruned(crowds, tracks.time_s, self.period_s)
         if not crowds.are_there:
             return Settled(memory=None)
@@ -188,7 +190,7 @@ def _with_joining(
     detected = np.zeros(seen.shape, dtype=bool)
     detected[association.pairs.track, association.sensor] = True
     detected &= crowds.holds(number)[:, None] & ~crowds.follows(number, seen.shape[1])
-    rows = (detected.any(axis=1)).nonzero()[0]
+    rows = np.flatnonzero(detected.any(axis=1))
     if rows.size:
         crowds = crowd.joined(crowds, number, rows, problem.path, detected, view)
     return crowds

@@ -20,7 +20,7 @@ from opir_trackers import initiation
 from opir_trackers.association import associate_nearest, hard_measurements
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import SlicePrediction
-from opir_trackers.imm.state import TrackerState, TrackTable
+from opir_trackers.imm.state import SharedDetections, TrackerState, TrackTable
 from opir_trackers.initiation import Initiation
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.parts import Initiator, PartContext, require_shape
@@ -123,8 +123,7 @@ def _with_initiated(models: TrackingModels, state: TrackerState) -> TrackerState
         models.parts.initiator,
         models.parts.owners["initiation"],
         f"an Initiation of {len(lines)} lines",
-        is_right=isinstance(initiation_, Initiation)
-        and initiation_.place.shape == lines.scan.shape,
+        is_right=initiation_.place.shape == lines.scan.shape,
     )
     begun = initiation_.begun
     if not len(begun):
@@ -163,8 +162,10 @@ def _with_new_tracks(
         estimates.take(is_track.nonzero()[0]),
     )
     remaining = (owner < 0).nonzero()[0]
+    first = SharedDetections.of(table.number, owner, state.unclaimed)
     return state._replace(
         table=TrackTable.concatenate([state.table, table]),
+        sightings=SharedDetections.concatenate([state.sightings, first]),
         unclaimed=state.unclaimed.take(remaining),
         reported=state.reported[remaining],
         next_number=state.next_number + len(table),

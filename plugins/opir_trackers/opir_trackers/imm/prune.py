@@ -118,7 +118,9 @@ def prune(
     moments = models.moments(table.estimates)
     state = _bounded(models, state, *moments)
     if table.number.size > 1:
-        sightings = state.sightings.after(table.number, owner, lines, state.time_s, models.memory_s)
+        detections = SharedDetections.of(table.number, owner, lines)
+        first = state.next_number - np.count_nonzero(table.begun_s == state.time_s)
+        sightings = state.sightings.after(detections, state.time_s, models.memory_s, first)
         state = state._replace(sightings=sightings)
     if existence is not None:
         existence = np.append(existence, np.ones(table.number.size - len(existence)))
@@ -137,6 +139,8 @@ def picture(
     state: TrackerState,
     moments: tuple[FloatArray, FloatArray],
     existence: FloatArray | None = None,
+    *,
+    is_pruned: bool = False,
 ) -> TrackPicture:
     """Return the tracks, with moments of position and velocity, as parts see them."""
     table = state.table
@@ -154,14 +158,18 @@ def picture(
         known_errors=registration.error,
         bias_sigma_rad=registration.apart_rad,
         existence=existence,
+        is_pruned=is_pruned,
     )
 
 
 def _without(models: TrackingModels, state: TrackerState, end: IntArray) -> TrackerState:
-    """Return the state without tracks that ended by codes (n,)."""
+    """Return the state without tracks that ended by codes (n,); those that began in this slice
+    have followed nothing.
+    """
     drop = end > 0
     remaining = state.without(drop)
-    rows = (drop & models.confirmed(state)).nonzero()[0]
+    is_old = state.table.begun_s < state.time_s
+    rows = (drop & is_old & models.confirmed(state)).nonzero()[0]
     if not rows.size:
         return remaining
     ended = EndedTracks(state.table.take(rows), end[rows].astype(np.uint8))

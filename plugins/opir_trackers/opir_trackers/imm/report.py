@@ -13,7 +13,6 @@ from opir_forecast import BoostEstimates, LaunchForecasts
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
-from opir_core.scene import UNKNOWN_TYPE
 from opir_trackers.imm.state import TrackTable
 
 
@@ -193,20 +192,6 @@ def type_evidence(reports: IntArray, evidence: FloatArray) -> FloatArray:
     `type_log_likelihoods`.
     """
     return evidence[np.arange(len(evidence)), reports].sum(axis=1)
-
-
-def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
-    """Return probabilities (n, types) over `REPORTED_TYPES` from the last report of each sensor,
-    (n, sensors).
-
-    The prior is uniform. A sensor's reports of one launch are one draw, so each sensor counts once.
-    UNKNOWN has probability 1 without a report, else 0.
-    """
-    log = type_evidence(reports, evidence)
-    share = np.exp(log - log.max(axis=1, keepdims=True))
-    share /= share.sum(axis=1, keepdims=True)
-    silent = np.all((reports < 0) | (reports == UNKNOWN_TYPE), axis=1)[:, None]
-    return np.concatenate([np.where(silent, 0.0, share), silent], axis=1)
 
 
 def earth_fixed(

@@ -35,27 +35,27 @@ class SharedDetections(Columns):
         none = np.empty(0, dtype=np.int64)
         return cls(none, none.astype(np.int32), none, np.empty(0))
 
-    def after(
-        self,
-        number: IntArray,
-        owner: IntArray,
-        lines: LinesOfSight,
-        time_s: float,
-        memory_s: FloatArray,
-    ) -> "SharedDetections":
-        """Return the detections of a slice that ends at `time_s`, and earlier ones within
-        `memory_s` (sensors,).
-
-        `owner` (m,) is the row, in `number`, of the track of each line, -1 for none.
+    @classmethod
+    def of(cls, number: IntArray, owner: IntArray, lines: LinesOfSight) -> "SharedDetections":
+        """Return the detections of lines (m,) that tracks `number` (n,) own: rows (m,), -1 for
+        none.
         """
         owned = (owner >= 0).nonzero()[0]
-        detections = SharedDetections(
+        return cls(
             number[owner[owned]], lines.sensor[owned], lines.scan[owned], lines.time_s[owned]
         )
-        old = (self.time_s > time_s - memory_s[self.sensor]).nonzero()[0]
-        return (
-            SharedDetections.concatenate([self.take(old), detections]) if len(old) else detections
-        )
+
+    def after(
+        self, detections: "SharedDetections", time_s: float, memory_s: FloatArray, first: int
+    ) -> "SharedDetections":
+        """Return these after those of a slice that ends at `time_s`: the ones within `memory_s`
+        (sensors,), and of tracks that began in the slice, from the number `first`.
+        """
+        is_recent = (self.time_s > time_s - memory_s[self.sensor]) | (self.number >= first)
+        recent = is_recent.nonzero()[0]
+        if not recent.size:
+            return detections
+        return SharedDetections.concatenate([self.take(recent), detections])
 
 
 def sighting_memory_s(period_s: FloatArray, slice_s: float, scans: int) -> FloatArray:
@@ -127,27 +127,24 @@ class TrackTable(Columns):
 
     def take(self, rows: Any) -> "TrackTable":
         """Return some of the tracks, by an index array or a mask."""
-        columns = [getattr(self, name) for name in names_of(TrackTable)]
-        return TrackTable(
-            *[
-                column.take(rows) if isinstance(column, Columns) else column[rows]
-                for column in columns
-            ]
-        )
+        columns: list[Any] = [getattr(self, name) for name in names_of(TrackTable)]
+        taken: list[Any] = [
+            column.take(rows) if isinstance(column, Columns) else column[rows] for column in columns
+        ]
+        return TrackTable(*taken)
 
     @classmethod
     def concatenate(cls, records: Iterable["TrackTable"]) -> "TrackTable":
         """Return one table of all tracks, in order."""
         tables = list(records)
         columns = [[getattr(table, name) for table in tables] for name in names_of(TrackTable)]
-        return cls(
-            *[
-                type(column[0]).concatenate(column)
-                if isinstance(column[0], Columns)
-                else np.concatenate(column)
-                for column in columns
-            ]
-        )
+        joined: list[Any] = [
+            type(column[0]).concatenate(column)
+            if isinstance(column[0], Columns)
+            else np.concatenate(column)
+            for column in columns
+        ]
+        return cls(*joined)
 
     def with_detections(
         self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray

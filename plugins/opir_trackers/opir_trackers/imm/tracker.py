@@ -35,11 +35,7 @@ class ImmTracker(Tracker):
             [hypothesis.group == "glide" for hypothesis in context.hypotheses], dtype=np.bool_
         )
         part = PartContext(tracker=context, settings=tracking.config, forces=tracking.forces)
-        self._forecaster = made_part(
-            Forecaster,  # type: ignore[type-abstract]
-            "forecast",
-            part,
-        )
+        self._forecaster = made_part(Forecaster, "forecast", part)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is

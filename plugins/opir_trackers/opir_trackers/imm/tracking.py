@@ -105,19 +105,20 @@ class ImmTracking:
         first_number = state.next_number
         state = update(models, state, prediction, association, reported)
         state = initiate(models, state, prediction, owner, raw, reported)
+        if state.next_number > first_number:
+            state = self._settled(state, is_pruned=False)
         state = with_launch_points(models, state, prediction.span_s)
         state = prune(models, state, lines, owner, association.existence)
-        if state.memory is None and state.next_number == first_number:
-            return state
-        return self._settled(state)
+        return state if state.memory is None else self._settled(state, is_pruned=True)
 
-    def _settled(self, state: TrackerState) -> TrackerState:
-        """Return the state with the memory of the associator at the end of a slice."""
+    def _settled(self, state: TrackerState, *, is_pruned: bool) -> TrackerState:
+        """Return the state with the memory of the associator after tracks began or ended."""
         parts = self.models.parts
         if not parts.settles:
             return state
         moments = self.models.moments(state.table.estimates)
-        settled = parts.associator.settled(picture(self.models, state, moments), state.memory)
+        tracks = picture(self.models, state, moments, is_pruned=is_pruned)
+        settled = parts.associator.settled(tracks, state.memory)
         table = state.table if settled.table is None else settled.table
         return state._replace(table=table, memory=settled.memory, mixtures=settled.mixtures)
 

@@ -7,6 +7,7 @@ import pytest
 from attrs import evolve
 from hypothesis import given, strategies as st
 from opir_photons.radiometry.configs import (
+    CLIMATES,
     CloudConfig,
     EarthConfig,
     LimbStructureConfig,
@@ -64,7 +65,7 @@ def looks(elevation_sine, sun_elevation_sine, height_m=0.0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("climate", ["us1976", "tropical", "midlat_summer", "subarctic_winter"])
+@pytest.mark.parametrize("climate", CLIMATES)
 @pytest.mark.parametrize(
     "name", ["clear", "std_cirrus", "cumulus_top2.7km", "altostratus_top3.0km"]
 )

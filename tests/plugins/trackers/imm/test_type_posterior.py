@@ -6,7 +6,7 @@ from drawn_flights import flown
 from opir_forecast.outcomes import Outcomes
 from opir_forecast.vehicles import vehicle_model
 from opir_testing.doubles import stub_sensor
-from opir_trackers.imm.report import type_log_likelihoods, type_posterior
+from opir_trackers.imm.report import type_evidence, type_log_likelihoods
 from tracked_flights import last_reported, usual
 
 from opir_core.scene import core_hypotheses
@@ -19,18 +19,12 @@ def test_each_sensor_counts_once_for_the_type() -> None:
         "IRBM": {"ICBM": 0.12, "IRBM": 0.72, "SRBM": 0.08, "UNKNOWN": 0.08},
         "SRBM": {"ICBM": 0.03, "IRBM": 0.1, "SRBM": 0.77, "UNKNOWN": 0.1},
     }
-    evidence = type_log_likelihoods(
-        [
-            stub_sensor("A", confusion=confusion),
-            stub_sensor("B", confusion=confusion),
-            stub_sensor(),
-        ]
-    )
-    unknown = REPORTED_TYPES.index("UNKNOWN")
-    reported = type_posterior(np.array([[0, -1, -1], [0, 0, 2], [-1, unknown, -1]]), evidence)
-    assert reported[0] == pytest.approx(np.array([0.8, 0.12, 0.03, 0.0]) / 0.95)
-    assert reported[1] == pytest.approx(np.array([0.64, 0.0144, 0.0009, 0.0]) / 0.6553)
-    assert reported[2].tolist() == [0.0, 0.0, 0.0, 1.0]
+    sensors = [stub_sensor("A", confusion=confusion), stub_sensor("B", confusion=confusion)]
+    table = type_log_likelihoods([*sensors, stub_sensor()])
+    share = np.exp(type_evidence(np.array([[0, -1, -1], [0, 0, 2]]), table))
+    share /= share.sum(axis=1, keepdims=True)
+    assert share[0] == pytest.approx(np.array([0.8, 0.12, 0.03]) / 0.95)
+    assert share[1] == pytest.approx(np.array([0.64, 0.0144, 0.0009]) / 0.6553)
 
 
 @pytest.mark.slow

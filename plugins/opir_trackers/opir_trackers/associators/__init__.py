@@ -1,0 +1,1 @@
+"""Associators of `imm`, one a file."""

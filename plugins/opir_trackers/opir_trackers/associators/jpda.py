@@ -1,0 +1,80 @@
+"""The associator `jpda`: lines that several tracks may have move each of them by the probability of
+its label (joint probabilistic data association), over all scans of a slice together.
+
+Tracks that share no line, and have one line in a scan at most, take theirs.
+"""
+
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from opir_estimation import (
+    GatedPairs,
+    Looks,
+    cheapest_assignment,
+    equivalent_pairs,
+    label_posterior,
+)
+
+from opir_core.arrays import BoolArray, IntArray
+from opir_trackers.association import ambiguous_tracks, associate_nearest, scan_groups
+from opir_trackers.parts import Association, AssociationProblem, Associator, PartContext
+
+
+@frozen
+class JointAssociator(Associator):
+    """Joint probabilistic data association; `light_time` says whether light takes time."""
+
+    light_time: bool
+
+    def associate(self, problem: AssociationProblem) -> Association:
+        """Return the association of a slice's lines with the predicted tracks."""
+        nearest = associate_nearest(problem.pairs, problem.lines, problem.model)
+        lines = problem.lines
+        if not nearest.is_ambiguous:
+            return Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
+        doubtful = ambiguous_tracks(problem.pairs, lines)
+        if not doubtful.size:
+            return Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
+        is_doubtful = np.isin(problem.pairs.track, doubtful)
+        lone = nearest.assigned
+        lone = lone.take(np.flatnonzero(~np.isin(lone.track, doubtful)))
+        looks = _looks(problem, problem.pairs.take(np.flatnonzero(is_doubtful)))
+        posterior = label_posterior(looks, problem.path, light_time=self.light_time)
+        choice = cheapest_assignment(looks.look, looks.pairs.line, -posterior.log_ratio)
+        chosen = looks.pairs.take(np.flatnonzero(choice))
+        owner = _owners(lines.scan.size, lone, chosen)
+        equivalent = equivalent_pairs(looks, posterior)
+        return Association(
+            lines=lines,
+            owner=owner,
+            pairs=GatedPairs.concatenate([lone, equivalent]),
+            single=GatedPairs.concatenate([lone, chosen]),
+            doubtful=doubtful,
+        )
+
+    def labels(self, problem: AssociationProblem, eligible: BoolArray) -> IntArray:
+        """Return the track rows (m,) of lines of the next tick by global nearest neighbour: lines
+        of other instants may not be there yet.
+        """
+        return associate_nearest(problem.pairs, problem.lines, problem.model).owner
+
+
+def _looks(problem: AssociationProblem, pairs: GatedPairs) -> Looks:
+    """Return pairs of the problem as looks of tracks."""
+    sensor = problem.lines.sensor.take(pairs.line)
+    look = scan_groups(pairs, problem.lines)
+    return Looks(pairs, look, problem.model.log_odds.take(sensor), sensor)
+
+
+def _owners(count: int, *assigned: GatedPairs) -> IntArray:
+    """Return the track rows (count,) of lines by assigned pairs, -1 for none."""
+    owner = np.full(count, -1, dtype=np.int64)
+    for pairs in assigned:
+        owner[pairs.line] = pairs.track
+    return owner
+
+
+def joint_associator(_config: Any, context: PartContext) -> JointAssociator:
+    """Return the associator `jpda`."""
+    return JointAssociator(context.tracker.light_time)
