@@ -86,7 +86,7 @@ class Columns:
     `repr=False`.
 
     A column that is the array of the first one stays so: `take` and `concatenate` copy it once.
-    Columns may be `Deferred`: the first read of one computes them.
+    Columns may be deferred: the first read of one computes them.
     """
 
     #: The shape of a row in the columns that have more than one number a row.
