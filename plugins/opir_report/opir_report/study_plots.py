@@ -4,9 +4,11 @@ from pathlib import Path
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from opir_report.canvas import STYLE, new_axes, plots_of
+from opir_report.canvas import STYLE, WIDTH_IN, new_axes, new_layout, plots_of
 from opir_report.plots.effects import difference_plot, effect_plot
+from opir_report.plots.share_curves import curves_figure
 from opir_report.saved_study import read_study
 
 
@@ -45,3 +47,20 @@ class StudyPlots:
         axes = new_axes(3.8) if ax is None else ax
         with rc_context(STYLE):
             return difference_plot(axes, self.study, figure)
+
+    def shares(self, column: str) -> Figure:
+        """Return a new figure of the share of launches by a time, for a column of times of launches
+        such as `detected_s`: a curve for each design, a panel for each condition.
+
+        `KeyError` for a column that the launches do not have.
+        """
+        from matplotlib import pyplot
+
+        units = self.study.definition.get("launches", {})
+        times = [name for name, unit in units.items() if unit == "s"]
+        if column not in times:
+            raise KeyError(f"{column!r} is no time of launches; {', '.join(times) or 'none'} are")
+        with rc_context(STYLE):
+            figure = pyplot.figure(figsize=(WIDTH_IN, 3.8), layout=new_layout())
+            curves_figure(figure, self.study, column)
+        return figure

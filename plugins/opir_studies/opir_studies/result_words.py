@@ -3,6 +3,7 @@ over.
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,6 +15,8 @@ from opir_studies.result import StudyResult
 
 #: The most designs that are named as meeting a requirement.
 _MOST_NAMED = 3
+#: The most designs whose shares are printed.
+_MOST_VERDICTS = 12
 #: Means from here on are printed to three digits.
 _LARGE = 1e5
 
@@ -91,15 +94,16 @@ def share_verdict_lines(result: StudyResult) -> Sequence[str]:
     rows = [row for row in result.shares.to_pylist() if not row["by"]]
     lines = []
     for requirement in dict.fromkeys(row["requirement"] for row in rows):
-        of_requirement = [row for row in rows if row["requirement"] == requirement]
-        designs = dict.fromkeys(row["design"] for row in of_requirement)
-        lines += [
-            requirement,
-            *(
-                f"  {_verdict_text(result, [row for row in of_requirement if row['design'] == number])}"
-                for number in designs
-            ),
-        ]
+        of_design: dict[int, list[Mapping[str, Any]]] = {}
+        for row in rows:
+            if row["requirement"] == requirement:
+                of_design.setdefault(row["design"], []).append(row)
+        texts = [f"  {_verdict_text(result, shares)}" for shares in of_design.values()]
+        counts = Counter(shares[0]["verdict"] for shares in of_design.values())
+        more = ", ".join(f"{verdict}: {count}" for verdict, count in counts.items())
+        lines += [requirement, *texts[:_MOST_VERDICTS]]
+        if len(texts) > _MOST_VERDICTS:
+            lines.append(f"  … of {len(texts)} designs {more}")
     return ["\n".join(lines)] if lines else []
 
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from attrs import evolve
 from figure_rules import drawn_complaints
+from matplotlib import pyplot
+from opir_report import StudyPlots
 from opir_report.pages.share_section import calibration_sentences, share_answers, share_section
 from opir_report.pages.study_report import study_page
 from opir_report.plots.share_curves import curve_rows, never_texts
@@ -85,6 +87,16 @@ def test_every_caption_has_runs_seeds_and_version(study):
 def test_curves_keep_the_rules_of_figures(study):
     section = share_section(study)
     assert drawn_complaints(section.parts[0]) == []
+
+
+def test_curves_are_a_plot_of_a_notebook_too(study, tmp_path_factory):
+    pyplot.switch_backend("agg")
+    folder = next(tmp_path_factory.getbasetemp().glob("shares*/study"))
+    figure = StudyPlots(folder).shares("detected_s")
+    assert [axes.get_title("left") for axes in figure.axes] == ["day", "night"]
+    with pytest.raises(KeyError, match="no time of launches; looked_s, detected_s, reported_s are"):
+        StudyPlots(folder).shares("latency_s")
+    pyplot.close("all")
 
 
 def test_a_study_without_launches_has_no_section(study):

@@ -16,6 +16,7 @@ from opir_studies.share_requirements import share_requirements_of
 from opir_studies.shares import verdict_of
 from opir_studies.sweep_command import as_text
 from opir_studies.until import rounds
+from repository import ROOT
 from study_scene import PERIOD, SCENE
 
 from opir_core import compile_plan, run_of_plan
@@ -169,6 +170,17 @@ def test_sentences(sentence, column, limit, is_least, in_every):
     (required,) = share_requirements_of([sentence], "s")
     assert (required.column, required.limit) == (column, limit)
     assert (required.is_least, required.in_every_condition) == (is_least, in_every)
+
+
+def test_sentences_of_the_page_are_read():
+    text = (ROOT / "docs" / "how-to" / "require-a-share.md").read_text(encoding="utf-8")
+    sentences = [
+        line.split("`")[1] for line in text.splitlines() if line.startswith("| `") and "%" in line
+    ]
+    required = share_requirements_of(sentences, "page")
+    assert len(required) == len(sentences) >= 6
+    columns = [f"`{each.column}`" for each in required if not each.quantity]
+    assert all(column in text for column in columns)
 
 
 @pytest.mark.parametrize(
