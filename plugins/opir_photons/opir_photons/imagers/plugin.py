@@ -8,7 +8,8 @@ Journal of the Meteorological Society of Japan 94 (2016), 151-183. A NEDT is a n
 irradiance over a pixel: NEDT · dL/dT at 300 K · (56 µrad)².
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from opir_core.plugin import (
     ScanningSensorConfig,
@@ -54,14 +55,14 @@ PIXEL_URAD = 56.0
 
 LONG_WAVES = {"long-waves": {"bands": LONG_BANDS, "band_nei_w_m2": LONG_NEI_W_M2}}
 
-ABI_SCANS = {
+ABI_SCANS: Mapping[str, Mapping[str, Any]] = {
     "full-disk": {"scan_period_ms": 600_000.0},
     "conus": {"scan_period_ms": 300_000.0},
     "mesoscale": {"scan_period_ms": 60_000.0},
     "mesoscale-30s": {"scan_period_ms": 30_000.0},
     **LONG_WAVES,
 }
-AHI_SCANS = {
+AHI_SCANS: Mapping[str, Mapping[str, Any]] = {
     "full-disk": {"scan_period_ms": 600_000.0},
     "target-area": {"scan_period_ms": 150_000.0},
     "landmark": {"scan_period_ms": 30_000.0},
