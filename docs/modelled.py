@@ -147,12 +147,11 @@ PARTS = (
     Part(
         "Background radiance of the Earth",
         "tabulated",
-        "LOWTRAN7 by night and by day, three kinds of cloud, a formula for opaque cloud; linear in"
-        " the sines of"
-        " elevation",
-        "albedo other than 0.1; twilight; daytime excess near 4.3 µm (non-LTE); radiance of the air"
-        " beyond the limb, 0"
-        " here",
+        "LOWTRAN7 by night and by day in six climates, three kinds of cloud, a formula for opaque"
+        " cloud; linear in the sines of elevation. Beyond the limb the air's own radiance, by the"
+        " height of the tangent",
+        "albedo other than 0.1; twilight; daytime excess near 4.3 µm (non-LTE); sunlight beyond the"
+        " limb, and non-LTE above 60 km",
         "4.3 µm by day: up to 10 K (DeSouza-Machado et al., 2007), 50 to 60 % of the radiance. The"
         " rest is not"
         " estimated. It changes only the noise: photon noise as √L, clutter as L",

@@ -31,13 +31,26 @@ __all__ = [
 
 
 def install_command(distribution: str, extra: str = "") -> str:
-    """Return how to install a distribution of this project, with an extra if it needs one.
+    """Return how to install a distribution of this project, with an extra if it needs one, and those
+    that it needs.
 
     None of them is on a package index: the command works in a clone, and the words say so.
     """
-    folder = "." if distribution == "opir-core" else f"./plugins/{distribution.replace('-', '_')}"
+    *needed, folder = map(_folder, [*_needed(distribution), distribution])
     place = f"'{folder}[{extra}]'" if extra else folder
-    return f"from a clone of opir: python -m pip install {place}"
+    return f"from a clone of opir: python -m pip install {' '.join([*needed, place])}"
+
+
+def _folder(distribution: str) -> str:
+    return "." if distribution == "opir-core" else f"./plugins/{distribution.replace('-', '_')}"
+
+
+def _needed(distribution: str) -> list[str]:
+    """Return the distributions of this project that a plugin needs besides the core."""
+    text = Path(__file__).with_name("data").joinpath("packages.txt").read_text("utf-8")
+    rows = (line.split() for line in text.splitlines())
+    words = next((words for name, *words in rows if name == distribution), [])
+    return [word.removeprefix("+") for word in words if word.startswith("+")]
 
 
 class OpirError(Exception):

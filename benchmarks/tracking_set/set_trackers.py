@@ -9,6 +9,7 @@ import numpy as np
 from opir_scoring.benchmark_tables import COVARIANCE, STATE
 
 import opir_core as opir
+from opir_core.interfaces import PartMaker
 from opir_core.plugin import Detections, TrackerContext
 from opir_core.simulation.tracker_clock import ScheduledTracker
 
@@ -162,7 +163,14 @@ def context_of(plan, description):
         light_time=False,
         hypotheses=plan.hypotheses,
         false_alarms_per_scan=clutter,
+        parts={role: part_of(plan, choice) for role, choice in plan.scene.tracker.parts.items()},
     )
+
+
+def part_of(plan, choice):
+    """Return the maker of a part that the scene chose."""
+    component = plan.host.component(choice.hook, choice.name, choice.path)
+    return PartMaker(owner=choice.name, config=choice.config, build=component.build)
 
 
 def rows_of(scene, tracks, tick_s):

@@ -36,7 +36,7 @@ class ClassFlights(Trajectories):
     their flight.
 
     `coast` is the flight after burnout where a sensor looks at it, else None; `final_s` (n,) its
-    end; `turns_s` (n, k) the times at which the direction of flight bends; `watched_s` (n,) those
+    end; `turns_s` (n, k) the times at which the direction of flight bends; `glow_end_s` (n,) those
     up to which every sensor looks.
     """
 
@@ -49,7 +49,7 @@ class ClassFlights(Trajectories):
     turns_s: FloatArray
     boost: Ephemeris
     coast: Ephemeris | None
-    watched_s: FloatArray = field(
+    glow_end_s: FloatArray = field(
         default=Factory(lambda flights: flights.burnout_s, takes_self=True)
     )
 
@@ -178,10 +178,10 @@ def class_flights(
 ) -> Trajectories:
     """Return targets whose boosts follow class profiles, with their flight and other columns.
 
-    `coast` makes the flight after burnout, where a sensor looks at it: `watched_s` of `columns`,
+    `coast` makes the flight after burnout, where a sensor looks at it: `glow_end_s` of `columns`,
     by default burnout, is the time up to which every sensor does.
     """
-    is_watched = np.any(columns.get("watched_s", flight.burnout_s) > flight.burnout_s)
+    is_watched = np.any(columns.get("glow_end_s", flight.burnout_s) > flight.burnout_s)
     return record(
         ids=context.ids,
         ignition_s=flight.path.ignition_s,

@@ -76,7 +76,7 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
         classes=classes,
         profiles=profiles,
         final_s=flight.impact_s,
-        watched_s=flight.impact_s if context.measures_light else flight.burnout_s,
+        glow_end_s=flight.impact_s if context.measures_light else flight.burnout_s,
         turns_s=np.concatenate([flight.path.breakpoints_s(), flight.release_s[:, None]], axis=1),
     )
 

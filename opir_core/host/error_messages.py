@@ -23,7 +23,7 @@ _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 #: The packages of this project and the components that they advertise, for messages about packages
 #: that are not installed. A test compares the file with the packages' metadata.
 PACKAGES: Mapping[str, Sequence[str]] = {
-    name: tuple(entries)
+    name: tuple(entry for entry in entries if not entry.startswith("+"))
     for name, *entries in map(str.split, _PACKAGES.read_text("utf-8").splitlines())
 }
 

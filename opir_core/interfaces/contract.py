@@ -54,10 +54,15 @@ class PluginPart(ABC):  # noqa: B024 - its subclasses have the abstract methods
             raise ModelError(
                 f"{f'{owner()}: ' if owner else ''}build made {kind_of(component)} without"
                 f" {', '.join(missing)};"
-                f" derive its class from opir_core.plugin.{cls.__name__}, which says what is"
-                f" required"
+                f" derive its class from {_home(cls)}.{cls.__name__}, which says what is required"
             )
         return component if isinstance(component, cls) else _adopter(cls)(component)
+
+
+def _home(contract: type) -> str:
+    """Return the package of which a contract is a public name."""
+    package = contract.__module__.partition(".")[0]
+    return "opir_core.plugin" if package == "opir_core" else package
 
 
 def undefined(component: PluginPart, method: str, companion: str) -> ModelError:

@@ -67,7 +67,7 @@ class Trajectories(PluginPart):
         return self.burnout_s
 
     @optional
-    def watched_s(self) -> FloatArray:
+    def glow_end_s(self) -> FloatArray:
         """Scene times up to which every sensor looks at the targets, (n,) s: burnout, or the end of
         a flight that the air keeps hot.
         """

@@ -29,7 +29,7 @@ from opir_core.scene.scene import Choice, Scene
 from opir_core.simulation.engine import Engine
 
 #: Columns of targets with a number for each, independent of the others.
-_TARGET_COLUMNS = ("type_code", "ignition_s", "burnout_s", "end_s", "watched_s", "place")
+_TARGET_COLUMNS = ("type_code", "ignition_s", "burnout_s", "end_s", "glow_end_s", "place")
 
 
 def with_added_targets(plan: Plan, added: Plan) -> Plan:

@@ -6,15 +6,19 @@ meridian and the pole.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from math import isnan, nan, radians
 from typing import Any
 
 import msgspec
 import numpy as np
+from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry.sphere import AzimuthalEquidistant
 from opir_core.interfaces.impact_regions import IMPACT_CONDITIONS, ImpactRegion
+from opir_core.output.region_outlines import outlined, ring_radii_m, sides_cross
 
 #: Decimals of positions, degrees: 0.1 m on the ground.
 DECIMALS = 6
@@ -36,24 +40,95 @@ _encode = msgspec.json.Encoder().encode
 Rings = list[FloatArray]
 
 
+@frozen
+class Resolution:
+    """Decimals of positions, and the longest step in longitude along an edge, degrees."""
+
+    decimals: int = DECIMALS
+    step_deg: float = _STEP_DEG
+
+    @classmethod
+    def of(cls, region: ImpactRegion) -> "Resolution":
+        """Return the resolution that the size of a region deserves: positions within 0.1 % of its
+        radius and 1 % of that of its smallest part, edges within 0.2 % of its radius.
+
+        An edge that is straight in longitude and latitude leaves a great circle by up to 1/16 of
+        the square of its length in longitude, rad.
+        """
+        radii = ring_radii_m(region) / EARTH_EQUATORIAL_RADIUS_M
+        largest = float(radii.max(initial=0.0))
+        error = min(_RESOLVED * largest, 10.0 * _RESOLVED * float(radii.min(initial=np.inf)))
+        if error <= 0.0:
+            return cls()
+        # Around the antipode of its centre a small step on the Earth is a large one on its map.
+        if region.area_km2 >= _WIDE_KM2:
+            return cls(3, 2.0 * _STEP_DEG)
+        decimals = int(np.ceil(-np.log10(np.sqrt(2.0) * np.degrees(error))))
+        step_deg = float(np.degrees(np.sqrt(16.0 * 2.0 * _RESOLVED * largest)))
+        return cls(min(max(decimals, 0), DECIMALS), max(step_deg, _STEP_DEG))
+
+    def finer(self, times: int) -> "Resolution":
+        """Return a resolution with more digits, and with steps half as long for each."""
+        return Resolution(self.decimals + times, self.step_deg * 0.5**times)
+
+
+#: Finer resolutions that are tried where sides cross at the first.
+_REFINEMENTS = 4
+
+#: Error of positions and edges, as a share of a region's radius.
+_RESOLVED = 0.001
+
+#: Positions to 0.1 m, edges of a degree.
+FINE = Resolution()
+
+
 def region_texts(column: ObjectArray) -> list[bytes]:
-    """Return tuples of regions (n,) as JSON arrays of figures and GeoJSON geometry; equal ones
-    once.
+    """Return tuples of regions (n,) as JSON arrays of figures and GeoJSON geometry, with few points
+    and digits; equal ones once.
     """
     texts: dict[int, bytes] = {}
     rows = column.tolist()
     for row in rows:
         if id(row) not in texts:
-            texts[id(row)] = _encode([region_document(region) for region in row])
+            texts[id(row)] = region_text(row)
     return [texts[id(row)] for row in rows]
 
 
-def region_document(region: ImpactRegion) -> dict[str, Any]:
+def region_text(regions: Sequence[ImpactRegion]) -> bytes:
+    """Return regions as a JSON array of figures and GeoJSON geometry, with few points and digits:
+    boundaries and areas within 1 %.
+    """
+    return _encode([_short_document(region) for region in regions])
+
+
+def _short_document(region: ImpactRegion) -> dict[str, Any]:
+    """Return the document of a region with the fewest points and digits that keep its sides from
+    crossing each other.
+    """
+    outline = outlined(region)
+    coarse = Resolution.of(region)
+    resolutions = [*map(coarse.finer, range(_REFINEMENTS)), FINE]
+    documents = [partial(region_document, outline, resolution) for resolution in resolutions]
+    made = (document() for document in documents)
+    simple = next((document for document in made if not _crosses(document["geometry"])), None)
+    # A region whose own parts cross each other stays so.
+    return documents[0]() if simple is None else simple
+
+
+def _crosses(geometry: Mapping[str, Any]) -> bool:
+    """Return whether sides of a geometry cross or touch each other."""
+    coordinates = geometry["coordinates"]
+    polygons = [coordinates] if geometry["type"] == "Polygon" else coordinates
+    return sides_cross([np.array(ring[:-1]) for polygon in polygons for ring in polygon])
+
+
+def region_document(region: ImpactRegion, resolution: Resolution = FINE) -> dict[str, Any]:
     """Return the figures of a region, the centre of its map, longitude and latitude in degrees, and
     its geometry.
     """
     centre = np.degrees(region.chart().centre[::-1]).tolist() if region.polygons else None
-    return {**region_figures(region), "centre": centre, "geometry": geometry_of(region)}
+    geometry = geometry_of(region, resolution)
+    return {**region_figures(region), "centre": centre, "geometry": geometry}
 
 
 def region_figures(region: ImpactRegion) -> dict[str, Any]:
@@ -120,9 +195,11 @@ def _ring_from(positions: Any) -> FloatArray:
     return np.radians(degrees[:, ::-1])
 
 
-def geometry_of(region: ImpactRegion) -> dict[str, Any]:
+def geometry_of(region: ImpactRegion, resolution: Resolution = FINE) -> dict[str, Any]:
     """Return a region as a Polygon or a MultiPolygon."""
-    polygons = [piece for polygon in region.polygons for piece in _parts(polygon, region)]
+    polygons = [
+        piece for polygon in region.polygons for piece in _parts(polygon, region, resolution)
+    ]
     kind, coordinates = (
         ("Polygon", polygons[0]) if len(polygons) == 1 else ("MultiPolygon", polygons)
     )
@@ -144,26 +221,30 @@ def _poles_in(plane: FloatArray, chart: AzimuthalEquidistant) -> tuple[float, ..
     )
 
 
-def _parts(polygon: Sequence[FloatArray], region: ImpactRegion) -> list[Any]:
+def _parts(
+    polygon: Sequence[FloatArray], region: ImpactRegion, resolution: Resolution
+) -> list[Any]:
     """Return a polygon of a region as polygons of coordinates: one, unless the 180th meridian cuts
     it.
     """
     is_wide = region.area_km2 >= _WIDE_KM2
-    if _is_flat(polygon, is_wide=is_wide):
+    decimals = resolution.decimals
+    if _is_flat(polygon, resolution.step_deg, is_wide=is_wide):
         rings = [
             points
             for ring in polygon
-            if len(points := _distinct(np.degrees(ring[:-1, ::-1]))) >= _FEWEST
+            if len(points := _distinct(np.degrees(ring[:-1, ::-1]), decimals)) >= _FEWEST
         ]
         return (
             [[_closed(points, is_outer=not place) for place, points in enumerate(rings)]]
             if rings
             else []
         )
-    return _cut(_planar(polygon, region.chart(), is_wide=is_wide))
+    planar = _planar(polygon, region.chart(), resolution.step_deg, is_wide=is_wide)
+    return _cut(planar, decimals)
 
 
-def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
+def _is_flat(polygon: Sequence[FloatArray], step_deg: float, *, is_wide: bool) -> bool:
     """Return whether a polygon may be written as it is: edges short in longitude, or cut already
     and read back.
 
@@ -180,12 +261,14 @@ def _is_flat(polygon: Sequence[FloatArray], *, is_wide: bool) -> bool:
             return False
         widest_deg = max(widest_deg, float(step))
         is_cut = is_cut or bool(along.any())
-    return widest_deg <= (180.0 if is_cut else _STEP_DEG) and (
+    return widest_deg <= (180.0 if is_cut else step_deg) and (
         is_cut or not (is_wide or polygon[1:])
     )
 
 
-def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wide: bool) -> Rings:
+def _planar(
+    polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, step_deg: float, *, is_wide: bool
+) -> Rings:
     """Return the rings of a polygon, open, as longitude and latitude, degrees; longitudes are
     continuous along them.
 
@@ -196,7 +279,8 @@ def _planar(polygon: Sequence[FloatArray], chart: AzimuthalEquidistant, *, is_wi
     planes = [chart.points(ring) for ring in polygon]
     poles = [_poles_in(plane, chart) if is_wide else () for plane in planes]
     outer, *holes = [
-        _unrolled(*polygon_ring, chart) for polygon_ring in zip(polygon, planes, poles, strict=True)
+        _unrolled(*polygon_ring, chart, step_deg)
+        for polygon_ring in zip(polygon, planes, poles, strict=True)
     ]
     if len(poles[0]) == 2:
         holes = [outer, *holes]
@@ -245,9 +329,13 @@ _WORLD = np.array([[-180.0, -90.0], [180.0, -90.0], [180.0, 90.0], [-180.0, 90.0
 
 
 def _unrolled(
-    ring: FloatArray, plane: FloatArray, poles: Sequence[float], chart: AzimuthalEquidistant
+    ring: FloatArray,
+    plane: FloatArray,
+    poles: Sequence[float],
+    chart: AzimuthalEquidistant,
+    step_deg: float,
 ) -> FloatArray:
-    points = _refined(ring, plane, chart)
+    points = _refined(ring, plane, chart, step_deg)
     points[1:, 0] -= 360.0 * np.cumsum(np.rint(np.diff(points[:, 0]) / 360.0))
     turns = round((points[-1, 0] - points[0, 0]) / 360.0)
     if not turns:
@@ -281,14 +369,16 @@ def _around_pole(closed: FloatArray, turn_deg: float, pole_deg: float) -> FloatA
     return np.concatenate([[[edge_deg, height_deg]], closed[place + 1 : -1], later, closing])
 
 
-def _refined(ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant) -> FloatArray:
+def _refined(
+    ring: FloatArray, plane: FloatArray, chart: AzimuthalEquidistant, step_deg: float
+) -> FloatArray:
     """Return a closed ring as longitude and latitude, degrees, with points on edges that are long
     in longitude.
 
     An edge that crosses the 180th meridian has a point on it, so that both sides of a cut share it.
     """
     step = np.abs(np.degrees(np.diff(ring[:, 1])))
-    divisions = np.ceil(np.minimum(step, 360.0 - step) / _STEP_DEG - 1e-6).clip(1).astype(np.int64)
+    divisions = np.ceil(np.minimum(step, 360.0 - step) / step_deg - 1e-6).clip(1).astype(np.int64)
     edge = np.repeat(np.arange(len(divisions)), divisions)
     share = (np.arange(len(edge)) - (np.cumsum(divisions) - divisions)[edge]) / divisions[edge]
     for _ in range(
@@ -364,7 +454,7 @@ def _along(
     return degrees
 
 
-def _cut(rings: Rings) -> list[list[list[list[float]]]]:
+def _cut(rings: Rings, decimals: int) -> list[list[list[list[float]]]]:
     """Return the parts of a polygon between odd multiples of 180 degrees, moved to [-180, 180], as
     coordinates.
     """
@@ -380,7 +470,7 @@ def _cut(rings: Rings) -> list[list[list[list[float]]]]:
         remaining = _side(remaining, edge_deg, is_west=False)
     sides.append((last_turn, remaining))
     moved = [[_moved(ring, -turn) for ring in side] for turn, side in sides]
-    return [polygon for side in moved for polygon in _assembled(side)]
+    return [polygon for side in moved for polygon in _assembled(side, decimals)]
 
 
 def _side(rings: Rings, edge_deg: float, *, is_west: bool) -> Rings:
@@ -450,9 +540,9 @@ def _joined(chains: Rings) -> Rings:
     return rings
 
 
-def _assembled(rings: Rings) -> list[list[list[list[float]]]]:
+def _assembled(rings: Rings, decimals: int) -> list[list[list[list[float]]]]:
     """Return rings as polygons: those inside another are its holes."""
-    rings = [points for ring in rings if len(points := _distinct(ring)) >= _FEWEST]
+    rings = [points for ring in rings if len(points := _distinct(ring, decimals)) >= _FEWEST]
     is_hole = [_is_hole(ring, rings) for ring in rings]
     polygons = []
     for outer in (ring for ring, hole in zip(rings, is_hole, strict=True) if not hole):
@@ -475,8 +565,8 @@ def _middle(ring: FloatArray) -> FloatArray:
     return ring[len(ring) // 2]
 
 
-def _distinct(ring: FloatArray) -> FloatArray:
-    points = np.round(ring, DECIMALS) + 0.0
+def _distinct(ring: FloatArray, decimals: int) -> FloatArray:
+    points = np.round(ring, decimals) + 0.0
     x, y = points.T
     differs = np.empty(len(points), dtype=np.bool_)
     differs[1:] = (x[1:] != x[:-1]) | (y[1:] != y[:-1])

@@ -2,10 +2,10 @@
 the encoder `tracks`.
 
 Unknown values are null. Positions are ECEF, m, velocities relative to the rotating Earth, m/s;
-points are geodetic, on WGS 84. Numbers are written in full.
+points are geodetic, on WGS 84. Numbers are written in full, but for the outlines of regions.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -13,11 +13,12 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from opir_core.arrays import FloatArray
+from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
 from opir_core.interfaces.weighed_tracks import hypothesis_columns
 from opir_core.output.events.estimates import PAPER, are_on_earth, paper_sigma_m, time_texts
 from opir_core.output.events.text import are_finite, known_rows, where_known
-from opir_core.output.geojson import region_texts
+from opir_core.output.geojson import region_text, region_texts
 from opir_core.scene.scene import REPORTED_TYPES
 
 _Vector = tuple[float, float, float]
@@ -70,7 +71,11 @@ class BurnoutRecord(msgspec.Struct, kw_only=True, gc=False):
 
 
 class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
-    """A track at a tick; the covariance (6, 6) is of position and velocity."""
+    """A track at a tick; the covariance (6, 6) is of position and velocity.
+
+    In a file the first record with some regions has their `impact_regions_id`, and later ones have
+    this number in place of the regions.
+    """
 
     schema_version: str | UnsetType = UNSET
     time_s: _Time
@@ -92,7 +97,8 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     launch: LaunchRecord | None = None
     burnout: BurnoutRecord | None = None
     impact: ImpactRecord | None = None
-    impact_regions: Any = ()
+    impact_regions: Any = UNSET
+    impact_regions_id: int | UnsetType = UNSET
     probability_burning: float | None = None
     probability_relights: float | None = None
     end: Literal["impact", "orbit", "lost"] | None = None
@@ -105,13 +111,17 @@ def track_records(
     hypotheses: Sequence[str],
     epoch_us: int | None = None,
     schema_version: str | UnsetType = UNSET,
+    regions: Mapping[str, Sequence[Any]] | None = None,
 ) -> list[Any]:
     """Return the records of tracks (n,); with an epoch, µs since 1970-01-01, they have timestamps
     too.
 
-    `hypotheses` are the names of the columns of `hypothesis_probability`.
+    `hypotheses` are the names of the columns of `hypothesis_probability`; `regions` are the columns
+    of impact regions, by default the regions themselves.
     """
     types = _types(tracks)
+    if regions is None:
+        regions = {"impact_regions": list(map(msgspec.Raw, region_texts(tracks.impact_regions)))}
     columns = {
         "time_s": tracks.tick_s.tolist(),
         "timestamp": _timestamps(tracks.tick_s, epoch_us),
@@ -130,7 +140,7 @@ def track_records(
         "launch": _points(LaunchRecord, tracks.launch, tracks.launch_covariance, epoch_us),
         "burnout": _burnouts(tracks, epoch_us),
         "impact": _impacts(tracks, epoch_us),
-        "impact_regions": map(msgspec.Raw, region_texts(tracks.impact_regions)),
+        **regions,
         "probability_burning": known_rows(tracks.probability_burning),
         "probability_relights": known_rows(tracks.probability_relights),
         "seen_s": known_rows(tracks.seen_s),
@@ -140,6 +150,39 @@ def track_records(
         TrackRecord(schema_version=schema_version, **dict(zip(columns, row, strict=True)))
         for row in zip(*columns.values(), strict=True)
     ]
+
+
+class RegionsOnce:
+    """Writes the regions of tracks once, when they are new, with a number that later records have.
+
+    Numbers are those of regions in the order of the records.
+    """
+
+    def __init__(self) -> None:
+        self._latest: dict[int, tuple[int, tuple[ImpactRegion, ...]]] = {}
+        self._count = 0
+
+    def columns(self, tracks: Tracks) -> Mapping[str, Sequence[Any]]:
+        """Return the columns of impact regions of the next records."""
+        texts = list[Any]()
+        numbers = list[Any]()
+        rows = zip(tracks.track.tolist(), tracks.impact_regions.tolist(), strict=True)
+        for track, regions in rows:
+            number, latest = self._latest.get(track, (-1, ()))
+            if not regions:
+                texts.append(())
+                numbers.append(UNSET)
+            elif regions is latest or regions == latest:
+                texts.append(UNSET)
+                numbers.append(number)
+            else:
+                texts.append(msgspec.Raw(region_text(regions)))
+                numbers.append(self._count)
+                self._latest[track] = self._count, regions
+                self._count += 1
+        for track in tracks.track[tracks.end > 0].tolist():
+            self._latest.pop(track, None)
+        return {"impact_regions": texts, "impact_regions_id": numbers}
 
 
 def _impacts(tracks: Tracks, epoch_us: int | None) -> list[ImpactRecord | None]:

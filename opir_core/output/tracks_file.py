@@ -6,13 +6,19 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec import UNSET
 
 from opir_core.arrays import FloatArray, ObjectArray
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, TRACK_ENDS, Tracks
 from opir_core.output.geojson import region_from_document
 from opir_core.output.run_files import LinesFile, content, invalid_file
-from opir_core.output.track_records import LaunchRecord, TrackRecord, track_records
+from opir_core.output.track_records import (
+    LaunchRecord,
+    RegionsOnce,
+    TrackRecord,
+    track_records,
+)
 from opir_core.scene.scene import REPORTED_TYPES
 
 #: Columns of one number a row, which have the name of their key.
@@ -28,7 +34,7 @@ _NUMBERS = (
 )
 
 #: Tracks in a block, as regions take memory while they are text.
-_BLOCK_ROWS = 256
+_BLOCK_ROWS = 4_096
 
 
 class TracksFile(LinesFile):
@@ -41,13 +47,14 @@ class TracksFile(LinesFile):
     def __init__(self, path: Path, hypotheses: Sequence[str] = ()) -> None:
         super().__init__(path)
         self._hypotheses = hypotheses
+        self._regions = RegionsOnce()
 
     def write(self, tracks: Tracks) -> None:
         """Write the tracks of a window."""
         for start in range(0, len(tracks), _BLOCK_ROWS):
-            self._write(
-                track_records(tracks.take(slice(start, start + _BLOCK_ROWS)), self._hypotheses)
-            )
+            block = tracks.take(slice(start, start + _BLOCK_ROWS))
+            regions = self._regions.columns(block)
+            self._write(track_records(block, self._hypotheses, regions=regions))
 
 
 def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
@@ -64,8 +71,9 @@ def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
         for number, line in enumerate(content(path).splitlines(), start=1)
     ]
     regions = np.empty(len(rows), dtype=np.object_)
+    known = dict[int, tuple[ImpactRegion, ...]]()
     for number, row in enumerate(rows, start=1):
-        regions[number - 1] = _regions(row, number, path)
+        regions[number - 1] = _regions(row, known, number, path)
     tracks = _tracks(rows, regions, _weighed(rows, hypotheses, path))
     order = np.lexsort((tracks.track, tracks.tick_s))
     tracks = tracks.take(order)
@@ -93,7 +101,21 @@ def _row(
         raise invalid_file(path, f"line {number}", f"not a track: {error}") from error
 
 
-def _regions(row: TrackRecord, number: int, path: Path) -> tuple[ImpactRegion, ...]:
+def _regions(
+    row: TrackRecord, known: dict[int, tuple[ImpactRegion, ...]], number: int, path: Path
+) -> tuple[ImpactRegion, ...]:
+    """Return the regions of a row, its own or those that it refers to; new ones become known."""
+    if row.impact_regions_id is UNSET:
+        return _own_regions(row, number, path)
+    if row.impact_regions is not UNSET:
+        known[row.impact_regions_id] = _own_regions(row, number, path)
+    elif row.impact_regions_id not in known:
+        words = f"no line before has regions {row.impact_regions_id}; give the whole file"
+        raise invalid_file(path, f"line {number}: impact_regions_id", words)
+    return known[row.impact_regions_id]
+
+
+def _own_regions(row: TrackRecord, number: int, path: Path) -> tuple[ImpactRegion, ...]:
     try:
         return tuple(region_from_document(region) for region in row.impact_regions or ())
     except (KeyError, TypeError, ValueError) as error:

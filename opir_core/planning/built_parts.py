@@ -137,9 +137,12 @@ def motion_fault(trajectories: Trajectories, ids: Sequence[str]) -> str:
             f"end_s as {getattr(end_s, 'shape', kind_of(end_s))}; {count} times from burnout on are"
             f" required"
         )
-    watched_s = np.asarray(trajectories.watched_s)
-    if watched_s.shape != (count,) or not ((burnout_s <= watched_s) & (watched_s <= end_s)).all():
-        return f"watched_s as {watched_s.shape}; {count} times from burnout to end_s are required"
+    glow_end_s = np.asarray(trajectories.glow_end_s)
+    if (
+        glow_end_s.shape != (count,)
+        or not ((burnout_s <= glow_end_s) & (glow_end_s <= end_s)).all()
+    ):
+        return f"glow_end_s as {glow_end_s.shape}; {count} times from burnout to end_s are required"
     if not isinstance(burns_s, np.ndarray) or burns_s.ndim != 3 or burns_s.shape[::2] != (count, 2):
         return (
             f"burns_s as {getattr(burns_s, 'shape', kind_of(burns_s))}; ({count}, k, 2) is required"

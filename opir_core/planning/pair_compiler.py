@@ -253,7 +253,7 @@ class PairCompiler:
     def _until_s(self, sensor: IndexArray, target: IndexArray) -> FloatArray:
         """Return the scene times (n,) up to which sensors observe targets."""
         targets = self._targets
-        return np.where(self._follows[sensor], targets.end_s[target], targets.watched_s[target])
+        return np.where(self._follows[sensor], targets.end_s[target], targets.glow_end_s[target])
 
     def _ends(
         self, sensor: IndexArray, target: IndexArray, until_s: FloatArray

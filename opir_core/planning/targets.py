@@ -16,7 +16,7 @@ from opir_core.scene.scene import TARGET_TYPES
 @frozen(eq=False)
 class Targets:
     """The scene's targets: ids, type codes, times of ignition, burnout and end of flight, and
-    trajectories by model; `watched_s` (n,) is the time up to which every sensor looks.
+    trajectories by model; `glow_end_s` (n,) is the time up to which every sensor looks.
 
     Target k is row `place[k]` of `trajectories[group[k]]`. `class_names` are target classes, and
     the types of other hot sources. `burns_s` (n, k, 2) are the scene times of ignition and burnout
@@ -35,7 +35,7 @@ class Targets:
     burns_s: FloatArray = field(
         default=Factory(lambda rows: one_burn_s(rows.ignition_s, rows.burnout_s), takes_self=True)
     )
-    watched_s: FloatArray = field(default=Factory(lambda rows: rows.burnout_s, takes_self=True))
+    glow_end_s: FloatArray = field(default=Factory(lambda rows: rows.burnout_s, takes_self=True))
     dark_gaps_s: FloatArray = field(
         init=False, default=Factory(lambda rows: dark_gaps_s(rows.burns_s), takes_self=True)
     )
@@ -100,7 +100,7 @@ def join_targets(
     end_s = np.zeros(count)
     ignition_s = np.zeros(count)
     burnout_s = np.zeros(count)
-    watched_s = np.zeros(count)
+    glow_end_s = np.zeros(count)
     class_names = [""] * count
     burns_s = list[FloatArray]()
     for number, (model_trajectories, where) in enumerate(zip(trajectories, rows, strict=True)):
@@ -111,7 +111,7 @@ def join_targets(
         ignition_s[index] = model_trajectories.ignition_s
         burnout_s[index] = model_trajectories.burnout_s
         end_s[index] = model_trajectories.end_s
-        watched_s[index] = model_trajectories.watched_s
+        glow_end_s[index] = model_trajectories.glow_end_s
         burns_s.append(model_trajectories.burns_s)
         for row, name in zip(where, model_trajectories.class_names, strict=True):
             class_names[row] = name
@@ -126,7 +126,7 @@ def join_targets(
         place=place,
         class_names=tuple(class_names),
         burns_s=_in_order(burns_s, rows),
-        watched_s=watched_s,
+        glow_end_s=glow_end_s,
     )
 
 

@@ -21,6 +21,9 @@ from opir_core.scene.scene import WorkLimits
 #: rounded up.
 EVENT_BYTES = 2000
 
+#: Looks that take as much memory as an event: a look that does not detect has a few numbers.
+LOOKS_PER_EVENT = 4.0
+
 
 @frozen
 class Work:
@@ -56,8 +59,14 @@ class Workload:
         return Work(looks, looks + self._false_alarms_per_s().sum() * cycle_ns / 1e9)
 
     def looks_per_s(self) -> float:
-        """Return an upper bound of the looks and false alarms in a second of scene time."""
-        return most_looks(self.pairs, 1_000_000_000) + float(self._false_alarms_per_s().sum())
+        """Return an upper bound of the looks and false alarms in a second of scene time, in looks
+        of the same memory.
+        """
+        return most_looks(self.pairs, 1_000_000_000) + self.false_looks_per_s()
+
+    def false_looks_per_s(self) -> float:
+        """Return the mean number of false alarms in a second, in looks of the same memory."""
+        return LOOKS_PER_EVENT * float(self._false_alarms_per_s().sum())
 
     def require_run(self) -> None:
         """Raise `SceneError` if the work of the whole scene is above the limits."""

@@ -9,7 +9,6 @@ from typing import Any
 
 from attrs import Factory, frozen
 
-from opir_core.interfaces.sensors import Spans
 from opir_core.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
 from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.scene import (
@@ -63,7 +62,7 @@ def _epoch_complaint(epoch: str) -> str | None:
     return None
 
 
-def _spans_complaint(watched_s: Mapping[str, Spans]) -> str | None:
+def _spans_complaint(watched_s: Mapping[str, tuple[tuple[float, float], ...]]) -> str | None:
     for sensor, spans in watched_s.items():
         previous_s = 0.0
         for start_s, end_s in spans:

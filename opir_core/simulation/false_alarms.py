@@ -18,7 +18,7 @@ from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.detection_models import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
-from opir_core.planning.looks import LookGeometry
+from opir_core.planning.looks import LookGeometry, blocks
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
 from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarmStream
@@ -118,8 +118,14 @@ class FalseAlarmGenerator:
         """Return the false alarms in [start, end) of scene time, or None."""
         alarms = [stream.near(start_ns, end_ns) for stream in self._streams.values()]
         drawn = [alarms_of_sensor for alarms_of_sensor in alarms if len(alarms_of_sensor)]
-        placed = self._placed(Drawn.concatenate(drawn), start_ns, end_ns) if drawn else None
-        return self._measured(placed) if placed is not None and len(placed) else None
+        if not drawn:
+            return None
+        near = Drawn.concatenate(drawn)
+        # Most are of other windows, where a scan is longer than these.
+        placed = _Placed.concatenate(
+            self._placed(near.take(rows), start_ns, end_ns) for rows in blocks(len(near))
+        )
+        return self._measured(placed) if len(placed) else None
 
     def _placed(self, drawn: Drawn, start_ns: int, end_ns: int) -> _Placed:
         """Return the false alarms in the window, with directions and times."""

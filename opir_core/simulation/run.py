@@ -1,6 +1,7 @@
 """A whole run in memory, with its summary and manifest; and the windows of a plan.
 
-Windows are sized by their number of looks, so that memory does not grow with a scene's duration.
+Windows are sized by their numbers of looks and of expected false alarms, so that memory grows
+neither with a scene's duration nor with a sensor's rate of false alarms.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -108,18 +109,20 @@ def _views() -> Any:
     return import_module("opir_core.simulation.run_views")
 
 
-#: Target number of looks per window; a column of them takes 2 MiB.
+#: Target number of looks per window, events in looks of the same memory; a column of them takes
+#: 2 MiB.
 LOOKS_PER_WINDOW = 1 << 18
 
 
 def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1) -> Sequence[int]:
     """Return the ends of a plan's windows, ns: every `window_s`, or after about `LOOKS_PER_WINDOW`
-    looks.
+    looks and false alarms.
 
     With several workers, after as many looks in all of their windows together.
     """
     if window_s is None:
-        return _edges_by_looks(plan.pairs, plan.end_ns, max(LOOKS_PER_WINDOW // max(workers, 1), 1))
+        looks = max(LOOKS_PER_WINDOW // max(workers, 1), 1)
+        return _edges_by_looks(plan.pairs, plan.workload.false_looks_per_s(), plan.end_ns, looks)
     step_ns = round(window_s * 1e9)
     if step_ns < 1:
         raise SceneError(
@@ -128,20 +131,24 @@ def window_edges_ns(plan: Plan, window_s: float | None = None, workers: int = 1)
     return [*range(step_ns, plan.end_ns, step_ns), plan.end_ns]
 
 
-def _edges_by_looks(pairs: Pairs, end_ns: int, looks: int) -> Sequence[int]:
+def _edges_by_looks(
+    pairs: Pairs, false_looks_per_s: float, end_ns: int, looks: int
+) -> Sequence[int]:
+    """Return the ends of windows of as many looks, of pairs and of false alarms."""
     looking = pairs.take(pairs.looks > 0)
-    total = int(looking.looks.sum())
+    total = int(looking.looks.sum()) + int(false_looks_per_s * end_ns * 1e-9)
     if total <= looks:
         return [end_ns]
     starts = looking.phase_ns + looking.first_scan * looking.period_ns
     stops = looking.phase_ns + (looking.last_scan + 1) * looking.period_ns
-    times_ns = np.unique(np.concatenate([starts, stops]))
+    times_ns = np.unique(np.concatenate([starts, stops, [0, end_ns]]))
     # The approximate number of looks before each time: the sum of the pairs' rates between start
     # and stop.
     rates = np.zeros(len(times_ns))
     np.add.at(rates, np.searchsorted(times_ns, starts), 1.0 / looking.period_ns)
     np.add.at(rates, np.searchsorted(times_ns, stops), -1.0 / looking.period_ns)
-    passed = np.concatenate([[0.0], np.cumsum(np.cumsum(rates)[:-1] * np.diff(times_ns))])
+    rates = np.cumsum(rates) + false_looks_per_s * 1e-9
+    passed = np.concatenate([[0.0], np.cumsum(rates[:-1] * np.diff(times_ns))])
     look_counts = np.arange(looks, total, looks)
     edges = np.unique(np.rint(np.interp(look_counts, passed, times_ns)).astype(np.int64))
     return [*(edge for edge in edges.tolist() if 0 < edge < end_ns), end_ns]

@@ -232,7 +232,7 @@ def test_without_light_no_sensor_looks_at_a_glide():
 
 def test_every_sensor_that_measures_light_looks_at_a_glide():
     plan = plan_of(GLIDER)
-    assert plan.targets.watched_s[0] == plan.targets.end_s[0] > plan.targets.burnout_s[0] + 1000.0
+    assert plan.targets.glow_end_s[0] == plan.targets.end_s[0] > plan.targets.burnout_s[0] + 1000.0
     assert plan.pairs.until_s[0] == plan.targets.end_s[0]
 
 

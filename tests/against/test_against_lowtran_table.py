@@ -60,7 +60,7 @@ def test_akimas_curves_are_scipys():
 def test_all_climates_are_in_the_table():
     assert {climate for climate, _ in SKIES} == set(CLIMATES)
     # Seventeen bands; the ten of civil imagers are three fifths of it.
-    assert sum(path.stat().st_size for path in TABLE.parent.glob("lowtran7_*.csv")) < 2_750_000
+    assert sum(path.stat().st_size for path in TABLE.parent.glob("lowtran7_*.csv")) < 2_850_000
 
 
 #: opir's air clears with height. Ozone, and nitric acid at 11.3 µm, have layers near 20 km, which
@@ -229,4 +229,4 @@ def test_lowtran_itself_below_the_horizon_is_met_to_1_percent(climate, aerosol):
         # Near 6.2 µm one of 360 paths is off by 0.0124; from 10.8 to 11.6 µm, where the air is
         # clear down to the humid kilometres that rays graze, by 0.037.
         assert np.max(off) < {"ABI_08": 0.0125, "ABI_14": 0.04}.get(band, 0.01)
-        assert np.sqrt(np.mean(np.square(off))) < (0.006 if band == "ABI_14" else 0.003)
+        assert np.sqrt(np.mean(np.square(off))) < (0.008 if band == "ABI_14" else 0.003)

@@ -10,13 +10,13 @@ import math
 
 import numpy as np
 import pytest
+from opir_estimation.triangulation import information
 from opir_photons.radiometry import (
     band_radiance,
     brightness_temperature_k,
     grey_body_intensity,
 )
 from opir_photons.radiometry.source_configs import FireConfig
-from opir_trackers.triangulation import information
 
 from opir_core.flight import boost_profile
 from opir_core.orbits import MolniyaConfig, OrbitConfig, orbit_of, synchronous_semi_major_axis_m

@@ -22,7 +22,7 @@ WITHOUT = {
     ): "it takes minutes: `opir check stonesoup` runs it, test_stonesoup_tracker.py the core",
     **{
         ("opir_tracker_parts", name): "`imm` has it by default, and is held to the same tests"
-        for name in ("crowds", "m-of-n", "thrust", "unlikely")
+        for name in ("gnn", "jpda", "m-of-n", "regions", "thrust", "unlikely")
     },
 }
 

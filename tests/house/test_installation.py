@@ -41,7 +41,9 @@ def test_the_command_names_the_folder_and_extras_of_each_distribution(path):
         place = install_command(project["name"], extra).removeprefix(
             "from a clone of opir: python -m pip install "
         )
+        *needed, place = place.split()
         folder = place.strip("'").partition("[")[0]
+        assert all((ROOT / each / "pyproject.toml").is_file() for each in needed)
         assert (ROOT / folder).resolve() == path.parent
 
 

@@ -72,13 +72,18 @@ def third_party(folder):
     return folder
 
 
+#: What templates of tracker parts need.
+TRACKING = ("opir_estimation", "opir_forecast", "opir_trackers")
+
+
 @pytest.fixture(scope="session")
 def outsider(tmp_path_factory):
     """An environment of somebody else's, made once."""
     folder = tmp_path_factory.mktemp("outsider")
     user = Outsider(folder, folder / "environment")
     build = ("-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder / "wheels"))
-    for source in (ROOT, *(ROOT / "plugins" / name for name in ("opir_photons", "opir_testing"))):
+    plugins = [ROOT / "plugins" / name for name in ("opir_photons", "opir_testing", *TRACKING)]
+    for source in (ROOT, *plugins):
         done = subprocess.run(
             [sys.executable, *build], cwd=source, capture_output=True, text=True, check=False
         )

@@ -13,7 +13,14 @@ import pytest
 from repository import EXAMPLES
 
 from opir_core.cli.main import main
-from opir_core.errors import ModelError, OpirError, PluginError, SceneError, SinkError
+from opir_core.errors import (
+    ModelError,
+    OpirError,
+    PluginError,
+    SceneError,
+    SinkError,
+    install_command,
+)
 from opir_core.host import discovery
 
 EXAMPLE = EXAMPLES / "first_light.yaml"
@@ -253,8 +260,7 @@ def test_a_missing_package_of_this_project_is_named(
 ):
     monkeypatch.setattr(discovery, "distributions_with", lambda groups: [])
     message = reported(capsys, *words, code=3)
-    folder = f"./plugins/{package.replace('-', '_')}"
-    assert f"{package} provides it; from a clone of opir: python -m pip install {folder}" in message
+    assert f"{package} provides it; {install_command(package)}" in message
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,11 @@
 from opir_estimation.assignment import (
     belief_propagation as belief_propagation,
     cheapest_assignment as cheapest_assignment,
-    components as components,
     group_maxima as group_maxima,
     group_minima as group_minima,
     group_sums as group_sums,
     ranks as ranks,
     scan_numbers as scan_numbers,
-    swap_probabilities as swap_probabilities,
     unambiguous as unambiguous,
 )
 from opir_estimation.directions import (
@@ -61,7 +59,7 @@ from opir_estimation.gating import (
 )
 from opir_estimation.labels import (
     LabelPosterior as LabelPosterior,
-    Looks as Looks,
+    SharedLooks as SharedLooks,
     equivalent_pairs as equivalent_pairs,
     label_posterior as label_posterior,
 )
@@ -104,7 +102,6 @@ from opir_estimation.registration.registration import (
 from opir_estimation.registration.shared_errors import (
     ERRORS as ERRORS,
     Vantages as Vantages,
-    turned_back as turned_back,
 )
 from opir_estimation.triangulation import (
     FAR_M as FAR_M,

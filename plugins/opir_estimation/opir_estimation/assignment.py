@@ -128,35 +128,6 @@ def _cheapest(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
     return pairs_[pairs_ >= 0]
 
 
-def swap_probabilities(
-    row: IntArray, column: IntArray, log: FloatArray, sweeps: int = 300
-) -> FloatArray:
-    """Return approximate association probabilities (n,) where every row has a column, by log
-    likelihoods (n,).
-
-    The squared likelihoods are scaled until no row and no column has more than 1 in all (Sinkhorn,
-    Ann. Math. Stat. 35(2), 1964). That is exact where two rows may have swapped their columns; of
-    more rows the error is 0.03 in the mean (docs/design/association_probability_error.py).
-    """
-    log = 2.0 * log
-    for _ in range(sweeps):
-        previous = log
-        log = log - _log_sums(row, log)
-        log = log - np.maximum(_log_sums(column, log), 0.0)
-        # What is improbable now may take over: logarithms settle last.
-        if np.max(np.abs(log - previous), initial=0.0) < 0.01:
-            break
-    return np.exp(log)
-
-
-def _log_sums(node: IntArray, log: FloatArray) -> FloatArray:
-    """Return for each pair (n,) the logarithm of the sum over the pairs of its node."""
-    greatest = np.full(int(node.max(initial=-1)) + 1, -np.inf)
-    np.maximum.at(greatest, node, log)
-    total = np.bincount(node, np.exp(log - greatest[node]))
-    return np.log(total[node]) + greatest[node]
-
-
 def belief_propagation(
     row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = 50
 ) -> FloatArray:

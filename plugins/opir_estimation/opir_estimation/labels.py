@@ -8,9 +8,9 @@ is JPDA: Fortmann, Bar-Shalom and Scheffe, IEEE J. Oceanic Engineering 8(3), 198
 belief propagation (Williams and Lau, IEEE Trans. Aerospace and Electronic Systems 50, 2014).
 
 The information of a look is that of the likelihood with labels summed out: Σ β / σ² less the spread
-of the lines over σ⁴ (Louis, J. Royal Statistical Society B 44, 1982). A line that one track loses
-another one gains: what the lines say of the difference of two tracks is less by twice the spread, and
-so much is taken off each.
+of the lines over σ⁴ (Louis, J. Royal Statistical Society B 44, 1982). A line that one track loses to
+another one moves both: what the lines say of their difference is less by twice the spread, and so
+much is taken off each.
 """
 
 from typing import NamedTuple
@@ -33,7 +33,7 @@ LAW = law_parameters("opir_estimation", "labels")
 _SIZE = 9
 
 
-class Looks(NamedTuple):
+class SharedLooks(NamedTuple):
     """Gated pairs (k,), the look of each: a track in a scan, and the log odds of a detection over
     a miss and a false alarm in 2π sr; `sensor` (k,) is that of the lines.
     """
@@ -55,11 +55,11 @@ class LabelPosterior(NamedTuple):
 
 
 def label_posterior(
-    looks: Looks, path: PredictedMeasurements, *, light_time: bool
+    looks: SharedLooks, path: PredictedMeasurements, *, light_time: bool
 ) -> LabelPosterior:
     """Return the probabilities of the pairs of tracks with predicted paths."""
     pairs = looks.pairs
-    motion = _Motion.of(pairs, path, light_time=light_time)
+    motion = _PathDeviations.of(pairs, path, light_time=light_time)
     variance = np.square(pairs.sigma_rad)
     mean = np.zeros(motion.prior.shape[:2])
     covariance = motion.prior
@@ -79,7 +79,7 @@ def label_posterior(
     return LabelPosterior(probability, log_ratio, residual)
 
 
-class _Motion(NamedTuple):
+class _PathDeviations(NamedTuple):
     """How pairs (k,) measure what tracks (n,) deviate from their predicted paths in position,
     velocity and acceleration: rows of `track` (k,), Jacobians (k, 2, 9), and covariances (n, 9, 9).
     """
@@ -89,7 +89,9 @@ class _Motion(NamedTuple):
     prior: FloatArray
 
     @classmethod
-    def of(cls, pairs: GatedPairs, path: PredictedMeasurements, *, light_time: bool) -> "_Motion":
+    def of(
+        cls, pairs: GatedPairs, path: PredictedMeasurements, *, light_time: bool
+    ) -> "_PathDeviations":
         """Return that of pairs with predicted paths."""
         emitted_s = emission_s(pairs.time_s, FAR_M, light_time)
         weight = path.weights(emitted_s)
@@ -109,7 +111,7 @@ class _Motion(NamedTuple):
         information = group_sums(self.track, (back @ self.slope).reshape(len(back), -1))
         gram = information.reshape(self.prior.shape)
         whole = np.eye(_SIZE) + self.prior @ gram
-        covariance: FloatArray = np.linalg.solve(whole, self.prior)
+        covariance = np.linalg.solve(whole, self.prior).astype(np.float64, copy=False)
         return matvec(covariance, group_sums(self.track, matvec(back, measured))), covariance
 
 
@@ -123,12 +125,13 @@ def _without_look(spread: FloatArray, pull: FloatArray) -> tuple[FloatArray, Flo
     far (k, 2) the prediction is from the one with them; `pull` (k, 3) are the look's `_look_sums`.
     """
     remaining = np.eye(2) - pull[:, 2, None, None] * spread
-    covariance: FloatArray = np.linalg.solve(remaining.transpose(0, 2, 1), spread)
+    turned = remaining.transpose(0, 2, 1)
+    covariance = np.linalg.solve(turned, spread).astype(np.float64, copy=False)
     return covariance, matvec(covariance, np.ascontiguousarray(pull[:, :2]))
 
 
 def _probabilities(
-    looks: Looks, residual: FloatArray, covariance: FloatArray
+    looks: SharedLooks, residual: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return log likelihood ratios (k,) and probabilities (k,) of pairs with residuals (k, 2) about
     predictions with covariances (k, 2, 2).
@@ -147,7 +150,7 @@ def _probabilities(
     return log_ratio, belief_propagation(looks.look, pairs.line, ratio, LAW.sweeps)
 
 
-def equivalent_pairs(looks: Looks, posterior: LabelPosterior) -> GatedPairs:
+def equivalent_pairs(looks: SharedLooks, posterior: LabelPosterior) -> GatedPairs:
     """Return one pair for each look that is probably of its track: it moves the track as the lines
     of the look do, and leaves the covariance that they leave.
 
@@ -162,11 +165,12 @@ def equivalent_pairs(looks: Looks, posterior: LabelPosterior) -> GatedPairs:
     pull = _look_sums(look, probability / variance, residual)
     square = probability * dot(residual, residual) / np.square(variance)
     spread = 0.5 * (np.bincount(look, square) - dot(pull[:, :2], pull[:, :2]))
+    spread *= 1.0 + _exchanged(looks, probability)
     total = np.bincount(look, probability)
     sensors = int(looks.sensor.max(initial=0)) + 1
     group = ranks((pairs.track * sensors + looks.sensor)[likeliest])
     labelled = np.bincount(group, pull[:, 2])
-    information = np.bincount(group, pull[:, 2] - 2.0 * spread)
+    information = np.bincount(group, pull[:, 2] - spread)
     share = np.maximum(information, LAW.least_information * labelled)[group]
     rows = np.flatnonzero(total > LAW.least_probability)
     weight = (share * pull[:, 2])[rows] / labelled[group[rows]]
@@ -177,3 +181,14 @@ def equivalent_pairs(looks: Looks, posterior: LabelPosterior) -> GatedPairs:
         measured=predicted + offset,
         sigma_rad=1.0 / np.sqrt(weight),
     )
+
+
+def _exchanged(looks: SharedLooks, probability: FloatArray) -> FloatArray:
+    """Return the share (m,) of the doubt in each look that is between tracks: 0 where a line is the
+    track's or nobody's, 1 where it is the track's or another one's.
+    """
+    line = looks.pairs.line
+    taken = np.bincount(line, probability)[line] - probability
+    doubt = np.bincount(looks.look, probability * (1.0 - probability))
+    between = np.bincount(looks.look, probability * np.minimum(taken, 1.0 - probability))
+    return np.divide(between, doubt, out=np.zeros(len(doubt)), where=doubt > 0.0)

@@ -220,10 +220,9 @@ def hypothesis_log_likelihood(
 
     A class is reported like the type that it resembles; without a launch, like any of them.
     """
+    total = np.logaddexp.reduce(types, axis=1, keepdims=True) - np.log(types.shape[1])
     columns = [
-        types[:, names.index(hypothesis.target_class.resembles)]
-        if hypothesis.target_class
-        else np.logaddexp.reduce(types, axis=1) - np.log(types.shape[1])
+        names.index(hypothesis.target_class.resembles) if hypothesis.target_class else len(names)
         for hypothesis in hypotheses
     ]
-    return np.stack(columns, axis=1)
+    return np.concatenate([types, total], axis=1)[:, columns]

@@ -4,7 +4,7 @@ import asyncio
 import threading
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -23,6 +23,10 @@ QUEUED_FRAMES = 64
 
 #: Maximum number of detections in a frame of the brief stream.
 BRIEF = 40
+
+#: Maximum number of detections in a frame of those sent again: a viewer that does not read holds
+#: one such frame.
+SENT_AGAIN = 250
 
 _STATUS_S = 1.0
 _HEARTBEAT_S = 10.0
@@ -86,6 +90,8 @@ class Client:
         #: Detections up to this number were sent at the start; frames on their way with these are
         #: left out.
         self.seen = 0
+        #: Frames of the detections sent at the start, each made when the one before is sent.
+        self.backlog: Iterator[bytes] = iter(())
         self._frames: deque[bytes] = deque()
         self._ready = asyncio.Event()
         self.is_closed = False
@@ -109,6 +115,8 @@ class Client:
         """
         reported = 0
         yield b": opir\n\n"
+        for sent_again in self.backlog:
+            yield sent_again
         while True:
             while self._frames:
                 if self.dropped > reported:
@@ -200,14 +208,20 @@ class Feed:
         # Joined first: frames are sent in later turns of the loop, and those that the history has
         # already are left out.
         self.join(client)
-        lines, lost, total = self.history.since(number)
+        total = self.history.total
         if number <= total:
-            if lost:
-                client.put(frame("dropped", _json({"detections": lost})))
-            if lines:
-                full, brief = _both(b"null", b"null", lines, total)
-                client.put(brief if client.brief else full)
             client.seen = total
+            client.backlog = self._backlog(number, total, brief=client.brief)
+
+    def _backlog(self, number: int, total: int, *, brief: bool) -> Iterator[bytes]:
+        """Yield the frames of the detections from one number to another, made one by one."""
+        while number < total:
+            lines, lost = self.history.between(number, total, None if brief else SENT_AGAIN)
+            number += lost + len(lines)
+            if lost:
+                yield frame("dropped", _json({"detections": lost}))
+            if lines:
+                yield _of_lines(b"null", b"null", lines, number, brief=brief)
 
     def leave(self, client: Client) -> None:
         """Remove a client."""
@@ -248,9 +262,13 @@ class Feed:
         time_us = unix_microseconds(detections.time_ns, self.epoch_us)
         self.history.add(detections, time_us, lines)
         self.activity.add(detections.sensor, time_us)
-        return self.history.total, *_both(
-            b"%d" % cycle, b"%.6f" % window.end_s, lines, self.history.total
+        full, brief = (
+            _of_lines(
+                b"%d" % cycle, b"%.6f" % window.end_s, lines, self.history.total, brief=is_brief
+            )
+            for is_brief in (False, True)
         )
+        return self.history.total, full, brief
 
     def _fan_out(self, frames: list[tuple[int, bytes, bytes]]) -> None:
         for client in self._clients:
@@ -259,17 +277,15 @@ class Feed:
                     client.put(views[client.brief])
 
 
-def _both(cycle: bytes, time_s: bytes, lines: list[bytes], number: int) -> tuple[bytes, bytes]:
-    """Return the frame of detections, in full and in brief; `cycle` and `time_s` are null for those
+def _of_lines(
+    cycle: bytes, time_s: bytes, lines: list[bytes], number: int, *, brief: bool
+) -> bytes:
+    """Return the frame of detections, in full or in brief; `cycle` and `time_s` are null for those
     sent again.
     """
     head = b'{"cycle":%b,"time_s":%b,"count":%d,"detections":[' % (cycle, time_s, len(lines))
-    step = -(-len(lines) // BRIEF)
-    full, brief = (
-        frame("detections", head + b",".join(view) + b"]}", number)
-        for view in (lines, lines[::step])
-    )
-    return full, brief
+    step = -(-len(lines) // BRIEF) if brief else 1
+    return frame("detections", head + b",".join(lines[::step]) + b"]}", number)
 
 
 def frame(event: str, data: bytes, number: int | None = None) -> bytes:

@@ -54,14 +54,14 @@ class History:
             for at, line in zip(place.tolist(), newest, strict=True):
                 self._lines[at] = line
 
-    def since(self, number: int) -> tuple[list[bytes], int, int]:
-        """Return the lines after the first `number` detections, how many of these are lost, and the
-        total.
+    def between(self, number: int, end: int, limit: int | None) -> tuple[list[bytes], int]:
+        """Return at most `limit` lines after the first `number` detections and up to the first
+        `end`, and how many before them are lost.
         """
         with self._lock:
-            oldest = max(0, self.total - self._size, min(number, self.total))
-            lines = [self._lines[at % self._size] for at in range(oldest, self.total)]
-            return lines, max(0, oldest - number), self.total
+            first = min(max(number, self.total - self._size), end)
+            last = end if limit is None else min(first + limit, end)
+            return [self._lines[at % self._size] for at in range(first, last)], first - number
 
     def page(self, criteria: Filter, end: int | None, limit: int) -> tuple[list[bytes], int | None]:
         """Return the newest `limit` selected lines, newest first, and the sequence number of the

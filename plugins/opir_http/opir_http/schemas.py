@@ -139,6 +139,7 @@ class Config(Closed, kw_only=True):
     limits: _settings(WorkLimits) | UnsetType = UNSET  # type: ignore[valid-type]
     allow_implausible: bool | UnsetType = UNSET
     sensors: Annotated[list[Schema], Meta(min_length=1)]
+    watched_s: dict[str, list[tuple[float, float]]] | UnsetType = UNSET
     detection: _model("detection") = UNSET  # type: ignore[valid-type]
     classification: _model("classification") = UNSET  # type: ignore[valid-type]
     confidence: _model("confidence") = UNSET  # type: ignore[valid-type]

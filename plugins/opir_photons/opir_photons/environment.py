@@ -216,11 +216,7 @@ class RadiometricEnvironment:
         """Add to intensities (bands, n), in place, what bodies radiate more since the air heats
         them.
         """
-        targets = self.targets
-        time_s = exposures.emission_time_s
-        coasts = time_s > targets.burnout_s[exposures.target]
-        coasts |= targets.is_dark(exposures.target, time_s)
-        coasting = np.flatnonzero(coasts)
+        coasting = self._coasting(exposures)
         if not len(coasting):
             return
         group = self.group[exposures.target[coasting]]
@@ -229,11 +225,21 @@ class RadiometricEnvironment:
             rows = rows[height_m[rows] < signatures.heated_below_m]
             if len(rows):
                 target = exposures.target[rows]
-                way_m, step_s = self._ways(target, time_s[rows])
-                speed_m_s = length(*components(way_m)) / np.maximum(step_s, _HALF_STEP_S)
+                speed_m_s = self._speeds_m_s(target, exposures.emission_time_s[rows])
                 intensity[:, rows] += signatures.air_heated_w_sr(
                     bands, self.place[target], height_m[rows], speed_m_s
                 )
+
+    def _coasting(self, exposures: Exposures) -> RowArray:
+        """Return the rows of looks at targets after burnout, or in dark gaps."""
+        time_s = exposures.emission_time_s
+        coasts = time_s > self.targets.burnout_s[exposures.target]
+        return np.flatnonzero(coasts | self.targets.is_dark(exposures.target, time_s))
+
+    def _speeds_m_s(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return the speeds (n,) of targets over the Earth, m/s."""
+        way_m, step_s = self._ways(target, time_s)
+        return length(*components(way_m)) / np.maximum(step_s, _HALF_STEP_S)
 
     def _since_ignition_s(self, exposures: Exposures) -> FloatArray:
         """Return times since ignition (n,) for signatures: in dark gaps that just after burnout, of

@@ -272,10 +272,10 @@ def unread(names: Iterable[str], columns: Mapping[str, Column]) -> list[str]:
 
 def unread_note(names: Iterable[str], columns: Mapping[str, Column]) -> tuple[str, ...]:
     """Return the note about columns that are not read, none where all are."""
-    others = unread(names, columns)
-    listed = ", ".join(map(repr, others[:6]))
-    more = f" and {len(others) - 6} more" if len(others) > 6 else ""
-    return (f"{UNREAD}{listed}{more}",) if others else ()
+    unread_names = unread(names, columns)
+    listed = ", ".join(map(repr, unread_names[:6]))
+    more = f" and {len(unread_names) - 6} more" if len(unread_names) > 6 else ""
+    return (f"{UNREAD}{listed}{more}",) if unread_names else ()
 
 
 #: Columns of the fire pixels that satellite services publish.

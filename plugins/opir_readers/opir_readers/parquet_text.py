@@ -1,6 +1,6 @@
 """Parquet as the text of a table: names of columns in its first line, then a line for each row."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import Any
 from uuid import UUID
@@ -32,7 +32,7 @@ def text_of_parquet(content: bytes) -> str:
     """
     try:
         import pyarrow
-        from pyarrow import csv, parquet
+        from pyarrow import parquet
     except ImportError as error:
         remedy = install_command("opir-readers", "parquet")
         raise BadFileError(f"is Parquet, which needs pyarrow; {remedy}") from error
@@ -42,24 +42,31 @@ def text_of_parquet(content: bytes) -> str:
         if not names:
             raise BadFileError("has no columns of numbers, texts or times")
         _require_size(table.metadata, names)
-        # Texts stay numbers into the list of the distinct ones until their size is known.
-        texts = [name for name in names if _is_text(table.schema_arrow.field(name).type)]
-        file = parquet.ParquetFile(BytesIO(content), read_dictionary=texts)
-        long = {name for name in texts if _text_bytes(file, name) > _MOST_TEXT_BYTES}
-        text = BytesIO()
-        for group in range(file.num_row_groups):
-            rows = file.read_row_group(group, [name for name in names if name not in long])
-            csv.write_csv(
-                pyarrow.table(dict(_columns(rows))),
-                text,
-                csv.WriteOptions(include_header=not group),
-            )
+        return _text_of(content, table.schema_arrow, names)
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         if isinstance(error, BadFileError):
             raise
         raise BadFileError(
             f"is no whole Parquet file: {str(error).splitlines()[0][:200]}"
         ) from error
+
+
+def _text_of(content: bytes, schema: Any, names: list[str]) -> str:
+    """Return the columns of these names, but for those with long texts, a group of rows at a
+    time.
+    """
+    import pyarrow
+    from pyarrow import csv, parquet
+
+    # Texts stay numbers into the list of the distinct ones until their size is known.
+    texts = [name for name in names if _is_text(schema.field(name).type)]
+    file = parquet.ParquetFile(BytesIO(content), read_dictionary=texts)
+    long = {name for name in texts if _text_bytes(file, name) > _MOST_TEXT_BYTES}
+    text = BytesIO()
+    for group in range(file.num_row_groups):
+        rows = file.read_row_group(group, [name for name in names if name not in long])
+        options = csv.WriteOptions(include_header=not group)
+        csv.write_csv(pyarrow.table(dict(_columns(rows))), text, options)
     return text.getvalue().decode("utf-8", "replace")
 
 
@@ -90,20 +97,19 @@ def _is_read(field: Any) -> bool:
     from pyarrow import types
 
     kind = field.type.value_type if types.is_dictionary(field.type) else field.type
-    is_list = types.is_list(kind) or types.is_fixed_size_list(kind)
-    kinds = (
-        types.is_floating,
-        types.is_boolean,
-        types.is_integer,
-        types.is_timestamp,
-        types.is_date,
-    )
-    return (
-        (is_list and field.name in _VECTORS)
-        or _is_text(kind)
-        or any(is_kind(kind) for is_kind in kinds)
-        or (types.is_fixed_size_binary(kind) and kind.byte_width == 16)
-    )
+    if types.is_list(kind) or types.is_fixed_size_list(kind):
+        return field.name in _VECTORS
+    if types.is_fixed_size_binary(kind):
+        return bool(kind.byte_width == 16)
+    return _is_text(kind) or any(is_kind(kind) for is_kind in _number_kinds())
+
+
+def _number_kinds() -> tuple[Callable[[Any], bool], ...]:
+    """Return the tests for types of numbers, truth values and times."""
+    from pyarrow import types
+
+    numbers = types.is_floating, types.is_boolean, types.is_integer
+    return *numbers, types.is_timestamp, types.is_date
 
 
 def _is_text(kind: Any) -> bool:

@@ -106,11 +106,7 @@ def reader_of(
     names theirs. Raises `BadFileError` where there is none, or several.
     """
     if name is not None:
-        for reader in readers:
-            if reader.name == name:
-                return reader
-        known = ", ".join(reader.name for reader in readers)
-        raise BadFileError(f"there is no reader {name!r}; there are {known}")
+        return _named(readers, name)
     matches = [reader for reader in readers if reader.recognises(text)]
     if columns:
         matches = _readers_of_columns(text, matches, readers, columns)
@@ -131,6 +127,15 @@ def reader_of(
         f"is of no format that is read: it looks like {likeness(text) or kind}; read are"
         f" {summaries}"
     )
+
+
+def _named(readers: Sequence[FileReader], name: str) -> FileReader:
+    """Return the reader of a name; raises `BadFileError`."""
+    for reader in readers:
+        if reader.name == name:
+            return reader
+    known = ", ".join(reader.name for reader in readers)
+    raise BadFileError(f"there is no reader {name!r}; there are {known}")
 
 
 def _readers_of_columns(

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import (
     EARTH_ECCENTRICITY_SQUARED,
     EARTH_EQUATORIAL_RADIUS_M,
@@ -380,14 +381,20 @@ def _hardest_bend(table: StateTable) -> tuple[int, float]:
     return int(rows[row]), float(hardest[row])
 
 
+def _radial_heights_m(position_m: FloatArray) -> FloatArray:
+    """Return distances (n,) of positions (n, 3) from the ellipsoid along the radius: near it,
+    heights.
+    """
+    radius_m = lengths(position_m)
+    cosine = np.hypot(position_m[:, 0], position_m[:, 1]) / radius_m
+    flattening = 1.0 - EARTH_ECCENTRICITY_SQUARED * cosine * cosine
+    share = np.sqrt((1.0 - EARTH_ECCENTRICITY_SQUARED) / flattening)
+    heights_m: FloatArray = radius_m - EARTH_EQUATORIAL_RADIUS_M * share
+    return heights_m
+
+
 def _doubts_of_heights(table: StateTable) -> Iterator[str]:
-    # Distances from the ellipsoid along the radius are heights, near it.
-    radius_m = lengths(table.position_m)
-    cosine = np.hypot(table.position_m[:, 0], table.position_m[:, 1]) / radius_m
-    share = np.sqrt(
-        (1.0 - EARTH_ECCENTRICITY_SQUARED) / (1.0 - EARTH_ECCENTRICITY_SQUARED * cosine**2)
-    )
-    above_m = radius_m - EARTH_EQUATORIAL_RADIUS_M * share
+    above_m = _radial_heights_m(table.position_m)
     rows = np.flatnonzero(above_m < 0.99 * _LIMITS.least_height_m)
     if not len(rows):
         return

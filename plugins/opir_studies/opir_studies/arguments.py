@@ -186,7 +186,7 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         help="score each tracker with each value of a setting, e.g."
-        " tracker.association=crowds,gnn; repeatable, in all combinations",
+        " tracker.association=jpda,gnn; repeatable, in all combinations",
     )
     parser.add_argument(
         "--runs",

@@ -15,7 +15,6 @@ from opir_trackers.parts import (
     Initiator as Initiator,
     PartContext as PartContext,
     Pruner as Pruner,
-    Settled as Settled,
     TrackPicture as TrackPicture,
     made_part as made_part,
 )

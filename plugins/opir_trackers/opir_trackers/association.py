@@ -13,7 +13,6 @@ from opir_estimation import (
     LinesOfSight,
     PredictedMeasurements,
     cheapest_assignment,
-    components,
     dot,
     group_sums,
     ranks,
@@ -78,19 +77,6 @@ def ambiguous_tracks(pairs: GatedPairs, lines: LinesOfSight) -> IntArray:
     """
     rivals = ~unambiguous(scan_groups(pairs, lines), pairs.line)
     return np.bincount(pairs.track[rivals]).nonzero()[0]
-
-
-def connected_tracks(track: IntArray, line: IntArray, tracks: IntArray) -> BoolArray:
-    """Return which tracks, up to the last with a pair (m,), are among `tracks` or connected to
-    them by shared lines.
-    """
-    connected = np.zeros(int(max(track.max(initial=-1), tracks.max(initial=-1))) + 1, dtype=bool)
-    connected[tracks] = True
-    if len(tracks):
-        group, count = components(track, line)
-        touched = np.bincount(group, connected[track], count) > 0.0
-        connected[track[touched[group]]] = True
-    return connected
 
 
 def is_unambiguous(pairs: GatedPairs, lines: LinesOfSight) -> bool:

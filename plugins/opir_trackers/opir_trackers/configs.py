@@ -295,7 +295,7 @@ class ImmConfig:
     recent_scans: int = _recent_scans()
     association: Any = part(
         role="association",
-        default="crowds",
+        default="jpda",
         help="data association: which line of sight belongs to which track",
     )
     initiation: Any = part(

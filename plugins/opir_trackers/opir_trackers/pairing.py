@@ -1,13 +1,11 @@
-"""Pairing of focal-plane tracks across sensors: the second level of association, by geometry alone.
+"""Pairing of clusters of lines across sensors, by geometry alone.
 
-Each focal-plane track keeps its directions of the last `LAW.kept_s`, one a slice. Directions of one
-target meet, at every instant; those of two targets pass one another. The cost of a set of
-focal-plane tracks, one a sensor, is the sum over the stretch of the least squares of the
-triangulation: for two sensors the misfit of their epipolar planes. The cheapest one-to-one
-assignment is exact for two sensors. For more it is NP-hard: each sensor in turn is assigned to the
-sets of the others until nothing changes (multidimensional assignment by relaxation to two
-dimensions: Poore, Computational Optimization and Applications 3, 1994), from the present pairing
-and from none.
+Directions of one target meet; those of two targets pass one another. The cost of a set of clusters,
+one a sensor, is the sum over its instants of the least squares of the triangulation: for two
+sensors the misfit of their epipolar planes. The cheapest one-to-one assignment is exact for two
+sensors. For more it is NP-hard: each sensor in turn is assigned to the sets of the others until
+nothing changes (multidimensional assignment by relaxation to two dimensions: Poore, Computational
+Optimization and Applications 3, 1994), from the present pairing and from none.
 """
 
 from collections.abc import Sequence
@@ -16,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
-from opir_estimation import FIRST_HEIGHT_M, cheapest_assignment, ranks, swap_probabilities
+from opir_estimation import FIRST_HEIGHT_M, cheapest_assignment, ranks
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import WGS84
@@ -26,13 +24,6 @@ from opir_core.interfaces import Columns
 @frozen
 class PairingLaw:
     """Gains and thresholds of pairings, log likelihoods where no unit is given."""
-
-    #: Directions are kept for this time, s: with known focal-plane tracks, 20 launches within a
-    #: kilometre are paired right in 0.90 after 10 s, 0.97 after 20 s and 1.00 after 40 s.
-    kept_s: float = 40.0
-
-    #: Time from one pairing to the next, s.
-    renewed_s: float = 4.0
 
     #: Least gain of a set over its parts alone: a stage that ignites moves focal-plane tracks by
     #: more than their errors for a second or two, and wrong partners lose more within a few slices.
@@ -90,10 +81,6 @@ class PairingLaw:
 
     #: Rounds of assignment of each sensor to the sets of the others.
     rounds: int = 6
-
-    #: Log likelihoods of pairings are divided by this: errors of directions are correlated over
-    #: some slices.
-    correlated: float = 4.0
 
     #: Weight of the point of reference, 1/m²: parallel lines meet as far off as 10 000 km.
     least_weight: float = 1e-14
@@ -206,32 +193,16 @@ def _inverse(
     return [minor * share for minor in minors]
 
 
-def intersections(table: FloatArray) -> FloatArray:
-    """Return the points (..., 3) of sums of normal equations (..., 12)."""
-    return np.stack(fixes(table).point, axis=-1)
-
-
-def gains(table: FloatArray, reward: float = LAW.reward) -> FloatArray:
+def _gains(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
     """Return the log likelihoods (...) of sets, by sums of normal equations (..., instants, 12).
 
     The least squares of an instant with k lines have 2 k - 3 degrees of freedom, each of which has
-    a `reward` over different targets. Where a focal-plane track was not there yet, a set has the
-    reward as if its lines fitted: else long tracks of different targets, which happen to fit, would
-    be preferred to short ones of one. In a crowd focal-plane tracks change targets: a set is one
-    since the instant that makes it likeliest.
+    a `reward` over different targets. Where a cluster was not there yet, a set has the reward as if
+    its lines fitted.
     """
-    return _gains(table, fixes(table).misfit, reward)
-
-
-def _gains(table: FloatArray, misfit: FloatArray, reward: float) -> FloatArray:
     return reward * _degrees(table[..., 10]).sum(axis=-1) - _losses(table, misfit, reward).min(
         axis=-1
     )
-
-
-def first_instants(table: FloatArray) -> IntArray:
-    """Return the instant (...) from which on each set is most likely of one target."""
-    return np.argmin(_losses(table, fixes(table).misfit, LAW.reward), axis=-1)
 
 
 def are_open(table: FloatArray, group: IntArray) -> BoolArray:
@@ -483,48 +454,3 @@ def _piece_sets(present: IntArray, piece: IntArray) -> IntArray:
     sets = np.empty(int(piece.max(initial=-1)) + 1, dtype=np.int64)
     sets[piece[::-1]] = present[::-1]
     return sets
-
-
-class Rivals(NamedTuple):
-    """Focal-plane tracks that a set may have instead of its own of a sensor: set, present, rival,
-    probability (m,).
-    """
-
-    set: IntArray
-    present: IntArray
-    rival: IntArray
-    probability: FloatArray
-
-
-def rivals(
-    table: FloatArray, sensor: IntArray, group: IntArray, model: SetModel, least: float
-) -> Rivals:
-    """Return other partners of sets, with probabilities of at least `least`, of all sensors but the
-    first.
-    """
-    numbers = np.empty(0, dtype=np.int64)
-    alternatives = [
-        Rivals(numbers, numbers, numbers, np.empty(0)),
-        *(
-            _rivals_of(table, sensor == number, group, model, least)
-            for number in np.unique(sensor).tolist()[1:]
-        ),
-    ]
-    return Rivals(*(np.concatenate(columns) for columns in zip(*alternatives, strict=True)))
-
-
-def _rivals_of(
-    table: FloatArray, is_moved: BoolArray, group: IntArray, model: SetModel, least: float
-) -> Rivals:
-    """Return the partners of sets among the rows (n,) of one sensor."""
-    rows = np.flatnonzero(is_moved)
-    fixed = np.flatnonzero(~is_moved)
-    number, place = np.unique(group[fixed], return_inverse=True)
-    pairs = candidates(table, set_sums(table[fixed], place), rows, model)
-    beta = swap_probabilities(pairs.set, pairs.row, pairs.gain / LAW.correlated)
-    row_of = np.full(int(group.max()) + 1, -1, dtype=np.int64)
-    row_of[group[rows]] = rows
-    sets = number[pairs.set]
-    present = row_of[sets]
-    likely = np.flatnonzero((beta > least) & (present >= 0) & (present != pairs.row))
-    return Rivals(sets[likely], present[likely], pairs.row[likely], beta[likely])

@@ -8,6 +8,7 @@ of its association, because late detections return the tracker to an earlier tim
 
 from abc import abstractmethod
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,7 +22,6 @@ from opir_core.host import described_error
 from opir_core.interfaces import PartMaker, PluginPart
 from opir_core.plugin import Host, TrackerContext, TrackerPart
 from opir_trackers.association import AssociationModel, scan_groups
-from opir_trackers.imm.mixtures import Mixtures
 from opir_trackers.imm.state import SharedDetections, TrackTable
 from opir_trackers.initiation import Initiation
 
@@ -61,9 +61,12 @@ def maker_of(role: str, context: PartContext) -> PartMaker:
     the settings, with its defaults.
     """
     chosen = context.tracker.parts.get(role)
-    if chosen is not None:
-        return chosen
-    name = getattr(context.settings, role)
+    return _installed(getattr(context.settings, role)) if chosen is None else chosen
+
+
+@cache
+def _installed(name: str) -> PartMaker:
+    """Return what makes an installed part, with its default settings."""
     component = Host.discover().component(TrackerPart, name)
     return PartMaker(
         owner=f"the tracker part {name}", config=component.config(), build=component.build
@@ -74,25 +77,26 @@ def maker_of(role: str, context: PartContext) -> PartMaker:
 class AssociationProblem:
     """The lines of sight (m,) of a slice, and their pairs (k,) with tracks (n,) within the gates.
 
-    `lines` are in order of time and without the `known_errors` (sensors, 3) of their sensors: two
-    angles, rad, and the clock, s. A sensor sees a target at most once a `scan`. `number` (n,) are
-    the track numbers, ascending, and `path` predicts their positions. `seen` (n, sensors) says
-    which sensors have seen which track, `bias_sigma_rad` (sensors,) is the standard deviation that
-    is left of their biases. The slice ends at `end_s`, s, and is `span_s` long; `memory` is that of
-    the last association, None at first.
+    `lines` are in order of time and without the known errors of their sensors. A sensor sees a
+    target at most once a `scan`. `number` (n,) are the track numbers, ascending, and `path` predicts
+    their positions; `reports` (n, sensors) are as in `TrackTable`. The slice ends at `end_s`, s,
+    and is `span_s` long; `memory` is that of the last association, None at first.
     """
 
     lines: LinesOfSight
     pairs: GatedPairs
     number: IntArray
     path: PredictedMeasurements
-    seen: BoolArray
-    known_errors: FloatArray
-    bias_sigma_rad: FloatArray
+    reports: IntArray
     model: AssociationModel
     end_s: float
     span_s: float
     memory: Any = None
+
+    @property
+    def seen(self) -> BoolArray:
+        """Which sensors have seen which track, (n, sensors)."""
+        return self.reports >= 0
 
     @property
     def log_ratio(self) -> FloatArray:
@@ -160,23 +164,6 @@ class Associator(PluginPart):
         """
         return self.associate(problem).owner
 
-    def settled(self, tracks: "TrackPicture", memory: Any) -> "Settled":
-        """Return the memory, and what it changes of the tracks: after tracks began, and at the end of
-        a slice with a memory, when those that ended are out of the table (`tracks.is_pruned`).
-        """
-        return Settled(memory=memory)
-
-
-@frozen(eq=False, kw_only=True)
-class Settled:
-    """The memory of an associator at the end of a slice, the table of tracks if it changed them, and
-    the mixtures that undecided associations make of states.
-    """
-
-    memory: Any
-    table: TrackTable | None = None
-    mixtures: Mixtures | None = None
-
 
 @frozen(eq=False, kw_only=True)
 class TrackPicture:
@@ -187,9 +174,6 @@ class TrackPicture:
     For `silent_s` (n,), s, they were looked at in vain; `sensor_silence_s` (sensors,) is the
     longest silence, s, that missed detections explain.
     `sightings` are the recent scans with detections, `existence` (n,) is that of the association.
-    `known_errors` (sensors, 3) are taken off lines of sight: two angles, rad, and the clock, s;
-    `bias_sigma_rad` (sensors,) is left. `is_pruned` is whether the tracks that ended are out of the
-    table.
     """
 
     time_s: float
@@ -200,10 +184,7 @@ class TrackPicture:
     silent_s: FloatArray
     sensor_silence_s: FloatArray
     sightings: SharedDetections
-    known_errors: FloatArray
-    bias_sigma_rad: FloatArray
     existence: FloatArray | None = None
-    is_pruned: bool = False
 
     @property
     def number(self) -> IntArray:

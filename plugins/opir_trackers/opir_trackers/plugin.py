@@ -76,15 +76,6 @@ def opir_tracker_parts() -> Iterable[TrackerPart]:
         reads=(),
     )
     yield TrackerPart(
-        name="crowds",
-        summary="global nearest neighbour; tracks that share lines are followed in the sensors'"
-        " focal planes",
-        role="association",
-        trackers=("imm",),
-        build=_build("imm.crowd_associator", "crowd_associator"),
-        reads=(),
-    )
-    yield TrackerPart(
         name="m-of-n",
         summary="clusters of unassigned lines with detections in M of the last N scans",
         role="initiation",

@@ -2,6 +2,7 @@
 plugins`, checked.
 """
 
+import re
 import sys
 import tomllib
 from collections.abc import Callable
@@ -10,7 +11,7 @@ import pytest
 from repository import ROOT
 
 from opir_core import __version__
-from opir_core.errors import PluginError
+from opir_core.errors import PluginError, install_command
 from opir_core.host import PACKAGES
 from opir_core.host.discovery import core_specifier, error_of_requirement
 from opir_core.host.registry import PluginRow
@@ -126,6 +127,25 @@ def test_the_plugins_of_this_repository_require_this_core() -> None:
         specifier = core_specifier(project["dependencies"])  # type: ignore[arg-type]
         assert specifier, name
         assert not error_of_requirement(specifier, name, __version__)
+
+
+def needed_by(name: str) -> list[str]:
+    """Return the distributions of this project besides the core that one needs, each after its own
+    needs.
+    """
+    required = [
+        re.split(r"[^\w.-]", words)[0]
+        for words in projects().get(name, {}).get("dependencies", [])  # type: ignore[attr-defined]
+        if words.startswith("opir-") and not words.startswith("opir-core")
+    ]
+    ordered = [each for other in required for each in (*needed_by(other), other)]
+    return list(dict.fromkeys(ordered))
+
+
+def test_a_package_is_installed_with_those_that_it_needs() -> None:
+    for name in PACKAGES:
+        folders = [f"./plugins/{each.replace('-', '_')}" for each in (*needed_by(name), name)]
+        assert install_command(name).endswith(f"pip install {' '.join(folders)}")
 
 
 def test_the_table_of_packages_is_what_they_advertise() -> None:

@@ -82,7 +82,7 @@ def test_a_missing_name_with_the_nearest(shop, trackers):
         "  nearest: Kepler-Arc of opir-more 2.1 (plugin more), kepler-are of opir-arc 1.0 (plugin"
         " arc)\n"
         "  opir-trackers provides it; from a clone of opir: python -m pip install"
-        " ./plugins/opir_trackers\n"
+        " ./plugins/opir_estimation ./plugins/opir_forecast ./plugins/opir_trackers\n"
         "  trackers installed: Kepler-Arc of opir-more 2.1 (plugin more), kalman of opir-more 2.1"
         " (plugin more), "
         "kepler-are of opir-arc 1.0 (plugin arc), mht of opir-more 2.1 (plugin more)"

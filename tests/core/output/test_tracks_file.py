@@ -78,7 +78,7 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
         "time_s", "track_id", "available_s", "target_type", "type_probability", "hypotheses", "probability_launch",
         "probability_missile", "probability_orbit", "probability_comes_down", "position_ecef_m",
         "velocity_ecef_m_s", "covariance", "ellipsoid_sigmas", "launch", "burnout", "impact", "impact_regions",
-        "probability_burning", "probability_relights", "end", "seen_s", "is_brief",
+        "impact_regions_id", "probability_burning", "probability_relights", "end", "seen_s", "is_brief",
     ]  # fmt: skip
     assert (line["time_s"], line["track_id"], line["available_s"]) == (61.0, 0, 61.5)
     assert line["target_type"] == "ICBM"
@@ -150,10 +150,42 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
             region.effective_samples, written_region.effective_samples, equal_nan=True
         )
         assert region.area_km2 == pytest.approx(written_region.area_km2, abs=1e-3)
+        # The outline is as close as 1 % of the circle's radius.
         corners = region.polygons[0][0]
         expected = written_region.polygons[0][0][::-1]
         distance = np.abs(corners[:, None] - expected[None]).max(axis=2).min(axis=1)
-        assert distance.max() < np.radians(0.6e-6)
+        radius_m = np.sqrt(1e6 * written_region.area_km2 / np.pi)
+        assert distance.max() < 0.01 * radius_m / 6_378_137.0
+
+
+def test_regions_are_written_once(tmp_path: Path) -> None:
+    old, new = REGIONS, stub_regions(10.0, 168.0, 50.0)
+    regions = [(), old, old, new, (), new, old]
+    tracks = tracks_of(7, track=[2] * 7, tick_s=np.arange(7.0), impact_regions=regions, end=0)
+    lines = written(tmp_path, tracks)
+    assert [line.get("impact_regions_id") for line in lines] == [None, 0, 0, 1, None, 1, 2]
+    wholes = [line.get("impact_regions") for line in lines]
+    assert [whole and len(whole) for whole in wholes] == [[], 6, None, 3, [], None, 6]
+    read = read_tracks(tmp_path / "t.jsonl").impact_regions
+    assert [len(row) for row in read] == [len(row) for row in regions]
+    assert read[1] is read[2]
+    assert read[3] is read[5]
+    # In one write or in several, the lines are the same.
+    whole = (tmp_path / "t.jsonl").read_bytes()
+    with TracksFile(tmp_path / "t.jsonl", HYPOTHESES) as file:
+        for row in range(7):
+            file.write(tracks.take(slice(row, row + 1)))
+    assert (tmp_path / "t.jsonl").read_bytes() == whole
+
+
+def test_regions_of_no_line_before_are_refused(tmp_path: Path) -> None:
+    written(tmp_path, tracks_of(2, track=[0, 0], tick_s=np.arange(2.0), end=0))
+    path = tmp_path / "t.jsonl"
+    path.write_text(path.read_text().splitlines()[1] + "\n")
+    with pytest.raises(
+        SceneError, match=r"line 1: impact_regions_id: no line before has regions 0"
+    ):
+        read_tracks(path)
 
 
 def assert_equal(read: Tracks, tracks: Tracks) -> None:

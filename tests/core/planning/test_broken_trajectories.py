@@ -111,10 +111,10 @@ def test_wrong_positions_are_reported_with_their_owner(spoil, reported):
         ({"end_s": np.full(3, 70.0)}, "end_s as (3,); 2 times"),
         ({"end_s": np.full(2, 60.0)}, "end_s as (2,); 2 times from burnout on are required"),
         (
-            {"watched_s": np.zeros(3)},
-            "watched_s as (3,); 2 times from burnout to end_s are required",
+            {"glow_end_s": np.zeros(3)},
+            "glow_end_s as (3,); 2 times from burnout to end_s are required",
         ),
-        ({"watched_s": np.full(2, 1e6)}, "watched_s as (2,); 2 times from burnout to end_s"),
+        ({"glow_end_s": np.full(2, 1e6)}, "glow_end_s as (2,); 2 times from burnout to end_s"),
         ({"burns_s": np.zeros((2, 2))}, "burns_s as (2, 2); (2, k, 2) is required"),
         ({"class_names": ["ICBM"]}, "class_names ['ICBM']; 2 names are required"),
         ({"warnings": None}, "warnings as None; a list of problems is required"),

@@ -4,6 +4,7 @@ installed.
 
 from collections.abc import Iterable
 
+import opir_forecast.plugin
 import opir_trackers.plugin
 import pytest
 from attrs import evolve, field, frozen
@@ -150,7 +151,7 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     tracker = {"model": "imm", "thrust": {"tilt_deg": 4.0}}
     read, usual = (
         scene_from_mapping(
-            {**blocks, "tracker": variant}, host=Host.of(opir_trackers.plugin)
+            {**blocks, "tracker": variant}, host=Host.of(opir_forecast.plugin, opir_trackers.plugin)
         ).tracker.config
         for variant in (tracker, "imm")
     )

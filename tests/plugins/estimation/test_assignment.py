@@ -1,6 +1,6 @@
 """Assignments and association probabilities on sparse graphs, held to trying everything."""
 
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,10 +8,9 @@ from hypothesis import given, strategies as st
 from opir_estimation import (
     belief_propagation,
     cheapest_assignment,
-    components,
     ranks,
-    swap_probabilities,
 )
+from opir_estimation.assignment import components
 
 from examples import examples
 
@@ -56,33 +55,6 @@ def test_belief_propagation_is_near_trying_everything(
     assert np.bincount(column, beta, 1).max() <= 1.0 + 1e-3
 
 
-@examples(60)
-@given(seed=st.integers(0, 2**31), count=st.integers(1, 5), sharp=st.floats(0.1, 4.0))
-def test_swaps_are_as_probable_as_trying_every_permutation_says(
-    seed: int, count: int, sharp: float
-) -> None:
-    log = sharp * np.random.default_rng(seed).normal(size=(count, count))
-    orders = np.array(list(permutations(range(count))))
-    chance = np.exp(log[np.arange(count), orders].sum(axis=1))
-    expected = np.zeros((count, count))
-    np.add.at(
-        expected,
-        (np.arange(count), orders),
-        np.repeat(chance[:, None] / chance.sum(), count, axis=1),
-    )
-    row, column = np.indices(log.shape).reshape(2, -1)
-    error = np.abs(swap_probabilities(row, column, log.ravel()) - expected.ravel())
-    assert error.max() < (1e-2 if count < 3 else 0.25)
-    assert error.mean() < 0.06
-
-
-def test_a_row_has_no_column_that_another_cannot_do_without() -> None:
-    row = np.array([0, 1, 1])
-    column = np.array([0, 0, 1])
-    log = np.array([-5.0, 0.0, -8.0])
-    assert np.allclose(swap_probabilities(row, column, log), [1.0, 0.0, 1.0], atol=0.03)
-
-
 @examples(200)
 @given(
     seed=st.integers(0, 2**31),
@@ -124,7 +96,6 @@ def test_ranks_are_places_among_the_different_numbers(values: list[int]) -> None
 def test_no_pairs_are_no_trouble() -> None:
     none = np.empty(0, dtype=np.int64)
     assert len(cheapest_assignment(none, none, np.empty(0))) == 0
-    assert len(swap_probabilities(none, none, np.empty(0))) == 0
     assert len(belief_propagation(none, none, np.empty(0))) == 0
 
 

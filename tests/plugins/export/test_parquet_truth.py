@@ -16,6 +16,7 @@ from opir_export.parquet_truth import read_truth
 from pyarrow import parquet
 
 import opir_core
+from opir_core.errors import install_command
 from opir_core.output import FILES_KEY
 from opir_core.output.run_files import truth_records
 
@@ -156,15 +157,12 @@ def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
 def test_without_opir_export_the_message_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,trackers")
+    monkeypatch.setenv("OPIR_PLUGINS", "dsp,sbirs,nextgen,forecast,trackers")
     path = tmp_path / "truth.parquet"
     run_command(
         "run {} --quiet --truth {} --out {}", SCENE, path, tmp_path / "events.jsonl", code=3
     )
     reported = capsys.readouterr().err
     assert "a truth file with the ending .parquet: no sink is named 'parquet'" in reported
-    assert (
-        "opir-export provides it; from a clone of opir: python -m pip install ./plugins/opir_export"
-        in reported
-    )
+    assert f"opir-export provides it; {install_command('opir-export')}" in reported
     assert not list(tmp_path.iterdir())

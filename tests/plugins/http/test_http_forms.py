@@ -14,7 +14,7 @@ import jsonschema
 import numpy as np
 import pytest
 from http_service import LAUNCH, SCENE, RunningService, conforms, serving
-from opir_http.feed import Client
+from opir_http.feed import SENT_AGAIN, Client
 from opir_http.gate import in_origin_form
 from opir_http.history import History
 from waiting import until
@@ -43,11 +43,20 @@ def history(counts, size=8):
         (12, lines_of(8, 12), 0),
         (18, lines_of(2, 18), 0),
         (20, [], 0),
-        (99, [], 0),
     ],
 )
 def test_what_came_after_a_number_is_in_the_history(number, lines, lost):
-    assert history([5, 5, 10]).since(number) == (lines, lost, 20)
+    stored = history([5, 5, 10])
+    assert stored.between(number, 20, None) == (lines, lost)
+    # Part by part it is the same; what a part has lost is skipped.
+    parts = []
+    while number < 20:
+        part, skipped = stored.between(number, 20, 3)
+        assert len(part) <= 3
+        assert skipped == (0 if parts else lost)
+        parts += part
+        number += skipped + len(part)
+    assert parts == lines
 
 
 def raw(stand, target, host="localhost", more=""):
@@ -191,6 +200,28 @@ def test_every_frame_conforms_to_the_schema_of_the_stream(tmp_path: Path) -> Non
 def test_what_is_no_frame_does_not_conform(event) -> None:
     with pytest.raises(jsonschema.ValidationError):
         conforms(event, "StreamEvent")
+
+
+def test_a_viewer_that_does_not_read_holds_no_detections(tmp_path: Path) -> None:
+    with serving(tmp_path) as running:
+        feed = running.service.feed
+        total = 2 * SENT_AGAIN + 10
+        feed.history = history([total], 10_000)
+
+        async def resumed(brief):
+            client = Client(brief=brief)
+            feed.resume(client, 0)
+            feed.leave(client)
+            # Nothing waits; each frame is made when the one before is sent.
+            assert not client._frames
+            return [json.loads(text.split(b"data: ")[1]) for text in client.backlog]
+
+        full = asyncio.run(resumed(False))
+        (brief,) = asyncio.run(resumed(True))
+        assert [part["count"] for part in full] == [SENT_AGAIN, SENT_AGAIN, 10]
+        assert [line for part in full for line in part["detections"]] == list(range(total))
+        assert brief["count"] == total
+        assert len(brief["detections"]) <= 40
 
 
 def test_frames_on_their_way_are_not_sent_twice(tmp_path: Path) -> None:

@@ -494,6 +494,11 @@ def coasting(kind: str, step_s: float = 60.0) -> Text:
     return text
 
 
+def about_apogee(rng: Rng) -> str:
+    path = orbit(rng, "HEO", 900.0, 32).take(slice(8, 32))
+    return oem_text(path, "TEME", path.place, path.rate)
+
+
 def vertical(rng: Rng) -> str:
     """Return a sounding rocket that climbs nearly straight up, and comes down."""
     path = launch(rng, 1.0, 60.0)
@@ -580,7 +585,8 @@ HEALTHY: dict[str, tuple[Text, str]] = {
     "an antenna that spins": (spinning, ".csv"),
     "a low orbit": (coasting("LEO"), ".oem"),
     "a medium orbit": (coasting("MEO", 300.0), ".oem"),
-    "a high orbit, each 15 minutes": (coasting("HEO", 300.0), ".oem"),
+    "a high orbit": (coasting("HEO", 300.0), ".oem"),
+    "a high orbit about its apogee, each 15 minutes": (about_apogee, ".oem"),
     "a geostationary orbit": (coasting("GEO", 600.0), ".oem"),
     "electric propulsion": (pushed("MEO", 2e-4), ".oem"),
     "electric propulsion, low": (pushed("LEO", 5e-4, 60.0), ".oem"),

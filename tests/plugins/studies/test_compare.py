@@ -42,15 +42,15 @@ def test_every_tracker_and_its_settings_have_scores(compare):
 
 @pytest.mark.slow
 def test_parts_of_a_tracker_are_compared_by_their_settings(compare):
-    words = "--runs 1 --json --tracker imm --vary tracker.association=crowds --vary tracker.modes=boost,boost-coast"
+    words = "--runs 1 --json --tracker imm --vary tracker.association=jpda --vary tracker.modes=boost,boost-coast"
     reported = json.loads(compare(words, 40.0))["trackers"]
-    names = [f"imm association=crowds, modes={modes}" for modes in ("boost", "boost-coast")]
+    names = [f"imm association=jpda, modes={modes}" for modes in ("boost", "boost-coast")]
     assert list(reported) == names
 
 
 def test_values_of_no_setting_and_parts_of_none_are_refused(compare):
     assert "write PATH=VALUE,VALUE" in compare("--vary tracker.association", code=2)
-    refused = compare("--tracker imm --vary tracker.association=crowds,gnnn", code=2)
+    refused = compare("--tracker imm --vary tracker.association=jpda,gnnn", code=2)
     assert "tracker.association: no tracker part is named 'gnnn'" in refused
 
 

@@ -64,7 +64,11 @@ def installed(folder: Path, module: str, component: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "role", "name"),
-    [("nearest_part", "association", "nearest"), ("straight_part", "motion", "straight")],
+    [
+        ("nearest_part", "association", "nearest"),
+        ("straight_part", "motion", "straight"),
+        ("even_part", "forecast", "even"),
+    ],
 )
 def test_an_installed_plugin_swaps_a_part(
     module: str, role: str, name: str, tmp_path: Path
@@ -101,8 +105,8 @@ def test_an_installed_plugin_swaps_a_part(
     ("settings", "words"),
     [
         (
-            {"association": "crowd"},
-            r"tracker\.association.*'crowd'.*nearest is 'crowds'; there are",
+            {"association": "jpd"},
+            r"tracker\.association.*'jpd'.*nearest is 'jpda'; there are",
         ),
         ({"association": "thrust"}, r"thrust is a part for motion, not for association; there are"),
         ({"motion": "cartesian"}, r"cartesian has 6 states, imm needs 10; there are .*thrust"),
@@ -150,7 +154,10 @@ class Parts:
     ("name", "words"),
     [
         ("short", r"tracker part 'short' of plugin .*: Short must return track rows of \d+ lines"),
-        ("empty", r"tracker part 'empty' of plugin .*: build made an? object without associate"),
+        (
+            "empty",
+            r"tracker part 'empty' of plugin .*without associate; derive its class from opir_trackers.Associator",
+        ),
         ("failing", r"tracker part 'failing' of plugin .*: associate raised ZeroDivisionError"),
     ],
 )

@@ -256,7 +256,8 @@ def mode_update(
     throughout, the rest says nothing.
     """
     if watched is None:
-        watched = Watched(*np.full((2, len(silent_s)), step_s))
+        throughout = np.array([step_s] * len(silent_s))
+        watched = Watched(throughout, throughout)
     formula = partial(_mode_values, step_s=step_s, memory_s=memory_s, pause_s=pause_s)
     values = _ARITHMETIC.values(
         formula, estimates.weight, change, estimates.detection_rate, hits, silent_s, *watched

@@ -3,14 +3,17 @@
 Between the points of LOWTRAN7's table radiance is interpolated linearly in the sines of the
 elevation of sensor and Sun at the ground; the solar part falls linearly to zero at sunset, and
 below the lowest look of the table radiance is that of the lowest. Where the scene's atmosphere has
-cloud it is the table's opaque cloud, for all climates. Beyond the limb is cold space. The rules of
-interpolation are opir's. A sea, where one is set, adds sun glint to the clear sky.
+cloud it is the table's opaque cloud, for all climates. Beyond the limb the air radiates, by a table
+of the height of the tangent in which the logarithm of radiance is linear; above 100 km is cold
+space. The rules of interpolation are opir's. A sea, where one is set, adds sun glint to the clear
+sky.
 """
 
 import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 from attrs import evolve, frozen
@@ -21,6 +24,7 @@ from opir_core.plugin import Background, BackgroundContext, Band, Transmittance,
 from opir_photons.columns import as_slice_if_consecutive
 from opir_photons.laws import DATA
 from opir_photons.radiometry.configs import EarthConfig, StructureConfig, StructuresConfig
+from opir_photons.radiometry.long_paths import TOP_M
 from opir_photons.radiometry.lowtran import composition_of, require_known_bands
 from opir_photons.radiometry.sea_surface import SeaGlint
 
@@ -80,16 +84,45 @@ class RadianceTable:
         )
 
 
+@frozen(eq=False)
+class LimbRadiance:
+    """Logarithms of radiances of one band beyond the limb, by rising tangent heights (k,), m."""
+
+    band: Band
+    tangent_m: FloatArray
+    log_radiance: FloatArray
+
+    def at(self, height_m: FloatArray) -> FloatArray:
+        """Return radiances (n,), W m⁻² sr⁻¹, at tangent heights (n,), m; 0 from 100 km on."""
+        radiance = np.exp(np.interp(height_m, self.tangent_m, self.log_radiance))
+        return np.where(height_m < TOP_M, radiance, 0.0)
+
+
+_Table = TypeVar("_Table", RadianceTable, LimbRadiance)
+
 #: Tables with their factors.
 _Parts = Sequence[tuple[float, RadianceTable]]
+_LimbParts = Sequence[tuple[float, LimbRadiance]]
 
 
 @cache
-def table_rows() -> tuple[_Row, ...]:
-    """Return the rows of the table."""
-    table = DATA / "lowtran7_background_radiance.csv"
-    lines = table.read_text(encoding="utf-8").splitlines()
+def table_rows(name: str = "lowtran7_background_radiance.csv") -> tuple[_Row, ...]:
+    """Return the rows of a table, by default that of the Earth's radiance."""
+    lines = (DATA / name).read_text(encoding="utf-8").splitlines()
     return tuple(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+def limb_tables(climate: str) -> list[LimbRadiance]:
+    """Return the tables of radiance beyond the limb in a climate, one per band."""
+    rows = [row for row in table_rows("lowtran7_limb_radiance.csv") if row["atmosphere"] == climate]
+    return [
+        LimbRadiance(
+            band,
+            np.array([1e3 * float(row["tangent_km"]) for row in own]),
+            np.log([_radiance(row) for row in own]),
+        )
+        for band, own in _by_band(rows).items()
+    ]
 
 
 def sky_tables(climate: str, sky: str) -> list[RadianceTable]:
@@ -155,6 +188,7 @@ class EarthBackground(Background):
 
     skies: Sequence[_Parts]
     clouds: Sequence[_Parts]
+    limbs: Sequence[_LimbParts]
     residual: float
     atmosphere: Transmittance
     structure: StructuresConfig
@@ -162,7 +196,7 @@ class EarthBackground(Background):
     sea: SeaGlint | None = None
 
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
-        """Return in-band radiances (n,), W m⁻² sr⁻¹; 0 beyond the limb."""
+        """Return in-band radiances (n,), W m⁻² sr⁻¹; beyond the limb those of the air."""
         return self._radiances_w_m2_sr((band,), view)[0]
 
     def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
@@ -206,7 +240,15 @@ class EarthBackground(Background):
         thermal = np.array([kind.thermal_rms for kind in self._kinds])[number]
         solar = np.array([kind.solar_rms for kind in self._kinds])[number]
         rms = fall * np.hypot(thermal * emission, solar * (radiance - emission))
-        return np.where(beyond, 0.0, radiance), rms, number
+        return np.where(beyond, self._limb_w_m2_sr(bands, view), radiance), rms, number
+
+    def _limb_w_m2_sr(self, bands: Sequence[int], view: Views) -> FloatArray:
+        """Return the radiances (bands, n) of the air beyond the limb."""
+        radiance = np.zeros((len(bands), len(view)))
+        for column, band in zip(radiance, bands, strict=True):
+            for factor, table in self.limbs[band]:
+                column += factor * table.at(view.height_m)
+        return radiance
 
     @property
     def _kinds(self) -> tuple[StructureConfig, ...]:
@@ -228,6 +270,8 @@ class EarthBackground(Background):
                 place = _SkyPlaces(points[rows])
                 sun = _SkyPlaces(view.sun_elevation_sine[rows])
                 radiance[:, rows] = [_interpolated(tables[band], place, sun) for band in bands]
+        beyond = as_slice_if_consecutive(np.flatnonzero(~on_ground))
+        radiance[:, beyond] = self._limb_w_m2_sr(bands, view.take(beyond))
         if self.sea is not None:
             clear = as_slice_if_consecutive(np.flatnonzero(on_ground & ~is_cloudy))
             radiance[:, clear] += self.sea.radiances_w_m2_sr(bands, view.take(clear))
@@ -267,6 +311,7 @@ def earth_background(config: EarthConfig, context: BackgroundContext) -> Backgro
     return EarthBackground(
         skies=_composed(parts, skies),
         clouds=_composed(parts, clouds),
+        limbs=_composed(parts, limb_tables(config.climate)),
         residual=config.clutter_residual,
         atmosphere=atmosphere,
         structure=config.structure,
@@ -278,8 +323,8 @@ def earth_background(config: EarthConfig, context: BackgroundContext) -> Backgro
 
 
 def _composed(
-    parts: Sequence[Mapping[Band, float]], tables: Sequence[RadianceTable]
-) -> Sequence[_Parts]:
+    parts: Sequence[Mapping[Band, float]], tables: Sequence[_Table]
+) -> Sequence[Sequence[tuple[float, _Table]]]:
     """Return the tables that compose each band, with their factors."""
     by_band = {table.band: table for table in tables}
     return [[(factor, by_band[band]) for band, factor in factors.items()] for factors in parts]

@@ -145,17 +145,9 @@ class HeatedBodies:
     ) -> "HeatedBodies":
         """Return the bodies of class profiles with mean projected areas (n,), m²."""
         shapes = [_shape(profile) for profile in profiles]
-        wetted_m2 = 4.0 * projected_m2
-        nose_m = np.array([shape["nose_radius_m"] for shape in shapes])
-        ones = np.ones_like(nose_m)
-        parts = [HeatedParts(np.pi * nose_m * nose_m, 0.0 * ones, nose_m, ones, is_nose=True)]
-        for number in range(max(len(shape["parts"]) for shape in shapes)):
-            rows = [_part(shape["parts"], number) for shape in shapes]
-            share, slope_deg, length_m, flux_share = np.array(rows).T
-            parts.append(
-                HeatedParts(wetted_m2 * share, np.radians(slope_deg), length_m, flux_share)
-            )
-        return cls(tuple(parts), emissivity, unheated_k)
+        count = max(len(shape["parts"]) for shape in shapes)
+        flanks = [_flanks(shapes, 4.0 * projected_m2, number) for number in range(count)]
+        return cls((_noses(shapes), *flanks), emissivity, unheated_k)
 
     def excess_w_sr(
         self,
@@ -196,6 +188,22 @@ def _shape(profile: str) -> Mapping[str, Any]:
     table = law("heated_bodies")
     shape: Mapping[str, Any] = table["bodies"][table["profiles"].get(profile, "cone")]
     return shape
+
+
+def _noses(shapes: Sequence[Mapping[str, Any]]) -> HeatedParts:
+    """Return the noses of bodies: discs of their radius at the heat flux of the stagnation
+    point.
+    """
+    radius_m = np.array([shape["nose_radius_m"] for shape in shapes])
+    ones = np.ones_like(radius_m)
+    return HeatedParts(np.pi * radius_m * radius_m, 0.0 * ones, radius_m, ones, is_nose=True)
+
+
+def _flanks(shapes: Sequence[Mapping[str, Any]], wetted_m2: FloatArray, number: int) -> HeatedParts:
+    """Return the parts of a number of bodies, without area where a body lacks it."""
+    rows = [_part(shape["parts"], number) for shape in shapes]
+    share, slope_deg, length_m, flux_share = np.array(rows).T
+    return HeatedParts(wetted_m2 * share, np.radians(slope_deg), length_m, flux_share)
 
 
 def _part(parts: Sequence[Mapping[str, float]], number: int) -> tuple[float, float, float, float]:

@@ -96,7 +96,7 @@ def columns_of(rows: Rows, plan: Plan, names: Mapping[str, str]) -> RunColumns:
 
     Raises `BadFileError` with the line of a row that cannot be one of a sensor's detections.
     """
-    ids = [each.id for each in plan.sensors]
+    ids = [sensor.id for sensor in plan.sensors]
     number = {name: place for place, name in enumerate(ids)}
     sensor = np.array([number[name] for name in sensor_ids(rows, ids, names)], dtype=np.int32)
     time_ns = times_ns(rows, plan.scene.epoch_us)
@@ -105,7 +105,7 @@ def columns_of(rows: Rows, plan: Plan, names: Mapping[str, str]) -> RunColumns:
     sights = _Sights(rows, sensor[order], time_ns[order], plan)
     origin = _positions(sights)
     count = len(rows)
-    periods_ns = np.array([each.scan.period_ns for each in plan.sensors], dtype=np.int64)
+    periods_ns = np.array([sensor.scan.period_ns for sensor in plan.sensors], dtype=np.int64)
     detections = Detections(
         time_ns=sights.time_ns,
         sensor=sights.sensor,
@@ -134,8 +134,8 @@ def sensor_ids(rows: Rows, ids: Sequence[str], names: Mapping[str, str]) -> list
     Raises `BadFileError` with the line of another.
     """
     only = ids[0] if len(ids) == 1 else None
-    known = set(ids)
-    found = []
+    allowed = set(ids)
+    of_rows = []
     for row in rows:
         name = row.get("sensor_id", only)
         if name is None:
@@ -143,10 +143,10 @@ def sensor_ids(rows: Rows, ids: Sequence[str], names: Mapping[str, str]) -> list
                 f"{place_of(row)}has no sensor_id, and --sensors has several: {', '.join(ids)}"
             )
         name = names.get(str(name), str(name))
-        if name not in known:
+        if name not in allowed:
             raise _unknown_sensor(name, row, rows, ids)
-        found.append(name)
-    return found
+        of_rows.append(name)
+    return of_rows
 
 
 def _unknown_sensor(name: str, row: Row, rows: Rows, known: Sequence[str]) -> BadFileError:

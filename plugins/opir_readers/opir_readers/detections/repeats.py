@@ -37,12 +37,12 @@ def repeats_text(rows: Rows, unique: Rows) -> Iterator[str]:
 
 
 def _first_repeat(rows: Rows) -> tuple[Row, Row]:
-    seen = dict[str, Row]()
+    rows_by_look = dict[str, Row]()
     for row in rows:
         look = _look(row)
-        if look in seen:
-            return seen[look], row
-        seen[look] = row
+        if look in rows_by_look:
+            return rows_by_look[look], row
+        rows_by_look[look] = row
     raise ValueError("no row repeats another")
 
 

@@ -61,7 +61,12 @@ def watched_scene(
     if not is_set and watched.end_s > 0.0:
         looked_s = max(watched.end_s, last_s)
         end_s = min(looked_s, end_s) if is_file else looked_s
-    return evolve(scene, duration_s=end_s, watched_s=watched.spans)
+    parts = {
+        name: spans
+        for name, spans in watched.spans.items()
+        if not any(start_s <= 0.0 and stop_s >= end_s for start_s, stop_s in spans)
+    }
+    return evolve(scene, duration_s=end_s, watched_s=parts)
 
 
 def _keys(path: str) -> Mapping[str, Any]:

@@ -69,11 +69,11 @@ def watched_of(
         sensor.id: _spans_of_lines(time_ns[names == sensor.id], _period_ns(sensor.model.config))
         for sensor in scene.sensors
     }
-    said = _said(arguments, len(rows), scene)
-    return Watched({**by_lines, **said.spans}, said.source)
+    stated = _stated(arguments, len(rows), scene)
+    return Watched({**by_lines, **stated.spans}, stated.source)
 
 
-def _said(arguments: argparse.Namespace, count: int, scene: Scene) -> Watched:
+def _stated(arguments: argparse.Namespace, count: int, scene: Scene) -> Watched:
     """Return when sensors looked as far as somebody says so, of a file of `count` detections."""
     ids = [sensor.id for sensor in scene.sensors]
     throughout = dict.fromkeys(ids, ((0.0, scene.duration_s),))
@@ -137,15 +137,15 @@ def _spans_of_table(text: str, ids: Sequence[str], epoch_us: int) -> dict[str, S
         _require_sensor(name, ids, line)
         start_s = _time_s(start, layout, line, "start", epoch_us)
         end_s = _time_s(end, layout, line, "end", epoch_us)
-        before = spans.get(name, ())
+        earlier = spans.get(name, ())
         if not start_s < end_s:
             raise BadFileError(f"line {line}: its end, {end}, is not after its start, {start}")
-        if before and start_s < before[-1][1]:
+        if earlier and start_s < earlier[-1][1]:
             raise BadFileError(
                 f"line {line}: its start, {start}, is before the end of the span of {name} above it;"
                 " give spans in order, without overlap"
             )
-        spans[name] = (*before, (start_s, end_s))
+        spans[name] = (*earlier, (start_s, end_s))
     if not spans:
         raise BadFileError("has no span below the names of its columns")
     return {name: _from_start(of_sensor) for name, of_sensor in spans.items()}
@@ -174,15 +174,15 @@ def _place(layout: Layout, names: Sequence[str]) -> int:
     return places[0]
 
 
-def _time_s(cell: str, layout: Layout, line: int, which: str, epoch_us: int) -> float:
+def _time_s(cell: str, layout: Layout, line: int, edge: str, epoch_us: int) -> float:
     """Return the scene time of a cell, seconds or a date."""
     if looks_like_date(cell):
-        return (unix_ns(cell, f"line {line}: {which}") - 1000 * epoch_us) / NS_PER_S
+        return (unix_ns(cell, f"line {line}: {edge}") - 1000 * epoch_us) / NS_PER_S
     try:
         value: Any = layout.number(cell)
     except ValueError:
         value = cell
-    return finite(value, f"line {line}: {which}")
+    return finite(value, f"line {line}: {edge}")
 
 
 def _spans_of_manifest(

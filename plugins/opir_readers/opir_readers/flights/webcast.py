@@ -175,8 +175,8 @@ def _longest(stages: Mapping[str, Points]) -> tuple[Points, tuple[str, ...]]:
     taken = max(last_s, key=lambda name: last_s[name])
     if len(stages) == 1:
         return stages[taken], ()
-    others = ", ".join(repr(name) for name in stages if name != taken)
-    return stages[taken], (f"of several stages {taken!r} is taken, the longest; not {others}",)
+    left_out = ", ".join(repr(name) for name in stages if name != taken)
+    return stages[taken], (f"of several stages {taken!r} is taken, the longest; not {left_out}",)
 
 
 def _in_metres(altitude: FloatArray) -> FloatArray:

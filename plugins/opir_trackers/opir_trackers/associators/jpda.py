@@ -10,7 +10,7 @@ import numpy as np
 from attrs import frozen
 from opir_estimation import (
     GatedPairs,
-    Looks,
+    SharedLooks,
     cheapest_assignment,
     equivalent_pairs,
     label_posterior,
@@ -60,11 +60,11 @@ class JointAssociator(Associator):
         return associate_nearest(problem.pairs, problem.lines, problem.model).owner
 
 
-def _looks(problem: AssociationProblem, pairs: GatedPairs) -> Looks:
+def _looks(problem: AssociationProblem, pairs: GatedPairs) -> SharedLooks:
     """Return pairs of the problem as looks of tracks."""
     sensor = problem.lines.sensor.take(pairs.line)
     look = scan_groups(pairs, problem.lines)
-    return Looks(pairs, look, problem.model.log_odds.take(sensor), sensor)
+    return SharedLooks(pairs, look, problem.model.log_odds.take(sensor), sensor)
 
 
 def _owners(count: int, *assigned: GatedPairs) -> IntArray:

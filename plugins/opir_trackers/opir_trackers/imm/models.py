@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from attrs import field, frozen
+from numpy.typing import NDArray
 from opir_estimation import (
     GatedPairs,
     ImmFilter,
@@ -23,7 +24,6 @@ from opir_forecast import Outcomes, site_height_m, vehicle_model
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.flight import forces_of
-from opir_core.interfaces import has_own
 from opir_core.plugin import TrackerContext
 from opir_trackers.association import AssociationModel
 from opir_trackers.configs import ImmConfig
@@ -63,18 +63,27 @@ class Memo:
             self._results[name] = result
         return result[1]
 
+    def of_column(
+        self, name: str, function: Callable[[Any], _Answer], column: NDArray[Any]
+    ) -> _Answer:
+        """Return the value of a function of a column, stored if that was the same array."""
+        result = self._results.get(name)
+        if result is None or result[0][0] is not column:
+            result = ((column,), function(column))
+            self._results[name] = result
+        return result[1]
+
 
 @frozen(eq=False)
 class TrackingParts:
-    """The exchangeable parts of the tracker, and the owner of each in words by its role; whether the
-    associator has work at the end of a slice, and whether it is of this distribution.
+    """The exchangeable parts of the tracker, the owner of each in words by its role, and whether the
+    associator is of this distribution.
     """
 
     associator: Associator
     initiator: Initiator
     pruner: Pruner
     owners: Mapping[str, str]
-    settles: bool
     associates_itself: bool
 
     @classmethod
@@ -90,7 +99,6 @@ class TrackingParts:
             initiator=made_part(Initiator, "initiation", part_context),
             pruner=made_part(Pruner, "pruning", part_context),
             owners={role: maker_of(role, part_context).owner for role in roles},
-            settles=has_own(Associator, associator, "settled"),
             associates_itself=type(associator).__module__.startswith("opir_trackers."),
         )
 

@@ -119,12 +119,12 @@ def prune(
     state = _bounded(models, state, *moments)
     if table.number.size > 1:
         detections = SharedDetections.of(table.number, owner, lines)
-        first = state.next_number - np.count_nonzero(table.begun_s == state.time_s)
+        first = state.next_number - int(np.count_nonzero(table.begun_s == state.time_s))
         sightings = state.sightings.after(detections, state.time_s, models.memory_s, first)
         state = state._replace(sightings=sightings)
     if existence is not None:
         existence = np.append(existence, np.ones(table.number.size - len(existence)))
-    end = models.parts.pruner.ends(picture(models, state, moments, existence))
+    end = models.parts.pruner.ends(_picture(models, state, moments, existence))
     require_shape(
         models.parts.pruner,
         models.parts.owners["pruning"],
@@ -134,18 +134,15 @@ def prune(
     return _without(models, state, end) if end.any() else state
 
 
-def picture(
+def _picture(
     models: TrackingModels,
     state: TrackerState,
     moments: tuple[FloatArray, FloatArray],
-    existence: FloatArray | None = None,
-    *,
-    is_pruned: bool = False,
+    existence: FloatArray | None,
 ) -> TrackPicture:
     """Return the tracks, with moments of position and velocity, as parts see them."""
     table = state.table
     is_shared = table.number.size > 1
-    registration = state.registration
     return TrackPicture(
         time_s=state.time_s,
         table=table,
@@ -155,10 +152,7 @@ def picture(
         silent_s=models.silent_s(table, state.time_s),
         sensor_silence_s=models.silence_limit_s,
         sightings=state.sightings,
-        known_errors=registration.error,
-        bias_sigma_rad=registration.apart_rad,
         existence=existence,
-        is_pruned=is_pruned,
     )
 
 

@@ -12,7 +12,6 @@ from opir_estimation import LinesOfSight, ModeEstimates, Registration, no_lines_
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces import Columns, names_of
-from opir_trackers.imm.mixtures import Mixtures
 from opir_trackers.imm.outliers import FRACTIONS
 from opir_trackers.onset.motion_statistics import MotionStatistics
 
@@ -206,8 +205,7 @@ class TrackerState(NamedTuple):
     and what is known of the sensors.
 
     `sightings` are the recent scans in which tracks were detected; `ended` are the tracks that
-    ended since the last tick; `memory` is that of the associator, and `mixtures` are its undecided
-    pairings.
+    ended since the last tick; `memory` is that of the associator.
     """
 
     time_s: float
@@ -219,7 +217,6 @@ class TrackerState(NamedTuple):
     next_number: int = 0
     ended: EndedTracks | None = None
     memory: Any = None
-    mixtures: Mixtures | None = None
 
     @property
     def is_empty(self) -> bool:

@@ -15,7 +15,7 @@ from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
-from opir_trackers.parts import PartContext, made_part
+from opir_trackers.parts import PartContext, made_part, maker_of, require_shape
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 
 
@@ -36,6 +36,7 @@ class ImmTracker(Tracker):
         )
         part = PartContext(tracker=context, settings=tracking.config, forces=tracking.forces)
         self._forecaster = made_part(Forecaster, "forecast", part)
+        self._forecast_owner = maker_of("forecast", part).owner
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is
@@ -51,11 +52,13 @@ class ImmTracker(Tracker):
         """
         if self._tracking.config.late_s:
             detections = self._waited(tick_s, detections)
-        is_late = self._rays.of(detections).time_s < self._state.time_s
-        if is_late.any():
+        lines = self._rays.of(detections)
+        is_late = lines.time_s < self._state.time_s
+        if True in is_late:
             self._go_back(detections.take(is_late.nonzero()[0]))
             detections = detections.take((~is_late).nonzero()[0])
-        self._advance(tick_s, detections)
+            lines = self._rays.of(detections)
+        self._advance(tick_s, detections, lines)
         return self._reported()
 
     def _reported(self) -> Tracks:
@@ -66,6 +69,13 @@ class ImmTracker(Tracker):
         launched &= ~reported.tracks.is_brief
         estimates = boost_estimates(reported, launched)
         forecasts = self._forecaster.forecasts(estimates, self._state.time_s)
+        shape = estimates.log_likelihood.shape
+        require_shape(
+            self._forecaster,
+            self._forecast_owner,
+            f"forecasts of {shape[0]} tracks over {shape[1]} hypotheses",
+            is_right=forecasts.given_launch.shape == shape,
+        )
         glides = launch_probability * forecasts.given_launch[:, self._glides].sum(axis=1)
         hypotheses = self._composition.columns(reported.groups, forecasts.given_launch)
         tracks = with_launches(reported, forecasts, launched, hypotheses)
@@ -109,15 +119,13 @@ class ImmTracker(Tracker):
         self._waiting = waiting.take(slice(count, None))
         return waiting.take(slice(count))
 
-    def _advance(self, tick_s: float, detections: Detections) -> None:
+    def _advance(self, tick_s: float, detections: Detections, lines: LinesOfSight) -> None:
         late_s = self._tracking.config.late_s
         if late_s:
             self._past.append((self._state, tick_s, detections))
             while self._past and self._past[0][1] <= tick_s - late_s:
                 self._past.popleft()
-        self._state = self._tracking.stepped(
-            self._state, tick_s, detections, self._rays.of(detections)
-        )
+        self._state = self._tracking.stepped(self._state, tick_s, detections, lines)
 
     def _go_back(self, late_detections: Detections) -> None:
         """Step again from before the late detections; those older than the stored states are
@@ -138,7 +146,7 @@ class ImmTracker(Tracker):
             self._past.pop()
         self._state = steps[first_step][0]
         for _, tick_s, detections in steps[first_step:]:
-            self._advance(tick_s, detections)
+            self._advance(tick_s, detections, self._rays.of(detections))
 
 
 def _with_late(

@@ -22,7 +22,7 @@ from opir_trackers.imm.initiate import initiate
 from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
-from opir_trackers.imm.prune import picture, prune
+from opir_trackers.imm.prune import prune
 from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
@@ -102,25 +102,10 @@ class ImmTracking:
         prediction = predict(models, state, end_s, lines)
         association = associate(models, state, prediction)
         owner = association.owner
-        first_number = state.next_number
         state = update(models, state, prediction, association, reported)
         state = initiate(models, state, prediction, owner, raw, reported)
-        if state.next_number > first_number:
-            state = self._settled(state, is_pruned=False)
         state = with_launch_points(models, state, prediction.span_s)
-        state = prune(models, state, lines, owner, association.existence)
-        return state if state.memory is None else self._settled(state, is_pruned=True)
-
-    def _settled(self, state: TrackerState, *, is_pruned: bool) -> TrackerState:
-        """Return the state with the memory of the associator after tracks began or ended."""
-        parts = self.models.parts
-        if not parts.settles:
-            return state
-        moments = self.models.moments(state.table.estimates)
-        tracks = picture(self.models, state, moments, is_pruned=is_pruned)
-        settled = parts.associator.settled(tracks, state.memory)
-        table = state.table if settled.table is None else settled.table
-        return state._replace(table=table, memory=settled.memory, mixtures=settled.mixtures)
+        return prune(models, state, lines, owner, association.existence)
 
     def _assessed(self, state: TrackerState, step_s: float) -> TrackerState:
         """Return the state with the probabilities of what each track is, a tick of a length after
@@ -178,14 +163,18 @@ class ImmTracking:
         if added is not None:
             covariance = covariance + added
         is_brief = self.are_brief(tracks, state.time_s)
-        types = type_evidence(table.reports, self.type_log_likelihood)
         return ReportedTracks(
             tracks_of(mean, covariance, table, state.time_s, is_brief),
             table.estimates,
-            hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES),
+            self.models.memo.of_column("reports", self._log_reports, table.reports),
             table.motion.probability,
             tracks.end,
         )
+
+    def _log_reports(self, reports: IntArray) -> FloatArray:
+        """Return the log likelihoods (n, H) of the sensors' reports (n, sensors)."""
+        types = type_evidence(reports, self.type_log_likelihood)
+        return hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
 
     def are_brief(self, ended: EndedTracks, time_s: float) -> BoolArray:
         """Return which tracks (n,) went out, or are silent for too long, before their looks could
@@ -204,9 +193,6 @@ class ImmTracking:
         0 if not yet.
         """
         table = state.table
-        if state.mixtures is not None:
-            mixed = state.mixtures.mixed(table.estimates, table.number, state.time_s)
-            table = table.with_estimates(mixed)
         tracks = EndedTracks(table, np.zeros(table.number.size, dtype=np.uint8))
         confirmed = self.models.confirmed(state)
         if np.count_nonzero(confirmed) < len(confirmed):

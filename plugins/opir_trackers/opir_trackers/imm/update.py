@@ -229,10 +229,10 @@ def _registered(
     prediction: SlicePrediction,
     association: Association,
 ) -> TrackerState:
-    """Return the state with the registration after a slice's pairs, and its tracks and crowds
+    """Return the state with the registration after a slice's pairs, and its tracks
     shifted by the change.
 
-    Tracks that share a line with others do not count, nor those of crowds.
+    Tracks that share a line with others do not count.
     """
     is_due = state.registration.is_due(state.time_s, len(state.table))
     if not is_due and not state.registration.has_outliers:

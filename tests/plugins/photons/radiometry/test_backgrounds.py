@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from hypothesis import given, strategies as st
+from opir_photons.radiometry import band_radiance, band_transmittance
 from opir_photons.radiometry.configs import (
     CLIMATES,
     CloudConfig,
@@ -15,7 +16,13 @@ from opir_photons.radiometry.configs import (
     StructureConfig,
     StructuresConfig,
 )
-from opir_photons.radiometry.earth import LOOK_SINES, earth_background, sky_tables, table_rows
+from opir_photons.radiometry.earth import (
+    LOOK_SINES,
+    earth_background,
+    limb_tables,
+    sky_tables,
+    table_rows,
+)
 from opir_photons.radiometry.lowtran import lowtran_atmosphere
 from opir_photons.radiometry.viewing import views
 
@@ -131,11 +138,34 @@ def test_there_is_no_step_at_the_table_s_points():
             assert np.abs(np.diff(radiance)).max() < 0.01 * radiance.max()
 
 
+@pytest.mark.parametrize("climate", CLIMATES)
+def test_the_air_beyond_the_limb_radiates_what_it_absorbs(climate):
+    """Between black bodies of the coldest and the warmest air, by what the path from the tangent
+    lets pass both ways.
+    """
+    edges = (8.0, 12.0)
+    (table,) = [table for table in limb_tables(climate) if table.band.name == "LWIR"]
+    for tangent_m in (6e3, 10e3, 20e3, 30e3, 40e3):
+        passed = float(band_transmittance(*edges, tangent_m, 0.0, climate=climate)) ** 2
+        absorbed = 1.0 - passed
+        radiance = float(table.at(np.array([tangent_m]))[0])
+        assert 0.8 * absorbed * band_radiance(195.0, *edges) < radiance
+        assert radiance < 1.2 * absorbed * band_radiance(285.0, *edges)
+
+
+def test_the_limb_darkens_with_height_above_50_km():
+    view = looks(0.0, 0.5, np.linspace(5e4, 1e5, 51))
+    for band in range(len(BANDS)):
+        radiance = CLEAR.radiance_w_m2_sr(band, view)
+        assert np.all(np.diff(radiance) < 0.0)
+        assert radiance[-1] == 0.0
+
+
 def test_space_is_cold():
     beyond = looks(0.0, 0.5, [1e-3, 1e5, 1e9, np.inf])
     for model in (CLEAR, CLOUDY):
-        assert model.radiance_w_m2_sr(0, beyond).tolist() == [0.0] * 4
-        assert model.clutter_w_m2_sr(0, beyond).tolist() == [0.0] * 4
+        assert model.radiance_w_m2_sr(0, beyond)[1:].tolist() == [0.0] * 3
+        assert model.clutter_w_m2_sr(0, beyond)[1:].tolist() == [0.0] * 3
 
 
 def test_clutter_is_the_stated_share():
@@ -300,7 +330,9 @@ def test_limb_structure_falls_with_height():
     np.testing.assert_allclose(
         rms[:, 1:4], 0.1 * horizon[:, None] * np.exp([-1e-4, -1.0, -2.0]), rtol=1e-12
     )
-    assert radiance[:, 1:].tolist() == [[0.0] * 4] * 2
+    beyond = [model.radiance_w_m2_sr(band, view)[1:] for band in (0, 2)]
+    assert radiance[:, 1:].tolist() == np.array(beyond).tolist()
+    assert radiance[:, 4].tolist() == [0.0, 0.0]
     assert rms[:, 4].tolist() == [0.0, 0.0]
     assert number.tolist() == [1, 2, 2, 2, 2]
 

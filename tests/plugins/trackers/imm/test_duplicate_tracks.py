@@ -1,7 +1,6 @@
 """Which of two tracks that follow one target is let go, and which two follow two."""
 
 import numpy as np
-from opir_estimation import no_lines_of_sight
 from opir_trackers.imm.prune import duplicates
 from opir_trackers.imm.state import SharedDetections, sighting_memory_s
 
@@ -84,9 +83,9 @@ def test_scans_are_remembered_as_long_as_slices_are_too_short_for_four_of_them()
     before = SharedDetections(
         NUMBER, np.array([0, 1], dtype=np.int32), np.array([5, 50]), np.array([10.0, 10.0])
     )
-    nothing = np.empty(0, dtype=np.int64)
+    nothing = SharedDetections.empty()
     later = [
-        before.after(NUMBER, nothing, no_lines_of_sight(), time_s, memory_s).number.tolist()
-        for time_s in (11.0, 18.5)
+        before.after(nothing, time_s, memory_s, first=first).number.tolist()
+        for time_s, first in ((11.0, 100), (18.5, 100), (18.5, int(NUMBER[1])))
     ]
-    assert later == [[3], []]
+    assert later == [[int(NUMBER[0])], [], [int(NUMBER[1])]]

@@ -125,10 +125,12 @@ def test_sightings_are_kept_as_long_as_their_sensors_say() -> None:
     number = np.array([4, 9])
     owner = np.array([1, 0, -1])
     memory_s = np.array([2.0, 10.0])
-    kept = SharedDetections.empty().after(number, owner, lines, 3.0, memory_s)
+    kept = SharedDetections.empty().after(
+        SharedDetections.of(number, owner, lines), 3.0, memory_s, first=100
+    )
     assert kept.number.tolist() == [9, 4]
     assert kept.sensor.tolist() == [0, 1]
-    later = kept.after(number, np.array([-1, -1, -1]), lines, 5.0, memory_s)
+    later = kept.after(SharedDetections.empty(), 5.0, memory_s, first=100)
     assert later.number.tolist() == [4]
 
 

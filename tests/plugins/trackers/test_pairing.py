@@ -8,10 +8,8 @@ from opir_trackers.pairing import (
     SetModel,
     are_open,
     cheapest_pairing,
-    first_instants,
     fixes,
     normal_equations,
-    rivals,
     set_sums,
 )
 
@@ -120,48 +118,6 @@ def test_two_lines_of_metres_may_be_of_one_target_whichever_is_asked() -> None:
         assert SetModel(centre).may_share_target(one, other) == SetModel(centre).may_share_target(
             other, one
         )
-
-
-def test_what_geometry_cannot_tell_is_a_rival_and_what_it_can_is_none() -> None:
-    """Two targets in one plane with both sensors have ghosts that fit as well; two out of it have
-    none.
-    """
-    origin = sensors_m(2)
-    up = np.array([np.cos(0.6), 0.0, np.sin(0.6)])
-    across = np.cross(origin[0] - EARTH_M * up, origin[1] - EARTH_M * up)
-    across /= np.linalg.norm(across)
-    within = np.cross(across, up)
-    found = []
-    for apart in (within, across):
-        rng = np.random.default_rng(5)
-        place = EARTH_M * up + 2000.0 * np.stack([apart, -apart])
-        directions, row, sensor, _ = looked_at(place, np.tile(300.0 * up, (2, 1)), 2, 10, rng)
-        table, centre = equations(directions, row, 4)
-        group = cheapest_pairing(table, sensor, SetModel(centre))
-        found.append(rivals(table, sensor, group, SetModel(centre), 0.01).probability)
-    assert len(found[0]) == 2
-    assert (found[0] > 0.2).all()
-    assert not len(found[1])
-
-
-def test_a_set_is_one_since_its_focal_plane_tracks_changed_targets() -> None:
-    rng = np.random.default_rng(9)
-    directions, row, sensor, target = looked_at(*targets_m(2, 6000.0, rng), 2, 20, rng)
-    # For the first eight instants the first sensor's tracks follow the other target.
-    other = {
-        int(one): int(np.flatnonzero((sensor == 0) & (target != target[one]))[0])
-        for one in np.flatnonzero(sensor == 0)
-    }
-    swapped = np.array(
-        [
-            other.get(one, one) if when < 8.0 else one
-            for one, when in zip(row, directions.time_s, strict=True)
-        ]
-    )
-    table, centre = equations(directions, swapped, 4)
-    group = cheapest_pairing(table, sensor, SetModel(centre))
-    assert all(len(set(target[group == one])) == 1 for one in set(group))
-    assert first_instants(set_sums(table, group)).tolist() == [8, 8]
 
 
 def test_sets_of_three_sensors_that_fit_are_settled_and_others_are_open() -> None:
