@@ -340,5 +340,12 @@ def test_the_definition_of_a_study_has_the_sum_of_each_table(tmp_path):
     listed = {entry["name"]: entry["sha256"] for entry in definition["written_files"]}
     assert listed == {
         name: sha256((tmp_path / name).read_bytes()).hexdigest()
-        for name in ("results.parquet", "results.csv", "runs.parquet")
+        for name in (
+            "results.parquet",
+            "results.csv",
+            "runs.parquet",
+            "launches.parquet",
+            "shares.parquet",
+            "shares.csv",
+        )
     }

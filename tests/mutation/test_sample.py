@@ -61,7 +61,7 @@ def test_a_mutant_is_reported_with_its_line_before_and_after():
         ("opir_core/flight/tables/csv.py", "tests/core/flight"),
         ("plugins/opir_testing/opir_testing/contracts/trackers.py", "tests/contracts"),
         ("opir_core/arrays.py", None),
-        ("plugins/opir_estimation/opir_estimation/gating.py", "tests/plugins/trackers"),
+        ("plugins/opir_estimation/opir_estimation/gating.py", "tests/plugins/estimation"),
         ("plugins/opir_trackers/opir_trackers/imm/prune.py", "tests/plugins/trackers/imm"),
         ("plugins/opir_dsp/opir_dsp/plugin.py", None),
     ],

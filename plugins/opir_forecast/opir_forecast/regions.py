@@ -94,8 +94,8 @@ class DeferredRegion(ImpactRegion):
 class Plane:
     """The map of points: kernels are normal in metres."""
 
-    #: Largest value of each coordinate.
-    limit: FloatArray = np.array([np.inf, np.inf])
+    #: Least and largest value (2, 2) of each coordinate.
+    limits: FloatArray = np.array([[-np.inf, np.inf], [-np.inf, np.inf]])
 
     def curved(self, point: FloatArray) -> FloatArray:
         """Return the coordinates (n, 2) of points of the map (n, 2), m."""
@@ -114,7 +114,10 @@ class LogPolar(Plane):
     """Logarithm of the distance from the map's centre, and bearing: impacts of a remaining burn
     spread in proportion to the range."""
 
-    limit = np.array([np.log(LAW.end_m + LAW.near_m), np.pi])
+    #: Short of half a turn, for lines that end there would meet on the map.
+    limits = np.array(
+        [[-np.inf, np.log(LAW.end_m + LAW.near_m)], [1e-3 - np.pi, np.pi - 1e-3]],
+    )
 
     def __init__(self, bearing: float) -> None:
         self._bearing = bearing
@@ -240,8 +243,8 @@ class _Contours:
         density = _density_without_own(squares, widths, weight)
         density = density / frame.stretch(self._mean + offset)
         self._set_levels(density, weight)
-        limit = (frame.limit - self._mean) / self._scale
-        self._generator = self._contour_lines(unit, widths, weight, limit)
+        limits = (frame.limits - self._mean[:, None]) / self._scale[:, None]
+        self._generator = self._contour_lines(unit, widths, weight, limits)
 
     def _set_levels(self, density: FloatArray, weight: FloatArray) -> None:
         """Set the densities (n,) at the points from the highest down, and the shares above them."""
@@ -263,12 +266,12 @@ class _Contours:
         return turned / self._scale
 
     def _contour_lines(
-        self, unit: FloatArray, widths: FloatArray, weight: FloatArray, limit: FloatArray
+        self, unit: FloatArray, widths: FloatArray, weight: FloatArray, limits: FloatArray
     ) -> SerialContourGenerator:
         """Return a generator of contours of the density on a grid about points (n, 2)."""
         x, y = (
-            np.unique(np.minimum(_grid(column, widths), end))
-            for column, end in zip(unit.T, limit, strict=True)
+            np.unique(np.clip(_grid(column, widths), *ends))
+            for column, ends in zip(unit.T, limits, strict=True)
         )
         along, across = (
             _kernel(grid[:, None] - column, widths)

@@ -155,7 +155,7 @@ def test_a_missing_library_is_an_error_with_its_installation(
 
     monkeypatch.setattr("opir_export.tabular.run_tables.import_module", refuse)
     with pytest.raises(
-        PluginError, match=rf"needs {library}.*pip install './plugins/opir_export\[{library}\]'"
+        PluginError, match=rf"needs {library}.*pip install .*'./plugins/opir_export\[{library}\]'"
     ):
         getattr(run, f"to_{library}")()
 
