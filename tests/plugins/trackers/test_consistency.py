@@ -109,7 +109,3 @@ def test_launches_are_as_far_off_as_they_say(run: opir.Run) -> None:
     these is either.
     """
     assert 0.12 < launch_nees(run).mean() < 0.5
-
-
-def test_launches_of_arcs_are_as_far_off_as_they_say() -> None:
-    assert 0.5 < launch_nees(run_of("kepler-arc")).mean() < 1.8
