@@ -21,7 +21,7 @@ TOKENS: dict[str, int] = {
     "opir_dsp": 500,
     "opir_estimation": 38_400,
     "opir_export": 20_300,
-    "opir_forecast": 38_900,
+    "opir_forecast": 39_000,
     "opir_heo": 400,
     "opir_http": 27_100,
     "opir_kafka": 5_800,
