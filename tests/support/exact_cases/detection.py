@@ -452,6 +452,13 @@ LEFT_OUT = {
             ],
             "a record",
         ),
+        **dict.fromkeys(("LaunchShare", "Tails"), "a record"),
+        **dict.fromkeys(("NOT_SHOWN", "SURE", "TAILS"), "a constant"),
+        **dict.fromkeys(
+            ("joint_verdict", "share_curve"),
+            "shares by hand and on 1000 drawn studies (tests/plugins/scoring/test_launch_shares.py)",
+        ),
+        "recognition": "by hand (tests/plugins/scoring/test_hypothesis_scores.py)",
         "warning_times": "by hand, row by row (tests/plugins/studies/test_warning_metric.py)",
         "paired_figures": "differences against SciPy's paired test"
         " (tests/plugins/scoring/test_paired.py)",

@@ -413,7 +413,7 @@ BOUNDS = (
 LEFT_OUT = {
     "flight": {
         **dict.fromkeys(("BoostPath", "ImpactReason", "ImpactStates"), "a record"),
-        **dict.fromkeys(("ForceModel", "LOWEST_HEIGHT_M"), "a type or a constant"),
+        **dict.fromkeys(("ForceModel", "Gravity", "LOWEST_HEIGHT_M"), "a type or a constant"),
         "density_kg_m3": "a fit to a table (tests/against/test_against_us_standard_density.py)",
         "forces_of": "looks a name up",
         **dict.fromkeys(("joined_burns_s", "plain_gaps_s"), "the times given, laid out otherwise"),

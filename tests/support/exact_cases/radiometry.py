@@ -7,6 +7,7 @@ from functools import cache
 import mpmath as mp
 import numpy as np
 import opir_photons.radiometry as radiometry
+from opir_photons.laws import law
 from opir_photons.radiometry import lowtran
 from opir_photons.radiometry.long_paths import (
     BEND,
@@ -27,6 +28,7 @@ with mp.workdps(60):
     H = mp.mpf("6.62607015e-34")
     K = mp.mpf("1.380649e-23")
     C = mp.mpf(SPEED_OF_LIGHT_M_S)
+HEATED = law("heated_bodies")
 SHORT = Band("short", 2.0, 2.5)
 MID = Band("mid", 3.0, 5.0)
 LONG = Band("long", 8.0, 12.0)
@@ -326,6 +328,29 @@ def _products(name, *exponents, factor=lambda: 1):
     return Case(f"radiometry.{name}", draw, getattr(radiometry, name), exact)
 
 
+def _airflows(rng, count):
+    """Return densities, speeds and nose radii."""
+    bounds = ((1e-12, 1.0), (10.0, 1e4), (1e-3, 10.0))
+    return [draws.log_uniform(rng, count, low, high) for low, high in bounds]
+
+
+def equilibrium(flux, speed, emissivity, unheated):
+    """Return the temperature T of ε σ (T⁴ - T₀⁴) = q (1 - c T / H)."""
+    heat = mp.mpf(HEATED["specific_heat_j_kg_k"])
+    enthalpy = heat * mp.mpf(HEATED["air_k"]) + speed**2 / 2
+    stefan = 2 * mp.pi**5 * K**4 / (15 * H**3 * C**2)
+    radiated = flux / (emissivity * stefan)
+
+    def excess(kelvin):
+        radiating = kelvin**4 - unheated**4 - radiated * (1 - heat * kelvin / enthalpy)
+        return radiating / (unheated**4 + radiated)
+
+    limit = mp.mpf(HEATED["limit_k"])
+    if excess(limit) <= 0:
+        return limit
+    return max(mp.findroot(excess, (unheated / 2, limit), solver="anderson"), unheated)
+
+
 def _positive(count, low=1e-6, high=1e6, special=()):
     return lambda rng, n: [draws.log_uniform(rng, n, low, high, special) for _ in range(count)]
 
@@ -393,6 +418,26 @@ CASES = (
         share=0.2,
     ),
     Case("radiometry.lambert_phase", lambda r, n: (phases(r, n),), radiometry.lambert_phase, phase),
+    Case(
+        "radiometry.stagnation_flux_w_m2",
+        lambda r, n: _airflows(r, n),
+        radiometry.stagnation_flux_w_m2,
+        lambda density, speed, nose: min(
+            mp.mpf(HEATED["stagnation_kg05_m"]) * mp.sqrt(density / nose) * speed**3,
+            density * speed**3 / 2,
+        ),
+    ),
+    Case(
+        "radiometry.equilibrium_temperature_k",
+        lambda r, n: (
+            draws.log_uniform(r, n, 1e-3, 1e8),
+            draws.log_uniform(r, n, 10.0, 1e4),
+            draws.log_uniform(r, n, 0.1, 1.0),
+            draws.log_uniform(r, n, 100.0, 300.0),
+        ),
+        radiometry.equilibrium_temperature_k,
+        equilibrium,
+    ),
     Case(
         "radiometry.lambert_sphere_intensity",
         lambda r, n: (*_positive(2)(r, n), phases(r, n)),
