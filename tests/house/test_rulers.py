@@ -39,7 +39,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 34_100,
     "opir_trackers": 38_200,
     "benchmarks": 91_600,
-    "tests": 722_900,
+    "tests": 723_400,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -57,7 +57,12 @@ def error_of(component, deed):
     hook, sound, method, changes = component
     host = rogue_host(hook, sound, method, deed)
     with pytest.raises(ModelError) as refused:
-        opir.simulate(scene_from_mapping(mapping(**changes), host=host), host)
+        # Types are computed when they are read.
+        len(
+            opir.simulate(
+                scene_from_mapping(mapping(**changes), host=host), host
+            ).detections.confidence
+        )
     return str(refused.value)
 
 

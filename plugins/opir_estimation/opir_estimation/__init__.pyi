@@ -37,7 +37,7 @@ from opir_estimation.filter.measurement_updates import (
 )
 from opir_estimation.filter.mode_mixing import (
     SPEED_SIGMA_M_S as SPEED_SIGMA_M_S,
-    Watched as Watched,
+    LookTimes as LookTimes,
     have_uncertain_velocity as have_uncertain_velocity,
 )
 from opir_estimation.filter.motion_model import (

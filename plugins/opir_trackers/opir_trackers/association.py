@@ -26,7 +26,7 @@ from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 _UNIT = np.eye(2)
 
 
-class Association(NamedTuple):
+class NearestLines(NamedTuple):
     """The track of each line of sight (m,), -1 for none, and the assigned pairs.
 
     `is_ambiguous` is False where no line had two candidate tracks and no track two lines of one
@@ -106,7 +106,7 @@ def unassigned(count: int) -> IntArray:
 
 def associate_nearest(
     pairs: GatedPairs, lines: LinesOfSight, model: AssociationModel
-) -> Association:
+) -> NearestLines:
     """Return the assignment of each scan by global nearest neighbour."""
     ratio = model.log_ratio(pairs, lines)
     if is_unambiguous(pairs, lines):
@@ -116,7 +116,7 @@ def associate_nearest(
     )
 
 
-def hard_association(pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArray) -> Association:
+def hard_association(pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArray) -> NearestLines:
     """Return an association of the chosen pairs, with probability 1."""
     assigned = (
         pairs
@@ -125,7 +125,7 @@ def hard_association(pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArra
     )
     owner = unassigned(len(lines.scan))
     owner[assigned.line] = assigned.track
-    return Association(owner, assigned)
+    return NearestLines(owner, assigned)
 
 
 def merged(pairs: GatedPairs, sensor: IndexArray, path: PredictedMeasurements) -> GatedPairs:

@@ -5,6 +5,7 @@ without an impact.
 import json
 
 import numpy as np
+import opir_forecast.plugin as forecast
 import opir_photons.detection.plugin as snr
 import opir_photons.radiometry.plugin as light
 import pytest
@@ -17,7 +18,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.geometry import ecef_to_eci
 from opir_core.reading import scene_mapping
 
-HOST = Host.of(trackers, light, snr)
+HOST = Host.of(trackers, forecast, light, snr)
 LAUNCH = {"lat_deg": 28.5, "lon_deg": -80.6, "time_s": 5.0}
 SLV = {"id": "SLV-1", "type": "SLV", "launch": LAUNCH, "azimuth_deg": 90.0}
 HGV = {"id": "HGV-1", "type": "HGV", "launch": LAUNCH, "aim": {"lat_deg": 40.0, "lon_deg": -30.0}}

@@ -11,13 +11,13 @@ import pytest
 from attrs import evolve
 from opir_scoring import evidence_of_run, scorecard, scorecard_text
 from two_sides import two_sides_plan
+from written_regions import as_written
 
 import opir_core
 from opir_core import ImpactRegion, run_of_plan
 from opir_core.cli.main import main
 from opir_core.errors import ModelError, PluginError, SceneError
 from opir_core.output import deliver, read_run
-from opir_core.output.geojson import region_from_document, region_text
 from opir_core.output.run_files import TRUTH_DECIMALS
 from opir_core.plugin import Host, RunView, hookimpl
 
@@ -233,16 +233,6 @@ NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]\d+)?"
 def radius_m(region: ImpactRegion) -> float:
     """Return the radius of the circle of a region's area."""
     return float(np.sqrt(1e6 * region.area_km2 / np.pi))
-
-
-def as_written(run: opir_core.Run) -> Any:
-    """Return the regions of a run's tracks (n,) with the outlines that files have."""
-    rows = run.tracks.impact_regions.tolist()
-    texts = {id(row): json.loads(region_text(row)) for row in rows}
-    regions = np.empty(len(rows), dtype=np.object_)
-    for place, row in enumerate(rows):
-        regions[place] = tuple(region_from_document(region) for region in texts[id(row)])
-    return regions
 
 
 def edge_distance_m(region: ImpactRegion, places: Any) -> Any:

@@ -366,7 +366,7 @@ def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
         WindowTransport(memory_sink, ORIGIN),
         Journal(str(tmp_path / "spool"), MIB),
         WindowBatcher(ENCODER, ORIGIN),
-        QUICK,
+        evolve(QUICK, wait_s=30.0, stall_s=30.0),
     )
     assert second.close() == Delivery(delivered=4, recovered=4)
     for tracks in (memory_sink.windows[0].tracks, memory_sink.windows[0].estimates):

@@ -5,6 +5,7 @@ paper.
 import json
 
 import numpy as np
+import opir_forecast.plugin as forecast
 import opir_photons.radiometry.plugin as light
 import pytest
 from opir_testing.bench import bench_run, bench_scene
@@ -18,7 +19,7 @@ from opir_core.plugin import REPORTED_TYPES, Host
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene import core_target_classes
 
-HOST = Host.of(trackers, light)
+HOST = Host.of(trackers, forecast, light)
 LAUNCH = {"lat_deg": 34.7, "lon_deg": -120.6, "time_s": 2.0}
 MRBM = {"id": "M", "type": "MRBM", "launch": LAUNCH, "aim": {"lat_deg": 32.0, "lon_deg": -141.0}}
 SLV = {"id": "S", "type": "SLV", "launch": LAUNCH, "azimuth_deg": 190.0}

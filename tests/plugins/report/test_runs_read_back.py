@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from attrs import evolve
 from hypothesis import given, settings, strategies as st
 from opir_scoring import evidence_of_files, evidence_of_run, scorecard
 from random_scenes import TRACKERS, sensors, targets, tracked_scene
 from reported_runs import report_page
+from written_regions import as_written
 
 import opir_core as opir
 from examples import examples
@@ -105,8 +107,10 @@ def test_a_run_read_back_is_scored_and_reported_alike(
         path.write_text(json.dumps(scene))
         assert main(["run", str(path), "--quiet"]) == 0
         run = opir.simulate(opir.scene_from_mapping(scene))
+        # An energy score of regions that nearly coincide depends on their outlines.
+        written = evolve(run, tracks=run.tracks.replaced(impact_regions=as_written(run)))
         cards = [
-            scorecard([evidence_of_run(run, run.plan)]).as_plain(),
+            scorecard([evidence_of_run(written, run.plan)]).as_plain(),
             scorecard([evidence_of_files(events)]).as_plain(),
         ]
         assert not differences(*cards, "score")

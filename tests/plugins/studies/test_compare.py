@@ -94,7 +94,7 @@ def test_trackers_stand_side_by_side(compare):
         "hypotheses: Brier score",
     ):
         assert figure in reported
-    assert lines[-1] == "kepler-arc: impacts by the paper's law, without containment"
+    assert lines[-1] == "detection: constant, since the scene describes no light"
 
 
 @pytest.mark.slow
@@ -125,7 +125,7 @@ def test_figures_do_not_depend_on_the_number_of_processes(compare):
     assert reported[0] == reported[1]
     cards = reported[0]["trackers"]
     assert list(cards) == ["imm", "kepler-arc"]
-    assert [card["impact_method"] for card in cards.values()] == ["posterior", "paper"]
+    assert [card["impact_method"] for card in cards.values()] == ["posterior", "posterior"]
     assert cards["kepler-arc"]["seeds"] == [SCENE["seed"], SCENE["seed"] + 1]
 
 

@@ -228,7 +228,7 @@ def relit(estimates: ModeEstimates, coast: Gaussian, modes: BurnModes) -> tuple[
     return boost, Burns.of(boost)
 
 
-class Watched(NamedTuple):
+class LookTimes(NamedTuple):
     """How long tracks (n,) were looked at in a slice, s: `expected_s` by all of their sensors
     together, in shares of their detections, `looked_s` by any.
     """
@@ -245,7 +245,7 @@ def mode_update(
     step_s: float,
     memory_s: float,
     pause_s: float = 0.0,
-    watched: Watched | None = None,
+    watched: LookTimes | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return mode probabilities (n, 2) and detection rates (n, 3) after a slice with `hits` (n,)
     detections per track.
@@ -257,7 +257,7 @@ def mode_update(
     """
     if watched is None:
         throughout = np.array([step_s] * len(silent_s))
-        watched = Watched(throughout, throughout)
+        watched = LookTimes(throughout, throughout)
     formula = partial(_mode_values, step_s=step_s, memory_s=memory_s, pause_s=pause_s)
     values = _ARITHMETIC.values(
         formula, estimates.weight, change, estimates.detection_rate, hits, silent_s, *watched

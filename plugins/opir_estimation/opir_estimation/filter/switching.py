@@ -43,7 +43,7 @@ from opir_estimation.filter.ground import raised_above_ground
 from opir_estimation.filter.hidden_marginal import replaced
 from opir_estimation.filter.iterated_update import Mode
 from opir_estimation.filter.measurement_updates import Gaussian
-from opir_estimation.filter.mode_mixing import EXCLUDED_WEIGHT, Watched, with_velocity_prior
+from opir_estimation.filter.mode_mixing import EXCLUDED_WEIGHT, LookTimes, with_velocity_prior
 from opir_estimation.lines_of_sight import AngleMeasurements
 from opir_estimation.motion import BOOST, COAST, noise_roots
 
@@ -202,7 +202,7 @@ class ImmFilter:
         time_s: float,
         measurements: AngleMeasurements,
         step_s: float,
-        watched: Watched | None = None,
+        watched: LookTimes | None = None,
     ) -> ModeEstimates:
         """Return the estimates after the measurements of a slice of length `step_s` that ends at
         `time_s`, of which only some may have been `watched`.
@@ -228,7 +228,7 @@ class ImmFilter:
         return ModeEstimates(weight, *boost, *coast, rate, *burns)
 
     def _undetected(
-        self, estimates: ModeEstimates, step_s: float, watched: Watched | None
+        self, estimates: ModeEstimates, step_s: float, watched: LookTimes | None
     ) -> ModeEstimates:
         """Return the estimates after a slice without measurements."""
         if not self.switches and not all(estimates.are_used):

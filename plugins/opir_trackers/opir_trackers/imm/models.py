@@ -12,11 +12,11 @@ from opir_estimation import (
     GatedPairs,
     ImmFilter,
     LinesOfSight,
+    LookTimes,
     ModeEstimates,
     PredictedMeasurements,
     Registration,
     Vantages,
-    Watched,
     candidates,
     gated,
 )
@@ -29,7 +29,7 @@ from opir_trackers.association import AssociationModel
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState, TrackTable, sighting_memory_s
-from opir_trackers.imm.watch import Watch
+from opir_trackers.imm.watch import LookSpans
 from opir_trackers.onset.posterior import GroupPosterior
 from opir_trackers.parts import Associator, Initiator, PartContext, Pruner, made_part, maker_of
 from opir_trackers.sensors import (
@@ -125,7 +125,7 @@ class TrackingModels:
     groups: GroupPosterior
     single: SingleSensor
     parts: TrackingParts
-    watch: Watch | None = None
+    watch: LookSpans | None = None
     memo: Memo = field(factory=Memo)
 
     @classmethod
@@ -154,7 +154,7 @@ class TrackingModels:
             groups=GroupPosterior.of(config.hypotheses, clutter, detection_probability),
             single=SingleSensor(outcomes, filter_, biases, period_s, site_m),
             parts=TrackingParts.of(config, context),
-            watch=Watch.of(context.sensors, period_s, detection_probability),
+            watch=LookSpans.of(context.sensors, period_s, detection_probability),
         )
 
     def silent_s(self, table: TrackTable, time_s: float | FloatArray) -> FloatArray:
@@ -164,7 +164,7 @@ class TrackingModels:
         times_s = np.broadcast_to(time_s, table.seen_s.shape)
         return self.watch.silent_s(times_s, table.seen_s, table.reports >= 0)
 
-    def watched(self, table: TrackTable, end_s: float, span_s: float) -> Watched | None:
+    def watched(self, table: TrackTable, end_s: float, span_s: float) -> LookTimes | None:
         """Return how long tracks (n,) were looked at in a slice, None for throughout."""
         if self.watch is None:
             return None

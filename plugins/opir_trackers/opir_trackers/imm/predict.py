@@ -9,10 +9,10 @@ from opir_estimation import (
     BOOST,
     GatedPairs,
     LinesOfSight,
+    LookTimes,
     ModeEstimates,
     PredictedMeasurements,
     Registration,
-    Watched,
 )
 
 from opir_trackers.imm.models import TrackingModels
@@ -33,7 +33,7 @@ class SlicePrediction(NamedTuple):
     lines: LinesOfSight
     end_s: float
     span_s: float
-    watched: Watched | None = None
+    watched: LookTimes | None = None
 
 
 def predict(

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
-from opir_estimation import Watched
+from opir_estimation import LookTimes
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.plugin import Sensor
 
 
 @frozen(eq=False)
-class Watch:
+class LookSpans:
     """The looks of sensors that do not look throughout; `rate` (sensors,) are their detections a
     second of a target in view.
     """
@@ -22,13 +22,13 @@ class Watch:
     @classmethod
     def of(
         cls, sensors: Sequence[Sensor], period_s: FloatArray, detection_probability: FloatArray
-    ) -> "Watch | None":
+    ) -> "LookSpans | None":
         """Return the looks of sensors, None where all look throughout."""
         if all(sensor.watched_s is None for sensor in sensors):
             return None
         return cls(tuple(sensors), detection_probability / period_s)
 
-    def in_slice(self, start_s: float, end_s: float, visible: BoolArray) -> Watched:
+    def in_slice(self, start_s: float, end_s: float, visible: BoolArray) -> LookTimes:
         """Return how long the tracks (n,) of sensors `visible` (n, sensors) were looked at in a
         slice.
         """
@@ -38,7 +38,7 @@ class Watch:
         total = np.sum(rate, axis=1)
         expected_s = np.sum(looked_s * rate, axis=1) / np.where(total > 0.0, total, 1.0)
         span_s = end_s - start_s
-        return Watched(
+        return LookTimes(
             np.where(total > 0.0, expected_s, span_s),
             np.where(total > 0.0, looked_s.max(axis=1, initial=0.0), span_s),
         )

@@ -4,10 +4,10 @@ import numpy as np
 from opir_estimation import (
     COAST,
     ImmFilter,
+    LookTimes,
     ModeEstimates,
     Motion,
     Thrust,
-    Watched,
     no_measurements,
 )
 from opir_estimation.filter.thrust import THRUST
@@ -35,7 +35,7 @@ def burning() -> ModeEstimates:
     return ModeEstimates(np.tile([0.5, 0.5], (COUNT, 1)), mean, root, *coast, rate)
 
 
-def after(watched: Watched | None) -> ModeEstimates:
+def after(watched: LookTimes | None) -> ModeEstimates:
     return FILTER.updated(burning(), 1.0, no_measurements(), 1.0, watched)
 
 
@@ -44,7 +44,7 @@ def log_odds(estimates: ModeEstimates) -> np.ndarray:
 
 
 def test_a_slice_that_nobody_watched_says_nothing() -> None:
-    estimates = after(Watched(np.zeros(COUNT), np.zeros(COUNT)))
+    estimates = after(LookTimes(np.zeros(COUNT), np.zeros(COUNT)))
     np.testing.assert_array_equal(estimates.weight, burning().weight)
     np.testing.assert_array_equal(estimates.detection_rate, burning().detection_rate)
 
@@ -52,13 +52,13 @@ def test_a_slice_that_nobody_watched_says_nothing() -> None:
 def test_misses_count_by_the_share_of_detections_that_were_due() -> None:
     """A third of the detections were due: exp(-r t / 3) is the chance of none."""
     share = np.array([0.0, 1.0 / 3.0, 1.0])
-    estimates = after(Watched(share, np.ones(COUNT)))
+    estimates = after(LookTimes(share, np.ones(COUNT)))
     np.testing.assert_allclose(log_odds(estimates), -HITS / SPELL_S * share, atol=1e-12)
     np.testing.assert_allclose(estimates.detection_rate[:, 2], 1.0)
 
 
 def test_a_slice_is_watched_throughout_unless_it_is_said() -> None:
     plain = after(None)
-    said = after(Watched(np.ones(COUNT), np.ones(COUNT)))
+    said = after(LookTimes(np.ones(COUNT), np.ones(COUNT)))
     np.testing.assert_array_equal(plain.weight, said.weight)
     np.testing.assert_array_equal(plain.detection_rate, said.detection_rate)
