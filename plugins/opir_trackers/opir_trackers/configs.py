@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from attrs import frozen
+from attrs import asdict, frozen
 
 from opir_core.plugin import nested, number, part, text
 
@@ -441,11 +441,4 @@ class KeplerArcConfig:
 
     def imm(self) -> ImmConfig:
         """Return the settings of `imm`, whose tracks fly on the arcs."""
-        return ImmConfig(
-            cadence_s=self.cadence_s,
-            needed_scans=self.needed_scans,
-            recent_scans=self.recent_scans,
-            forecast=self.forecast,
-            hypotheses=self.hypotheses,
-            least_launch_probability=self.least_launch_probability,
-        )
+        return ImmConfig(**asdict(self, recurse=False))

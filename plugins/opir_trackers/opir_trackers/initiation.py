@@ -29,6 +29,7 @@ from opir_estimation import (
     dot,
     geostationary_directions,
     group_maxima,
+    group_minima,
     group_sums,
     mean_directions,
     points_near_ground,
@@ -142,7 +143,8 @@ def _assigned(
     from scipy.spatial import cKDTree
 
     if not len(mean):
-        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        nothing = np.empty(0, dtype=np.int64)
+        return nothing, nothing
     reach = GATE_SIGMAS * looks.sigma_rad.max() * np.hypot(1.0, blur.max())
     tree = cKDTree(looks.direction)
     distances = tree.sparse_distance_matrix(cKDTree(mean), reach, output_type="ndarray")
@@ -177,6 +179,10 @@ class Clusters(Columns):
     sigma_rad: FloatArray
     scans: IntArray
     is_part: BoolArray
+
+    def with_biases(self, sigma_rad: FloatArray) -> "Clusters":
+        """Return the clusters with the sensors' biases (sensors,) in their errors."""
+        return evolve(self, sigma_rad=np.hypot(self.sigma_rad, sigma_rad[self.sensor]))
 
 
 @frozen(eq=False, repr=False)
@@ -245,8 +251,7 @@ def track_candidates(
     """
     clusters, cluster = clusters_of(lines)
     seen_twice = np.flatnonzero(clusters.scans >= 2)
-    likely = clusters.take(seen_twice)
-    likely = evolve(likely, sigma_rad=np.hypot(likely.sigma_rad, bias_sigma_rad[likely.sensor]))
+    likely = clusters.take(seen_twice).with_biases(bias_sigma_rad)
     group, count = _candidate_groups(likely)
     candidates = _candidates(likely, group, count)
     ready = _ready(candidates, np.bincount(group, likely.scans, count), scans_needed)
@@ -306,6 +311,12 @@ def _raised_by_speed(
     return evolve(faster, position_ecef_m=position_m)
 
 
+def _centred(group: IntArray, value: FloatArray, count: int) -> FloatArray:
+    """Return values (m,) less the means of their groups."""
+    total = np.maximum(np.bincount(group, minlength=count), 1)
+    return value - (np.bincount(group, value, count) / total)[group]
+
+
 def _speeds(begun: TrackCandidates, lines: LinesOfSight, track: IntArray) -> FloatArray:
     """Return lower bounds (n,) of the speeds of candidates across lines (m,) of theirs, `track`.
 
@@ -313,8 +324,7 @@ def _speeds(begun: TrackCandidates, lines: LinesOfSight, track: IntArray) -> Flo
     candidates.
     """
     count = len(begun)
-    total = np.maximum(np.bincount(track, minlength=count), 1)
-    since_s = lines.time_s - (np.bincount(track, lines.time_s, count) / total)[track]
+    since_s = _centred(track, lines.time_s, count)
     foot = points_near_ground(lines.origin_ecef_m, lines.direction_ecef)
     across = foot - begun.position_ecef_m[track]
     across -= dot(across, lines.direction_ecef)[:, None] * lines.direction_ecef
@@ -332,6 +342,13 @@ def _lines_of(candidate: BoolArray, owner: IntArray) -> IntArray:
     return np.flatnonzero(np.append(candidate, False)[owner])
 
 
+def _sensor_counts(lines: LinesOfSight, owner: IntArray, count: int) -> IntArray:
+    """Return the numbers (count,) of sensors with lines of each candidate."""
+    owned = np.flatnonzero(owner >= 0)
+    pairs = np.unique(np.stack([owner[owned], lines.sensor[owned].astype(np.int64)]), axis=1)
+    return np.bincount(pairs[0], minlength=count)
+
+
 def placed_at_crossings(
     begun: TrackCandidates, lines: LinesOfSight, owner: IntArray
 ) -> TrackCandidates:
@@ -340,9 +357,7 @@ def placed_at_crossings(
 
     `owner` (m,) are the candidates of lines, by association.
     """
-    owned = np.flatnonzero(owner >= 0)
-    pairs = np.unique(np.stack([owner[owned], lines.sensor[owned].astype(np.int64)]), axis=1)
-    sensors = np.bincount(pairs[0], minlength=len(begun))
+    sensors = _sensor_counts(lines, owner, len(begun))
     is_crossed = (begun.sensors == 1) & (sensors > 1)
     if not np.count_nonzero(is_crossed):
         return begun
@@ -377,12 +392,11 @@ def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
     Clusters are connected groups of occupied direction bins per sensor, or parts of these.
     """
     sensor, sensor_row = np.unique(lines.sensor, return_inverse=True)
-    span = np.zeros(len(sensor))
-    newest = group_maxima(sensor_row, lines.time_s, len(sensor))
-    np.maximum.at(span, sensor_row, newest[sensor_row] - lines.time_s)
+    count = len(sensor)
+    oldest = group_minima(sensor_row, lines.time_s, count)
+    span = group_maxima(sensor_row, lines.time_s, count) - oldest
     direction, sigma_rad = geostationary_directions(lines, sensor_row)
-    widest = np.zeros(len(sensor))
-    np.maximum.at(widest, sensor_row, sigma_rad)
+    widest = group_maxima(sensor_row, sigma_rad, count)
     # Targets move across the line of sight by up to 1 km/s, half of which may be within a cluster.
     width = _WIDE_SIGMAS * widest + 1000.0 * span / FAR_M
     cluster = _connected(sensor_row, direction, width)

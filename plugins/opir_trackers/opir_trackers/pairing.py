@@ -302,20 +302,20 @@ class SetModel(NamedTuple):
         centre = self.centre.tolist()
         return [point + shift for point, shift in zip(crossings.point, centre, strict=True)]
 
+    def _may_be_at_lawful_height(self, crossings: LineCrossings) -> BoolArray:
+        radius = _length(self._positions(crossings))
+        xx, _, _, yy, _, zz = crossings.covariance
+        blur_m = LAW.sure_sigmas * np.sqrt(xx + yy + zz)
+        is_within = (radius > LAW.lowest_m - blur_m) & (radius < LAW.highest_m + blur_m)
+        return is_within & (blur_m < LAW.sure_sigmas * LAW.vague_m)
+
     def may_share_target(self, sums: FloatArray, added: FloatArray) -> BoolArray:
         """Return which sums (..., instants, 12), and added ones, may be of one target at a lawful
         height, where both have lines.
         """
         crossings = fixes(sums + added)
         met = (sums[..., 11] > 0.5) & (added[..., 11] > 0.5)
-        radius = _length(self._positions(crossings))
-        xx, _, _, yy, _, zz = crossings.covariance
-        blur_m = LAW.sure_sigmas * np.sqrt(xx + yy + zz)
-        lawful = ~met | (
-            (radius > LAW.lowest_m - blur_m)
-            & (radius < LAW.highest_m + blur_m)
-            & (blur_m < LAW.sure_sigmas * LAW.vague_m)
-        )
+        lawful = ~met | self._may_be_at_lawful_height(crossings)
         misfit = np.where(met, crossings.misfit - fixes(sums).misfit, 0.0).sum(axis=-1)
         misfit = misfit / np.maximum(met.sum(axis=-1), 1)
         return lawful.all(axis=-1) & (misfit < LAW.hopeless)

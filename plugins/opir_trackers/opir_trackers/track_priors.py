@@ -149,6 +149,12 @@ def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
     return AtmosphericDescent(fall, drag)
 
 
+def _climbs_m_s(candidates: TrackCandidates) -> FloatArray:
+    """Return prior mean climbs (n,): of several sensors the lines say it."""
+    climb = np.maximum(FIRST_CLIMB_M_S, 0.5 * candidates.speed_m_s)
+    return np.where(candidates.sensors == 1, climb, 0.0)
+
+
 def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfig) -> ModeEstimates:
     """Return the prior estimates (n,) of new tracks at a time."""
     count = len(candidates)
@@ -157,13 +163,11 @@ def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfi
     inertial = np.stack([earth_rotated(axes[:, row], times_s) for row in range(3)], axis=1)
     up = inertial[:, 2]
     position = earth_rotated(candidates.position_ecef_m, times_s)
-    climb = np.maximum(FIRST_CLIMB_M_S, 0.5 * candidates.speed_m_s)
-    climb = np.where(candidates.sensors == 1, climb, 0.0)
-    velocity = ground_velocities(position) + climb[:, None] * up
+    velocity = ground_velocities(position) + _climbs_m_s(candidates)[:, None] * up
     growth = np.full((count, 1), config.thrust.growth_per_s)
     mean = np.concatenate([position, velocity, FIRST_FORCE_M_S2 * up, growth], axis=1)
     root = _prior_roots(candidates, inertial, config.thrust)
-    return _in_both_modes(mean, root, np.zeros((count, 3)), config)
+    return _in_both_modes(mean, root, np.zeros_like(position), config)
 
 
 def _prior_roots(candidates: TrackCandidates, axes: FloatArray, thrust: ThrustConfig) -> FloatArray:
@@ -202,18 +206,25 @@ def standing_estimates(
     `position_m` (n, 3) and `covariance` (n, 3, 3) are inertial. In the boost mode a force balances
     the weight.
     """
-    count, size = estimates.boost_mean.shape
     mean = estimates.boost_mean.copy()
-    root = np.zeros((count, size, size))
     cubed = dot(position_m, position_m)[:, None] ** 1.5
     mean[:, :3] = position_m
     mean[:, 3:6] = ground_velocities(position_m)
     mean[:, 6:9] = EARTH_MU_M3_S2 / cubed * position_m
     mean[:, 6:8] -= EARTH_ROTATION_RAD_S**2 * position_m[:, :2]
+    root = _standing_roots(covariance, speed_sigma_m_s, mean.shape[1])
+    return _in_both_modes(mean, root, estimates.detection_rate, config)
+
+
+def _standing_roots(covariance: FloatArray, speed_sigma_m_s: float, size: int) -> FloatArray:
+    """Return information roots (n, size, size) of sources at positions with covariances (n, 3, 3)
+    that stand on the ground.
+    """
+    root = np.zeros((len(covariance), size, size))
     root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
     root[:, range(3, 6), range(3, 6)] = 1.0 / speed_sigma_m_s
     root[:, range(6, size), range(6, size)] = 1.0 / LAW.standing_sigma
-    return _in_both_modes(mean, root, estimates.detection_rate, config)
+    return root
 
 
 def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
@@ -230,14 +241,19 @@ def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
     """
     height = np.maximum(ecef_to_geodetic(candidates.position_ecef_m).height_m, 0.0)
     alone = candidates.sensors == 1
-    higher = np.maximum(candidates.height_by_speed_m, HIGHER_M)
-    shift = higher / np.maximum(candidates.sine, GRAZING_SINE)
     place = np.full((len(alone), 3), FARTHER_M)
-    place[alone] = np.stack([np.maximum(shift, 30e3)] * 2 + [higher], axis=1)[alone]
+    place[alone] = _lone_sigmas_m(candidates)[alone]
     beside = np.flatnonzero(candidates.is_of_parts & ~alone)
     place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, FARTHER_M)
     fast = np.maximum(candidates.speed_m_s[:, None], _SPEEDS_M_S)
     return place, np.where(alone[:, None], fast, _speed_sigmas(height)[:, None])
+
+
+def _lone_sigmas_m(candidates: TrackCandidates) -> FloatArray:
+    """Return prior standard deviations (n, 3) of positions that a single sensor sees."""
+    height = np.maximum(candidates.height_by_speed_m, HIGHER_M)
+    shift = np.maximum(height / np.maximum(candidates.sine, GRAZING_SINE), 30e3)
+    return np.stack([shift, shift, height], axis=1)
 
 
 def _speed_sigmas(height_m: FloatArray) -> FloatArray:

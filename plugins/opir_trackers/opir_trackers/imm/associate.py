@@ -85,7 +85,8 @@ def track_numbers(models: TrackingModels, state: TrackerState, lines: LinesOfSig
     pairs = prediction.pairs
     if not eligible.all():
         pairs = pairs.take(eligible[pairs.track].nonzero()[0])
-    problem = _problem(models, state, prediction, lines.of_instants(), pairs)
-    owner = models.parts.associator.labels(problem, eligible)
+    owner = models.parts.associator.labels(
+        _problem(models, state, prediction, lines.of_instants(), pairs), eligible
+    )
     _require_owners(models, owner, state, lines)
     return np.where(owner < 0, -1, number[owner])

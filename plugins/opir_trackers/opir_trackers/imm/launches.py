@@ -48,6 +48,9 @@ class YoungLaw:
 
 LAW = YoungLaw()
 
+#: Signs of place and time of launch by place and time since launch: the one grows as the other falls.
+_LAUNCH_SIGN = np.array([1.0, 1.0, 1.0, -1.0])
+
 
 class _Young(NamedTuple):
     """Young tracks: paths, and (n,) times at which the light of first detections was emitted; which
@@ -97,6 +100,14 @@ def with_launch_points(models: TrackingModels, state: TrackerState, span_s: floa
     return state._replace(table=table.changed(launch=launch, launch_covariance=covariance))
 
 
+def _are_like_ascents(young: _Young, points: LaunchPoints) -> BoolArray:
+    """Return which tracks (n,) are too old for a cubic, and seen by enough sensors to be compared
+    with ascents.
+    """
+    is_old = ~(young.middle_s - points.place[:, 2] <= LAW.cubic_s)
+    return is_old & (young.visible.sum(axis=1) >= LAW.sensors)
+
+
 def _new_points(
     models: TrackingModels, state: TrackerState, rows: IntArray, span_s: float
 ) -> LaunchPoints:
@@ -105,11 +116,9 @@ def _new_points(
     """
     young = _young(models, state, rows)
     points = _followed_back(models, young)
-    is_launch = (
-        state.table.motion.probability[rows, LAUNCH] >= models.config.least_launch_probability
-    )
-    is_old = ~(young.middle_s - points.place[:, 2] <= LAW.cubic_s)
-    old = (is_old & is_launch & (young.visible.sum(axis=1) >= LAW.sensors)).nonzero()[0]
+    probability = state.table.motion.probability[rows, LAUNCH]
+    is_launch = probability >= models.config.least_launch_probability
+    old = (is_launch & _are_like_ascents(young, points)).nonzero()[0]
     if not len(old):
         return points
     due = old[_are_due(models, state, rows[old], span_s)]
@@ -173,11 +182,9 @@ def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
         if launch is None:
             continue
         mean, covariance = launch
-        # The time of launch falls as that since then grows.
         mean[3] = when_s[row] - mean[3]
-        sign = np.array([1.0, 1.0, 1.0, -1.0])
         points.place[row : row + 1], points.covariance[row : row + 1] = on_ground(
-            mean[None], (sign[:, None] * covariance * sign)[None]
+            mean[None], (_LAUNCH_SIGN[:, None] * covariance * _LAUNCH_SIGN)[None]
         )
     return points
 

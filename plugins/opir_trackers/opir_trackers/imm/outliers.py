@@ -199,13 +199,22 @@ def _maximised(
         log_likelihood = fraction_log_likelihood(square, span.gate, assigned.track, len(prior))
         if np.max(np.abs(weight - previous)) < LAW.tolerance:
             break
-    information = _information_share(assigned.track, weight, square, len(prior))
-    # The rescaled measurements move the estimate as far as the weighted ones, with less
-    # information.
-    rescaled = place + (assigned.measured - place) / information[:, None]
-    looks = _weighted(assigned, rescaled, weight * information)
+    looks = _rescaled(assigned, place, weight, square, len(prior))
     posterior = filter_.updated(prior, span.end_s, looks, span.long_s)
     return ReweightedEstimates(posterior, log_likelihood)
+
+
+def _rescaled(
+    assigned: GatedPairs, place: FloatArray, weight: FloatArray, square: FloatArray, count: int
+) -> AngleMeasurements:
+    """Return measurements that move the estimates (count,) as far as those with weights (m,) do,
+    with less information.
+
+    `place` (m, 2) are the estimates' directions, `square` (m,) the squared distances.
+    """
+    share = _information_share(assigned.track, weight, square, count)
+    measured = place + (assigned.measured - place) / share[:, None]
+    return _weighted(assigned, measured, weight * share)
 
 
 def _information_share(

@@ -170,14 +170,19 @@ def _without(models: TrackingModels, state: TrackerState, end: IntArray) -> Trac
     return remaining._replace(ended=ended.and_others(state.ended))
 
 
+def _with_vague_velocity(covariance: FloatArray) -> IntArray:
+    """Return the rows whose velocity has a larger variance in some direction than the prior."""
+    variance = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5]
+    rows = (variance > SPEED_SIGMA_M_S**2).nonzero()[0]
+    return rows[have_uncertain_velocity(covariance[rows])] if rows.size else rows
+
+
 def _bounded(
     models: TrackingModels, state: TrackerState, mean: FloatArray, covariance: FloatArray
 ) -> TrackerState:
     """Return the state with uncertain speeds bounded, and burns above the ground."""
     estimates = state.table.estimates
-    variance = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5]
-    rows = (variance > SPEED_SIGMA_M_S**2).nonzero()[0]
-    rows = rows[have_uncertain_velocity(covariance[rows])] if rows.size else rows
+    rows = _with_vague_velocity(covariance)
     if rows.size:
         estimates = models.filter.with_velocity_prior(estimates, rows)
     rows = (are_below_ground(mean[:, :3]) & (estimates.weight[:, 0] > 0.5)).nonzero()[0]
@@ -282,9 +287,9 @@ def _never_seen_together(
     detected[row[tracked], scan] = True
     row_detected = detected[pairs[:, 0]]
     other_detected = detected[pairs[:, 1]]
-    detected_together: BoolArray = np.any(row_detected & other_detected, axis=1)
+    detected_together = np.any(row_detected & other_detected, axis=1)
     enough: BoolArray = np.count_nonzero(row_detected | other_detected, axis=1) >= ENOUGH_SCANS
-    return np.logical_and(enough, ~detected_together)
+    return enough & ~detected_together
 
 
 def are_uncertain(covariance: FloatArray, sigma_m: float) -> BoolArray:

@@ -136,7 +136,6 @@ def tracks_of(
     """
     count = len(mean)
     impact = _unknown(count, 6, 3)
-    burnout = _unknown(count, 8, 7)
     probability = _unknown(5, count)
     state, covariance = earth_fixed(mean, covariance, time_s)
     return Tracks(
@@ -151,8 +150,6 @@ def tracks_of(
         impact_sigmas=impact[:, 4],
         state_sigmas=impact[:, 5],
         type_probability=_unknown(count, len(REPORTED_TYPES)),
-        burnout=burnout[:, 7],
-        burnout_covariance=burnout[:, :7],
         probability_burning=probability[0],
         probability_relights=probability[1],
         probability_launch=probability[2],
@@ -200,19 +197,20 @@ def earth_fixed(
     """Return inertial states (n, 6) and covariances (n, 6, 6) in ECEF, velocities relative to the
     rotating Earth.
     """
-    sine = sin(EARTH_ROTATION_RAD_S * time_s)
-    cosine = cos(EARTH_ROTATION_RAD_S * time_s)
+    turned_rad = EARTH_ROTATION_RAD_S * time_s
+    sine = sin(turned_rad)
+    cosine = cos(turned_rad)
     fast = EARTH_ROTATION_RAD_S * cosine
     slow = EARTH_ROTATION_RAD_S * sine
     change = np.array(
         (
-            *(cosine, sine, 0.0, 0.0, 0.0, 0.0),
-            *(-sine, cosine, 0.0, 0.0, 0.0, 0.0),
-            *(0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
-            *(-slow, fast, 0.0, cosine, sine, 0.0),
-            *(-fast, -slow, 0.0, -sine, cosine, 0.0),
-            *(0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+            (cosine, sine, 0.0, 0.0, 0.0, 0.0),
+            (-sine, cosine, 0.0, 0.0, 0.0, 0.0),
+            (0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+            (-slow, fast, 0.0, cosine, sine, 0.0),
+            (-fast, -slow, 0.0, -sine, cosine, 0.0),
+            (0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
         )
-    ).reshape(6, 6)
+    )
     moved = change @ covariance @ change.T
     return state @ change.T, 0.5 * (moved + moved.transpose(0, 2, 1))

@@ -151,11 +151,10 @@ class TrackTable(Columns):
         """Return the table after lines (m,), in order of time, of rows `owner`, -1 for none."""
         has_track = owner >= 0
         if not has_track.all():
-            rows = has_track.nonzero()[0]
-            owner = owner[rows]
-            time_s = time_s[rows]
-            sensor = sensor[rows]
-            reported = reported[rows]
+            owner = owner[has_track]
+            time_s = time_s[has_track]
+            sensor = sensor[has_track]
+            reported = reported[has_track]
         first_s = self.first_s.copy()
         seen_s = self.seen_s.copy()
         np.minimum.at(first_s, owner, time_s)

@@ -135,11 +135,14 @@ class ImmTracker(Tracker):
             (state, tick_s, _with_late(before_late, late_detections, state.time_s, tick_s))
             for state, tick_s, before_late in self._past
         ]
-        changed = (
-            len(detections.time_ns) > len(before_late.time_ns)
-            for (_, _, detections), (_, _, before_late) in zip(steps, self._past, strict=True)
+        first_step = next(
+            (
+                number
+                for number, (step, past) in enumerate(zip(steps, self._past, strict=True))
+                if len(step[2].time_ns) > len(past[2].time_ns)
+            ),
+            None,
         )
-        first_step = next((number for number, more in enumerate(changed) if more), None)
         if first_step is None:
             return
         while len(self._past) > first_step:

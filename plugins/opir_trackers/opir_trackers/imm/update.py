@@ -19,7 +19,7 @@ from opir_estimation import (
     shifted,
 )
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.association import hard_measurements, merged
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.outliers import (
@@ -32,7 +32,7 @@ from opir_trackers.imm.outliers import (
     suspect_tracks,
 )
 from opir_trackers.imm.predict import SlicePrediction
-from opir_trackers.imm.state import TrackerState
+from opir_trackers.imm.state import TrackerState, TrackTable
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.onset.posterior import DARK_S, GONE_SCANS
 from opir_trackers.parts import Association
@@ -87,6 +87,12 @@ def _with_detections(
     return state._replace(table=table)
 
 
+def _were_dark(models: TrackingModels, table: TrackTable, first_s: FloatArray) -> BoolArray:
+    """Return which tracks (n,) had been dark for long at their first lines, inf without any."""
+    limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, table))
+    return np.isfinite(first_s) & (models.silent_s(table, first_s) > limit_s)
+
+
 def _relit_motion(
     models: TrackingModels, state: TrackerState, owner: IntArray, time_s: FloatArray
 ) -> MotionStatistics:
@@ -101,9 +107,7 @@ def _relit_motion(
     count = len(state.table)
     owned = owner >= 0
     first_s = group_minima(owner[owned], time_s[owned], count)
-    silent_s = models.silent_s(state.table, first_s)
-    limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, state.table))
-    rows = (np.isfinite(first_s) & ~motion.is_decided & (silent_s > limit_s)).nonzero()[0]
+    rows = (~motion.is_decided & _were_dark(models, state.table, first_s)).nonzero()[0]
     if not len(rows):
         return motion
     position_m = state.table.estimates.likelier_position_m[rows]
@@ -134,20 +138,17 @@ def _updated(
     Tracks that were silent, whose burns may begin at the first look, are updated with each look,
     and few tracks too.
     """
-    estimates = prediction.estimates
-    end_s = prediction.end_s
     pairs = association.pairs
     if pairs.track.size <= FEW_PAIRS:
-        looks = hard_measurements(pairs)
-        return _filtered(models, prediction, looks)
-    was_silent = (estimates.detection_rate[:, 2] > prediction.span_s)[pairs.track]
+        return _filtered(models, prediction, hard_measurements(pairs))
+    silence_s = prediction.estimates.detection_rate[:, 2]
+    was_silent = (silence_s > prediction.span_s)[pairs.track]
     rows = (~was_silent).nonzero()[0]
     means = merged(pairs.take(rows), association.sensor[rows], prediction.path)
     if was_silent.any():
         means = GatedPairs.concatenate([means, pairs.take(was_silent.nonzero()[0])])
-    looks = hard_measurements(means)
-    posterior = _filtered(models, prediction, looks)
-    rate = _with_all_looks(posterior.detection_rate, association, means.track, end_s)
+    posterior = _filtered(models, prediction, hard_measurements(means))
+    rate = _with_all_looks(posterior.detection_rate, association, means.track, prediction.end_s)
     return evolve(posterior, detection_rate=rate)
 
 
@@ -194,25 +195,30 @@ def _with_outliers(
     assigned = association.single
     gate = models.config.gate_sigma
     share = fractions.share
-    suspects = suspect_tracks(assigned, share)
-    if suspects.size and association.doubtful.size:
-        suspects = np.setdiff1d(suspects, association.doubtful, assume_unique=True)
+    suspects = _suspects(association, share)
     if not suspects.size and not (share > FEW).any():
         return posterior, None
     outliers = clean_log_likelihood(assigned, fractions, gate)
     if not suspects.size:
         return posterior, log + outliers
-    span = SliceSpan(prediction.end_s, prediction.span_s, gate)
     weighted = reweighted(
         models.filter,
         prediction.estimates.take(suspects),
         posterior.take(suspects),
-        span,
+        SliceSpan(prediction.end_s, prediction.span_s, gate),
         _of_tracks(assigned, suspects, len(posterior)),
         fractions.take(suspects),
     )
     outliers[suspects] = weighted.outliers
     return posterior.put(suspects, weighted.estimates), fractions.after(outliers).log
+
+
+def _suspects(association: Association, share: FloatArray) -> IntArray:
+    """Return the tracks that may have outliers, but for those that share lines."""
+    suspects = suspect_tracks(association.single, share)
+    if suspects.size and association.doubtful.size:
+        return np.setdiff1d(suspects, association.doubtful, assume_unique=True)
+    return suspects
 
 
 def _of_tracks(pairs: GatedPairs, rows: IntArray, count: int) -> GatedPairs:

@@ -92,6 +92,7 @@ class MotionStatistics(Columns):
         `epoch_s` (n,) are the times of their first detections.
         """
         count = len(position_m)
+        zeros = np.zeros(count)
         reference_m = earth_rotated(position_m, np.full(count, -time_s))
         return cls(
             reference_m=reference_m,
@@ -100,11 +101,11 @@ class MotionStatistics(Columns):
             epoch_s=epoch_s,
             information=np.zeros((count, _POWERS, 3, 3)),
             pull=np.zeros((count, ORDERS, 3)),
-            misfit=np.zeros(count),
+            misfit=zeros,
             static_information=np.zeros((count, 3, 3)),
             static_pull=np.zeros((count, 3)),
-            lines=np.zeros(count),
-            noise_log=np.zeros(count),
+            lines=zeros,
+            noise_log=zeros,
             probability=np.tile(prior, (count, 1)),
             is_decided=np.zeros(count, dtype=np.bool_),
         )
@@ -142,7 +143,10 @@ class MotionStatistics(Columns):
             return self
         rows = rows[owner[rows].argsort(kind="stable")]
         track = owner[rows]
-        terms = self._terms(track, lines.take(rows), log_clutter)
+        return self._with_sums(track, self._terms(track, lines.take(rows), log_clutter))
+
+    def _with_sums(self, track: IntArray, terms: Mapping[str, FloatArray]) -> "MotionStatistics":
+        """Return the statistics with the terms of lines of tracks (m,), in order, added."""
         starts = np.flatnonzero(np.diff(track, prepend=-1))
         changed = {}
         for name, term in terms.items():
@@ -284,12 +288,16 @@ def _line_terms(
     unit = view / np.sqrt(square)[:, None]
     # The point of the line in the plane through the reference point across the view.
     depth = square / dot(view, lines.direction_ecef)
-    off = depth[:, None] * lines.direction_ecef - view
-    along = np.sum(axes * unit[:, None, :], axis=2)
-    foot = np.sum(axes * off[:, None, :], axis=2)
+    offset = depth[:, None] * lines.direction_ecef - view
+    along = _components(axes, unit)
+    foot = _components(axes, offset)
     scale = 1.0 / (np.square(lines.sigma_rad) * square)
     weight = scale[:, None, None] * (np.eye(3) - along[:, :, None] * along[:, None, :])
     return weight, foot, scale * dot(foot, foot)
+
+
+def _components(axes: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.sum(axes * vector[:, None, :], axis=2)
 
 
 def _noise_log(lines: LinesOfSight, log_clutter: FloatArray) -> FloatArray:

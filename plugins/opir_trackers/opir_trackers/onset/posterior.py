@@ -131,6 +131,16 @@ class GroupPosterior:
         statistics = evolve(statistics, probability=probability, is_decided=decided)
         return statistics.restarted(rows[restarts], time_s) if restarts.any() else statistics
 
+    def _log_densities(self, evidence: FloatArray) -> FloatArray:
+        """Return the log densities (n, 5) of the groups by the evidence of their motions; that of
+        noise is not set.
+        """
+        log = np.empty((len(evidence), 1 + len(self.log_rate)))
+        for group in range(GROUND, log.shape[1]):
+            of_group = evidence[:, self.priors.group == group]
+            log[:, group] = np.logaddexp.reduce(of_group, axis=1) + self.log_rate[group - GROUND]
+        return log
+
     def probabilities(
         self, statistics: MotionStatistics, age_s: FloatArray, pause_s: FloatArray, gone: BoolArray
     ) -> FloatArray:
@@ -141,11 +151,8 @@ class GroupPosterior:
         burn is longer.
         """
         evidence = log_evidence(self.priors, statistics) + self.priors.log_weights(pause_s, age_s)
-        log = np.empty((len(evidence), 1 + len(self.log_rate)))
+        log = self._log_densities(evidence)
         log[:, NOISE] = statistics.noise_log - np.log(pause_s) - LOG_IN_VIEW
-        for group in range(GROUND, log.shape[1]):
-            of_group = evidence[:, self.priors.group == group]
-            log[:, group] = np.logaddexp.reduce(of_group, axis=1) + self.log_rate[group - GROUND]
         log[gone, LAUNCH] += min(np.log(self.bolide_s / LAW.burn_s), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
         return share / share.sum(axis=1, keepdims=True)
