@@ -71,12 +71,13 @@ def _ensemble(
     ensembles = []
     lit = np.flatnonzero(burning > 0.0)
     if len(lit):
-        tracks = estimates.take(lit), history.take(lit)
-        ensembles.append(burning_particles(model, *tracks, prior, time_s).of_tracks(lit))
+        particles = burning_particles(model, estimates.take(lit), history.take(lit), prior, time_s)
+        ensembles.append(particles.of_tracks(lit))
     dark = np.flatnonzero(burning < 1.0)
     if len(dark):
-        tracks = estimates.take(dark), history.take(dark)
-        particles, relights[dark] = dark_particles(model, *tracks, prior, dark_s[dark], time_s)
+        particles, relights[dark] = dark_particles(
+            model, estimates.take(dark), history.take(dark), prior, dark_s[dark], time_s
+        )
         ensembles.append(particles.of_tracks(dark))
     return _in_order_of_tracks(ensembles), burning, relights
 
@@ -123,10 +124,9 @@ def _put_unlike(
     relight: FloatArray,
 ) -> None:
     """Write the densities (p, H) of `none`, and those of space launches by particles in orbit."""
-    none = float(outcomes.groups[3])
-    is_launcher = particles.family == SPACE
+    none = outcomes.groups[3]
     unlike = none / max(outcomes.odd + none, 1e-12) * np.where(falls, 1.0, LAW.none_orbits)
-    unlike = unlike * (particles.family == NONE)
+    unlike *= particles.family == NONE
     is_dark = particles.lit == BurnState.DARK
     launchers = outcomes.columns("orbit")
     if launchers:
@@ -136,7 +136,7 @@ def _put_unlike(
         # A stage that has gone out may have been the last one of a failure.
         lost = np.where(is_dark, np.where(falls, 1.0 + relight, 0.0), 1.0)
         failure = outcomes.model.data["failure_probability"]
-        unlike = is_launcher * failure * lost + unlike * ~in_orbit
+        unlike = (particles.family == SPACE) * failure * lost + unlike * ~in_orbit
     density[:, outcomes.columns("none")] = unlike[:, None]
 
 

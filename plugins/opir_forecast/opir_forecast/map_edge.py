@@ -47,23 +47,27 @@ def within_map(points: FloatArray, edges: list[list[int]]) -> tuple[FloatArray, 
 
 def _cut(rings: list[FloatArray]) -> list[list[FloatArray]]:
     """Return a polygon as those that lie within the edge."""
-    way = 1.0 if _signed_area(rings[0]) > 0.0 else -1.0
     holes = []
     chains = []
     turns_about_centre = 0
     for number, ring in enumerate(rings):
         is_within = np.sum(ring[:-1] ** 2, axis=1) <= FARTHEST_M**2
-        if is_within.all() and not number:
-            return [rings]
         if is_within.all():
+            if not number:
+                return [rings]
             holes.append(ring)
         elif is_within.any():
             chains += _chains(ring[:-1], is_within)
         else:
             turns_about_centre += _holds(ring, np.zeros(2))
-    is_edge_outer = not chains and turns_about_centre % 2
-    outers = [_edge(way)] if is_edge_outer else _joined(chains, way)
+    way = _way(rings[0])
+    outers = _joined(chains, way) if chains or not turns_about_centre % 2 else [_edge(way)]
     return [[outer, *(hole for hole in holes if _holds(outer, hole[0]))] for outer in outers]
+
+
+def _way(ring: FloatArray) -> float:
+    """Return 1 for a ring that turns counterclockwise, else -1."""
+    return 1.0 if _signed_area(ring) > 0.0 else -1.0
 
 
 def _edge(way: float) -> FloatArray:

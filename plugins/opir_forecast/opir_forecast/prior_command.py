@@ -158,17 +158,21 @@ def _stage(rows: FloatArray, end_s: float) -> tuple[float, float, float]:
     return burn, 1.0 / max(start, 1e-3), ratio
 
 
+def _apparent_weights(rows: FloatArray) -> FloatArray:
+    """Return what holds rows of a table up against gravity and the Earth's rotation (n, 3), m/s²."""
+    place = rows[:, 1:4]
+    spin = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
+    turning = 2.0 * np.cross(spin, rows[:, 4:7]) + np.cross(spin, np.cross(spin, place))
+    radius = np.linalg.norm(place, axis=1, keepdims=True)
+    return EARTH_MU_M3_S2 / radius**3 * place + turning
+
+
 def _forces_along(rows: FloatArray) -> FloatArray:
     """Return the specific force along the velocity (n,), m/s², of rows of a table; at rest, all of
     it.
     """
-    place = rows[:, 1:4]
     velocity = rows[:, 4:7]
-    spin = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
-    turning = 2.0 * np.cross(spin, velocity) + np.cross(spin, np.cross(spin, place))
-    radius = np.linalg.norm(place, axis=1, keepdims=True)
-    acceleration = np.gradient(velocity, rows[:, 0], axis=0)
-    force = acceleration + EARTH_MU_M3_S2 / radius**3 * place + turning
+    force = np.gradient(velocity, rows[:, 0], axis=0) + _apparent_weights(rows)
     speed = np.linalg.norm(velocity, axis=1)
     along = np.sum(force * velocity, axis=1) / np.maximum(speed, 1.0)
     return np.where(speed > 1.0, along, np.linalg.norm(force, axis=1))
@@ -195,16 +199,17 @@ def fitted(flights: list[RecordedFlight]) -> dict[str, Any]:
         stages = [flight.stages[:STAGES] for flight in flights if flight.orbits == orbits]
         if not stages:
             continue
-        law = data["families"][name]
-        count = np.bincount([len(rows) - 1 for rows in stages], minlength=STAGES) + 0.5
-        law["stages"] = (count / count.sum()).round(4).tolist()
-        _fit_stages(law, stages)
+        _fit_stages(data["families"][name], stages, STAGES)
     data["marginal"] = marginal_of(model_of(data), DRAWS, 1)
     return data
 
 
-def _fit_stages(law: dict[str, Any], stages: list[FloatArray]) -> None:
-    """Fit first and upper stages to those of flights, (stages, 4) each."""
+def _fit_stages(law: dict[str, Any], stages: list[FloatArray], most: int) -> None:
+    """Fit the number of stages, of at most `most`, and first and upper stages to those of flights,
+    (stages, 4) each.
+    """
+    count = np.bincount([len(rows) - 1 for rows in stages], minlength=most) + 0.5
+    law["stages"] = (count / count.sum()).round(4).tolist()
     _fit_part(law["first"], np.concatenate([rows[:1] for rows in stages]))
     _fit_part(law["upper"], np.concatenate([rows[1:] for rows in stages]))
 

@@ -111,13 +111,11 @@ class StageHistory(Columns):
         """Return the histories after a tick, of the same tracks, given their estimates."""
         silent_s = estimates.silent_s
         pause_s = estimates.pause_s
-        launch_s = estimates.launch[:, 2]
-        launch_sigma_s = np.sqrt(estimates.launch_covariance[:, 2, 2])
         burning = estimates.burning > 0.5
         staging = estimates.burn_share[:, 1]
         force = force_along(estimates.burn_mean[:, 0])
-        history = self._with_launches(burning, launch_s, launch_sigma_s)
-        history = history._relit(burning & history.is_dark, tick_s, pause_s)
+        history = self._with_launches(burning, estimates)
+        history = history._relit(burning & history.is_dark, tick_s - 0.5, pause_s)
         history = history._with_hot_ends(burning, staging, force)
         is_recent = silent_s < np.maximum(LAW.recent_s, 3.0 * pause_s)
         steady = burning & (staging < LAW.steady) & is_recent
@@ -155,13 +153,13 @@ class StageHistory(Columns):
         since_s[rows] = time_s[rows]
         return evolve(self.with_end(rows, since_s[rows]), dark_since_s=since_s)
 
-    def _with_launches(
-        self, burning: BoolArray, launch_s: FloatArray, sigma_s: FloatArray
-    ) -> "StageHistory":
+    def _with_launches(self, burning: BoolArray, estimates: BoostEstimates) -> "StageHistory":
         """Return the histories whose first stages ignited at the launch, where that is known."""
+        launch_s = estimates.launch[:, 2]
         is_launch = burning & np.isnan(self.logs[:, 0, BURN]) & np.isfinite(launch_s)
         if not np.count_nonzero(is_launch):
             return self
+        sigma_s = np.sqrt(estimates.launch_covariance[:, 2, 2])
         sigma_s = np.maximum(np.nan_to_num(sigma_s), 0.3)
         return evolve(
             self,
@@ -177,22 +175,20 @@ class StageHistory(Columns):
         sigma[rows] = sigma_s
         return evolve(self, ignition_s=ignition, ignition_sigma_s=sigma)
 
-    def _relit(self, lit: BoolArray, tick_s: float, pause_s: FloatArray) -> "StageHistory":
-        """Return the histories with those that burn again after a gap, or that a silence had
-        misled.
+    def _relit(self, lit: BoolArray, time_s: float, pause_s: FloatArray) -> "StageHistory":
+        """Return the histories with those that burn again after a gap, since a time, or that a
+        silence had misled.
         """
         if not np.count_nonzero(lit):
             return self
         rows = np.flatnonzero(lit)
         logs = self.logs.copy()
         stage = self.done[rows] - 1
-        time_s = tick_s - 0.5
         gap = time_s - self.dark_since_s[rows]
         is_gap = (gap > 1.0 + 3.0 * pause_s[rows]) & (stage >= 0) & (stage < STAGES - 1)
         logs[rows, stage, GAP] = np.log(np.maximum(gap, 1.0))
         logs[rows[~is_gap], stage[~is_gap]] = np.nan
-        since_s = np.where(lit, np.inf, self.dark_since_s)
-        relit = evolve(self, logs=logs, dark_since_s=since_s)
+        relit = evolve(self, logs=logs, dark_since_s=np.where(lit, np.inf, self.dark_since_s))
         return relit._ignited(rows[is_gap], time_s, LAW.relit_s)
 
     def _staged(self, staged: BoolArray) -> "StageHistory":
