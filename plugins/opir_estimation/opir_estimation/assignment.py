@@ -108,11 +108,10 @@ def _cheapest_by_blocks(row: IntArray, column: IntArray, cost: FloatArray) -> In
     order = np.argsort(group, kind="stable")
     block = np.cumsum(np.bincount(group, minlength=count)) // _TOGETHER
     cuts = np.flatnonzero(np.diff(block[group[order]])) + 1
-    selected = []
-    for pairs in np.split(order, cuts):
-        block_rows = rows[pairs] - rows[pairs].min()
-        block_columns = columns[pairs] - columns[pairs].min()
-        selected.append(pairs[_cheapest(block_rows, block_columns, cost[pairs])])
+    selected = [
+        pairs[_cheapest(rows[pairs], columns[pairs], cost[pairs])]
+        for pairs in np.split(order, cuts)
+    ]
     return np.concatenate(selected)
 
 
@@ -120,6 +119,8 @@ def _cheapest(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
     """Return the pairs used of rows and columns without gaps, by a dense matrix."""
     from scipy.optimize import linear_sum_assignment
 
+    row = row - row.min()
+    column = column - column.min()
     pair = np.full((int(row.max()) + 1, int(column.max()) + 1), -1)
     pair[row, column] = np.arange(len(row))
     costs = np.zeros(pair.shape)

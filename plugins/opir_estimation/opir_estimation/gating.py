@@ -267,7 +267,7 @@ def gated(
         sigma = sigma[rows]
     sensor = lines.sensor.take(line)
     covariance = _innovation_covariances(predicted, geometry, track, sensor, sigma)
-    distance, determinant = _squared_distances(measured, covariance)
+    distance, determinant = squared_distances(measured, covariance)
     pairs = GatedPairs(
         track,
         line,
@@ -318,7 +318,7 @@ def _innovation_covariances(
     return covariance
 
 
-def _squared_distances(
+def squared_distances(
     measured: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return squared Mahalanobis distances (n,) and the determinants (n,) of covariances."""

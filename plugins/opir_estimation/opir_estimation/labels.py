@@ -22,7 +22,7 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_estimation.assignment import belief_propagation, group_sums, ranks
 from opir_estimation.directions import dot, matvec
 from opir_estimation.filter.estimates import PredictedMeasurements
-from opir_estimation.gating import GatedPairs
+from opir_estimation.gating import GatedPairs, squared_distances
 from opir_estimation.law_files import law_parameters
 from opir_estimation.lines_of_sight import emission_s
 from opir_estimation.triangulation import FAR_M
@@ -136,18 +136,13 @@ def _probabilities(
     """Return log likelihood ratios (k,) and probabilities (k,) of pairs with residuals (k, 2) about
     predictions with covariances (k, 2, 2).
     """
-    pairs = looks.pairs
-    variance = np.square(pairs.sigma_rad)
-    xx = covariance[:, 0, 0] + variance
-    yy = covariance[:, 1, 1] + variance
-    xy = covariance[:, 0, 1]
-    determinant = xx * yy - xy * xy
-    x, y = residual.T
-    distance = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant
+    variance = np.square(looks.pairs.sigma_rad)
+    errors = covariance + variance[:, None, None] * np.eye(2)
+    distance, determinant = squared_distances(residual, errors)
     log_ratio = looks.log_odds - 0.5 * (distance + np.log(determinant))
     density = variance / np.sqrt(determinant) * np.exp(-0.5 * distance)
     ratio = np.minimum(np.exp(np.minimum(log_ratio, 300.0)), density / LAW.newcomers)
-    return log_ratio, belief_propagation(looks.look, pairs.line, ratio, LAW.sweeps)
+    return log_ratio, belief_propagation(looks.look, looks.pairs.line, ratio, LAW.sweeps)
 
 
 def equivalent_pairs(looks: SharedLooks, posterior: LabelPosterior) -> GatedPairs:

@@ -97,13 +97,13 @@ def _pushes(state: Vector, step: Any) -> tuple[list[Any], list[Any]]:
     quarter = half * half
     third = step / 6.0
     sixth = half / 6.0
-    fx, fy, fz, jx, jy, jz = state[6:12]
-    components = ((fx, jx), (fy, jy), (fz, jz))
+    jerks = state[9:12]
+    components = [*zip(state[6:9], jerks, strict=True)]
     middle = [quarter * (0.5 * force + sixth * jerk) for force, jerk in components]
     end = [square * (0.5 * force + third * jerk) for force, jerk in components]
     speed = [step * (force + half * jerk) for force, jerk in components]
     forces = [force + step * jerk for force, jerk in components]
-    return [*middle, *end, *speed], [*forces, jx, jy, jz]
+    return [*middle, *end, *speed], [*forces, *jerks]
 
 
 def taylor_series(state: Vector, mu_m3_s2: float, functions: Functions) -> list[Any]:

@@ -72,8 +72,7 @@ def geostationary_directions(
     station = _stations(lines.origin_ecef_m[first_row][sensor_row[low]])
     direction = lines.direction_ecef.copy()
     sigma_rad = lines.sigma_rad.copy()
-    off = point - station
-    direction[low] = off / np.sqrt(np.sum(off * off, axis=1))[:, None]
+    direction[low] = _units(point - station)
     sigma_rad[low] *= _error_factors(lines.take(low), point)
     return direction, sigma_rad
 
@@ -84,6 +83,10 @@ def _error_factors(lines: LinesOfSight, point: FloatArray) -> FloatArray:
     """
     sine = -np.sum(local_axes(point)[:, 2] * lines.direction_ecef, axis=1)
     return lines.ranges_m(point) / (FAR_M * np.maximum(sine, GRAZING_SINE))
+
+
+def _units(vector: FloatArray) -> FloatArray:
+    return vector / np.sqrt(np.sum(vector * vector, axis=1))[:, None]
 
 
 def _stations(origin_m: FloatArray) -> FloatArray:
@@ -101,7 +104,7 @@ def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArr
     along = np.where(
         (are_low_orbits(origin_m) & np.isfinite(aim_m[:, 0]))[:, None], aim_m - origin_m, direction
     )
-    return along / np.sqrt(np.sum(along * along, axis=1))[:, None]
+    return _units(along)
 
 
 def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:

@@ -373,8 +373,7 @@ class BurnModes:
         """Drop improbable free modes, and let others end, in place."""
         assert self.free is not None
         mean, root, share = burns
-        share[share[:, 2] < LAW.negligible, 2] = 0.0
-        share /= share.sum(axis=1, keepdims=True)
+        _drop_improbable(share)
         rows = burns.are_free.nonzero()[0]
         ends = share[rows, 2] * -expm1(-step_s / self.free.lasts_s)
         weight = np.array([share[rows, 0], ends]).T
@@ -384,6 +383,12 @@ class BurnModes:
         mean[rows, 0], root[rows, 0] = moment_matched(
             weight, (mean[rows, 0], mean[rows, 2]), (root[rows, 0], root[rows, 2])
         )
+
+
+def _drop_improbable(share: FloatArray) -> None:
+    """Set negligible shares of free modes to 0, in place."""
+    share[share[:, 2] < LAW.negligible, 2] = 0.0
+    share /= share.sum(axis=1, keepdims=True)
 
 
 def _settle_stages(burns: Burns) -> None:
@@ -424,10 +429,10 @@ def moments(burns: Burns) -> Gaussian:
     """Return the moments of burns."""
     mean, root, share = burns
     count = np.count_nonzero(share[:, 2])
-    if not count:
-        return moment_matched(share[:, :2], (mean[:, 0], mean[:, 1]), (root[:, 0], root[:, 1]))
-    if count == len(share):
-        return moment_matched(share, mean.swapaxes(0, 1), root.swapaxes(0, 1))
+    if count in (0, len(share)):
+        size = 3 if count else 2
+        means = mean[:, :size].swapaxes(0, 1)
+        return moment_matched(share[:, :size], means, root[:, :size].swapaxes(0, 1))
     matched = Gaussian(np.empty_like(mean[:, 0]), np.empty_like(root[:, 0]))
     for mask in (burns.are_free, ~burns.are_free):
         rows = mask.nonzero()[0]

@@ -85,11 +85,8 @@ class MotionModel(PluginPart):
     def _after(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states after one step each; the rate of the force is linear over it."""
         rate = self.force_rate(state)
-        growth = state[:, 9]
-        grown = np.minimum(growth / (1.0 - growth * step_s), MOST_GROWTH)
-        grown = np.where(growth < MOST_GROWTH, grown, growth)
         path = self._path.stepped(np.concatenate([state[:, :9], rate], axis=1), step_s)[:, :9]
-        after = np.concatenate([path, grown[:, None]], axis=1)
+        after = np.concatenate([path, _grown(state[:, 9], step_s)[:, None]], axis=1)
         change = self.force_rate(after) - rate
         step = step_s[:, None]
         after[:, :3] += step**3 / 24.0 * change
@@ -174,3 +171,9 @@ _HALF = 0.5 * np.eye(THRUST)
 
 #: The Jacobian (1, 10, 10) of the kinematic part.
 KINEMATICS = np.eye(THRUST, k=3)[None] * (np.arange(THRUST) < 6)[:, None]
+
+
+def _grown(growth: FloatArray, step_s: FloatArray) -> FloatArray:
+    """Return relative growths (n,) of the force after steps, 1/s."""
+    grown = np.minimum(growth / (1.0 - growth * step_s), MOST_GROWTH)
+    return np.where(growth < MOST_GROWTH, grown, growth)

@@ -88,6 +88,17 @@ def across_share_at(steady: float, square_speed: Any) -> Any:
     return steady + PITCH_OVER_SHARE / (1.0 + (square_speed / PITCH_OVER_M_S**2) ** 2)
 
 
+def _jacobian(other_slopes: FloatArray, force_slopes: FloatArray) -> FloatArray:
+    """Return Jacobians (n, 10, 10) of gravity gradients with slopes of the growth's rate (n, 10), and
+    slopes of the force's rate (n, 3, 7).
+    """
+    rate = KINEMATICS.repeat(len(other_slopes), axis=0)
+    rate[:, 3:6, :3] = other_slopes[:, :9].reshape(-1, 3, 3)
+    rate[:, 6:9, 3:] = force_slopes
+    rate[:, 9, 9] = other_slopes[:, 9]
+    return rate
+
+
 @frozen(eq=False)
 class Thrust(MotionModel):
     """The motion model of a boost along its velocity.
@@ -179,10 +190,7 @@ class Thrust(MotionModel):
         numbers = self.fall.arithmetic.numbers
         lone = self._step_values(state[0].tolist(), step_s.item(), numbers)
         values = np.array(lone)
-        rate = KINEMATICS.copy()
-        rate[0, 3:6, :3] = values[10:19].reshape(3, 3)
-        rate[0, 9, 9] = values[19]
-        rate[0, 6:9, 3:] = values[20:41].reshape(3, 7)
+        rate = _jacobian(values[None, 10:20], values[20:41].reshape(3, 7))
         back = self.series(rate, -step_s)
         return values[None, :10].copy(), back, self._noise_root(np.abs(step_s), values[None, 41:])
 
@@ -199,12 +207,8 @@ class Thrust(MotionModel):
 
     def slopes(self, state: FloatArray) -> FloatArray:
         """Return the Jacobian (n, 10, 10) of the state's rate, 1/s."""
-        rate = KINEMATICS.repeat(len(state), axis=0)
         values = self.fall.arithmetic.values(self._other_slopes, state)
-        rate[:, 3:6, :3] = values[:, :9].reshape(-1, 3, 3)
-        rate[:, 6:9, 3:] = self.force_slopes(state)
-        rate[:, 9, 9] = values[:, 9]
-        return rate
+        return _jacobian(values, self.force_slopes(state))
 
     def _other_slopes(self, state: Vector, functions: Functions) -> list[Any]:
         """Return the gravity gradient, and the slope of the growth's rate."""
@@ -304,8 +308,7 @@ class Thrust(MotionModel):
         sy = share * vy
         sz = share * vz
         row = (sx * vx + across, sx * vy, sx * vz)
-        next_row = (sy * vx, sy * vy + across, sy * vz)
-        return [*row, *next_row, sz * vx, sz * vy, sz * vz + across]
+        return [*row, sy * vx, sy * vy + across, sy * vz, sz * vx, sz * vy, sz * vz + across]
 
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the position derivatives (n, 5, 3) of order 0 to 4."""
