@@ -50,8 +50,9 @@ class TrackForecasts(NamedTuple):
         states have predictions.
         """
         launch = launch_probability(tracks.state[:, 3:], tracks.state_covariance[:, 3:, 3:])
-        estimates = self._estimates(tracks, sources, predictions, time)
-        estimates = evolve(estimates, is_launch=launch > 0.5)
+        estimates = evolve(
+            self._estimates(tracks, sources, predictions, time), is_launch=launch > 0.5
+        )
         forecasts = self.forecaster.forecasts(estimates, float(tracks.tick_s[0]))
         groups = np.zeros((len(tracks), _GROUPS))
         groups[:, LAUNCH] = launch
