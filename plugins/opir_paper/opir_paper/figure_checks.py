@@ -13,7 +13,15 @@ from opir_paper.arcs import shifts
 from opir_paper.check import HOLDS, NOT_REPRODUCED, STATED, Check, checked
 from opir_paper.printed import Printed, above, between, rounded
 from opir_paper.sensor_checks import intensities, stated
-from opir_paper.simulated import SENSORS, BoostCounts, Simulated, boost_counts, first_scans, scene
+from opir_paper.simulated import (
+    SENSORS,
+    SIGMAS_999,
+    BoostCounts,
+    Simulated,
+    boost_counts,
+    first_scans,
+    scene,
+)
 
 _LATENCIES = {
     "DSP": ("0.33", "0.80"),
@@ -127,29 +135,26 @@ def _quantile(scans: np.ndarray, period_s: float) -> Simulated:
     """Return the 95th percentile of latencies and, from the binomial law of ranks, its interval."""
     ordered = np.sort(scans) * period_s
     count = len(scans)
-    half = 3.2905 * (0.95 * 0.05 * count) ** 0.5
+    half = SIGMAS_999 * (0.95 * 0.05 * count) ** 0.5
     low, middle, high = (
         min(int(np.ceil(0.95 * count + shift)), count) - 1 for shift in (-half, 0.0, half)
     )
     return Simulated(*(float(ordered[rank]) for rank in (middle, low, high)))
 
 
-#: σ₀ of the impact, km, and k of section 5.2: "hundreds of kilometers" early in boost, and a hundredth
-#: of that after it.
-_EARLY_SIGMA_KM = 300.0
-_CONVERGENCE = 4.6
-
-
 def _impacts() -> Iterator[Check]:
     """Yield the law of the impact's σ (5.2), and what J2 and drag do to arcs (5.3)."""
+    # "Hundreds of kilometers" early in boost, and a hundredth of that after it.
+    early_sigma_km = 300.0
+    convergence = 4.6
     for moment, share, printed in (
         ("early", 0.0, between('"hundreds"', 100.0, 1000.0)),
         ("at mid-boost", 0.5, between('"tens"', 10.0, 100.0)),
     ):
-        sigma_km = _EARLY_SIGMA_KM * float(np.exp(-_CONVERGENCE * share))
+        sigma_km = early_sigma_km * float(np.exp(-convergence * share))
         yield checked(
             "5.2",
-            f"σ of the impact {moment}, k = {_CONVERGENCE:g}",
+            f"σ of the impact {moment}, k = {convergence:g}",
             printed,
             sigma_km,
             "km",

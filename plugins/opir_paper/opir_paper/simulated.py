@@ -23,8 +23,8 @@ _BOOSTS = 20
 _BOOST_S = 300.0
 _FIRST_S = 6.1
 
-#: Two-sided 99.9 % of a normal distribution.
-_Z = 3.2905
+#: Two-sided 99.9 % of a normal distribution, in standard deviations.
+SIGMAS_999 = 3.2905
 
 
 @frozen
@@ -38,7 +38,7 @@ class Simulated:
     @classmethod
     def mean(cls, values: FloatArray) -> "Simulated":
         """Return the mean of values (n,)."""
-        half = _Z * float(values.std(ddof=1)) / math.sqrt(len(values))
+        half = SIGMAS_999 * float(values.std(ddof=1)) / math.sqrt(len(values))
         middle = float(values.mean())
         return cls(middle, middle - half, middle + half)
 
@@ -46,9 +46,11 @@ class Simulated:
     def share(cls, hits: int, trials: int) -> "Simulated":
         """Return a share by the Wilson score interval, which holds near 0 and 1 too."""
         share = hits / trials
-        z2 = _Z * _Z / trials
+        z2 = SIGMAS_999 * SIGMAS_999 / trials
         middle = (share + 0.5 * z2) / (1.0 + z2)
-        half = _Z * math.sqrt(share * (1.0 - share) / trials + 0.25 * z2 / trials) / (1.0 + z2)
+        half = (
+            SIGMAS_999 * math.sqrt(share * (1.0 - share) / trials + 0.25 * z2 / trials) / (1.0 + z2)
+        )
         return cls(share, max(0.0, middle - half), min(1.0, middle + half))
 
     def holds(self, value: float) -> bool:
