@@ -115,7 +115,8 @@ class Columns:
             """Compute the deferred columns, read-only; called for an attribute without a value."""
             deferred = self.__dict__.get("_deferred")
             if deferred is None or name not in deferred.names:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                # Unknown, or computed by another thread meanwhile.
+                return object.__getattribute__(self, name)
             columns = deferred.compute(deferred.inputs)
             for column_name in deferred.names:
                 columns[column_name].flags.writeable = False
@@ -137,9 +138,10 @@ class Columns:
     def replaced(self, **columns: Any) -> Self:
         """Return the record with other columns; those deferred stay so."""
         deferred = self.deferred
+        present = self._present(deferred)
         if deferred is not None:
             deferred = evolve(deferred, names=deferred.names - columns.keys())
-        return self.deferring({**self._present(self.deferred), **columns}, deferred)
+        return self.deferring({**present, **columns}, deferred)
 
     def __len__(self) -> int:
         return len(getattr(self, names_of(type(self))[0]))

@@ -1,7 +1,7 @@
 """The base of the contracts, and parts that have the methods of one without deriving from it."""
 
+import abc
 import inspect
-from abc import ABC
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any, Self
@@ -10,7 +10,7 @@ from opir_core.errors import ModelError, kind_of
 
 if TYPE_CHECKING:
     optional = property
-    required = property
+    required = abc.abstractproperty
 else:
 
     class optional:  # noqa: N801 - a decorator
@@ -26,8 +26,8 @@ else:
             return self if component is None else self.fget(component)
 
     class required(optional):  # noqa: N801 - a decorator
-        """A property that a subclass or an instance must replace, by a plain attribute or a
-        property; the body of this one never runs.
+        """A property without a body, which a subclass or an instance must replace by a plain
+        attribute or a property.
         """
 
         def __get__(self, component: Any, _owner: Any = None) -> Any:
@@ -36,7 +36,7 @@ else:
             raise AttributeError(f"{type(component).__name__} defines no {self.fget.__name__}")
 
 
-class PluginPart(ABC):  # noqa: B024 - its subclasses have the abstract methods
+class PluginPart(abc.ABC):  # noqa: B024 - its subclasses have the abstract methods
     """What the part that a component builds must have: required members, and optional ones with
     defaults.
     """

@@ -213,12 +213,10 @@ class Encoder(PluginPart):
     @required
     def content_type(self) -> str:
         """The media type of a message; required."""
-        raise NotImplementedError
 
     @required
     def schema_version(self) -> str:
         """The version of the schema that the messages follow; required."""
-        raise NotImplementedError
 
     @abstractmethod
     def encode(self, window: Window) -> bytes:

@@ -185,17 +185,14 @@ class Sources(PluginPart):
     @required
     def ids(self) -> Sequence[str]:
         """Ids of the emitters, required: the block's own id with a number from 1, `fires-17`."""
-        raise NotImplementedError
 
     @required
     def trajectories(self) -> Trajectories:
         """Their positions and times; required."""
-        raise NotImplementedError
 
     @required
     def signatures(self) -> Signatures:
         """Their signatures; required."""
-        raise NotImplementedError
 
 
 class Transmittance(PluginPart):

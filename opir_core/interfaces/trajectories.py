@@ -37,17 +37,14 @@ class Trajectories(PluginPart):
         """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class
         resembles; required.
         """
-        raise NotImplementedError
 
     @required
     def ignition_s(self) -> FloatArray:
         """Scene times from which the plumes radiate, (n,) s; required."""
-        raise NotImplementedError
 
     @required
     def burnout_s(self) -> FloatArray:
         """Scene times to which the plumes radiate, (n,) s; required."""
-        raise NotImplementedError
 
     @abstractmethod
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:

@@ -6,7 +6,6 @@ meridian and the pole.
 """
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from math import isnan, nan, radians
 from typing import Any
 
@@ -107,12 +106,12 @@ def _short_document(region: ImpactRegion) -> dict[str, Any]:
     """
     outline = outlined(region)
     coarse = Resolution.of(region)
-    resolutions = [*map(coarse.finer, range(_REFINEMENTS)), FINE]
-    documents = [partial(region_document, outline, resolution) for resolution in resolutions]
-    made = (document() for document in documents)
-    simple = next((document for document in made if not _crosses(document["geometry"])), None)
+    for resolution in (*map(coarse.finer, range(_REFINEMENTS)), FINE):
+        document = region_document(outline, resolution)
+        if not _crosses(document["geometry"]):
+            return document
     # A region whose own parts cross each other stays so.
-    return documents[0]() if simple is None else simple
+    return region_document(outline, coarse)
 
 
 def _crosses(geometry: Mapping[str, Any]) -> bool:

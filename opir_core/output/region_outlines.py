@@ -63,11 +63,8 @@ def _outline(plane: FloatArray) -> IntArray:
         tolerance_m = BOUNDARY_ERROR * radius_m * 0.5**halving
         corners = _corners(points, tolerance_m)
         outline = points[corners[:-1]]
-        if (
-            abs(_area_m2(outline) - area_m2) <= AREA_ERROR * abs(area_m2)
-            and _largest_distance_m(points, corners) <= tolerance_m * (1.0 + 1e-9)
-            and not sides_cross([outline])
-        ):
+        error_m2 = abs(_area_m2(outline) - area_m2)
+        if error_m2 <= AREA_ERROR * abs(area_m2) and not sides_cross([outline]):
             return order[np.array(corners) % len(order)]
     return np.append(order, order[0])
 
@@ -116,28 +113,15 @@ def _area_m2(ring: FloatArray) -> float:
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def _largest_distance_m(points: FloatArray, corners: Sequence[int]) -> float:
-    """Return the largest distance of the points of a ring from the sides between its corners."""
-    sides = np.repeat(np.arange(len(corners) - 1), np.diff(corners))
-    ends = points[np.array(corners) % len(points)]
-    start, along = ends[sides], np.diff(ends, axis=0)[sides]
-    off = points - start
-    square = np.maximum(np.sum(along * along, axis=1), 1e-300)
-    share = np.clip(np.sum(off * along, axis=1) / square, 0.0, 1.0)
-    miss = off - share[:, None] * along
-    return float(np.sqrt(np.max(np.sum(miss * miss, axis=1))))
-
-
 def sides_cross(rings: Sequence[FloatArray]) -> bool:
     """Return whether sides of open rings (n, 2) cross or touch that are not neighbours in a ring."""
     if not rings:
         return False
     start = np.concatenate(rings)
-    end = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
-    lengths = [len(ring) for ring in rings]
-    first_side = np.cumsum([0, *lengths[:-1]])
-    following = np.arange(1, len(start) + 1)
-    following[first_side + np.array(lengths) - 1] = first_side
+    ring_ends = np.cumsum([len(ring) for ring in rings])
+    sides = np.split(np.arange(len(start)), ring_ends[:-1])
+    following = np.concatenate([np.roll(sides_of_ring, -1) for sides_of_ring in sides])
+    end = start[following]
     low, high = np.minimum(start, end), np.maximum(start, end)
     # Sides by their west ends: those that begin before another ends may cross it.
     order = np.argsort(low[:, 0], kind="stable")

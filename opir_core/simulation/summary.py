@@ -220,7 +220,7 @@ class Tally:
         """Return a row per target as in the summary, without its type, confidence and track."""
         names = {"reported_type", "highest_confidence"}
         rows = map(self._target_row, np.flatnonzero(~self._is_source).tolist())
-        return [{name: row[name] for name in row.keys() - names} for row in rows]
+        return [{name: row[name] for name in row if name not in names} for row in rows]
 
     def _target_row(self, row: int) -> Mapping[str, Any]:
         sighting = self._seen(row)

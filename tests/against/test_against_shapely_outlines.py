@@ -82,7 +82,8 @@ def test_outlines_stay_within_a_hundredth(
     geometry = shapely.geometry.shape(document["geometry"])
     assert geometry.is_valid
     read = polygon_of(region_from_document(document)).buffer(0.0)
-    assert read.area == pytest.approx(before.area, rel=0.02)
+    assert read.area == pytest.approx(before.area, rel=0.01)
+    assert before.boundary.hausdorff_distance(read.boundary) <= 0.01 * size_m
     assert len(region_text([region])) < 25 * len(outline.polygons[0][0]) + 1400
 
 

@@ -7,22 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core.interfaces.records import Tracks
 from opir_core.planning.plan import compile_plan
 from opir_core.simulation.run import plan_windows, run_of_plan
 
-SCENE: Mapping[str, Any] = {
-    "scene": "two-launches",
-    "epoch": "2026-04-01T12:00:00Z",
-    "duration_s": 40,
-    "seed": 3,
-    "sensors": [
+SCENE: Mapping[str, Any] = two_sensor_scene(
+    duration_s=40,
+    sensors=[
         {"model": "SBIRS-GEO", "id": "WEST", "orbital_slot_deg": -165.0},
         {"model": "NEXTGEN-GEO", "id": "EAST", "orbital_slot_deg": -100.0},
     ],
-    "targets": [
+    targets=[
         {
             "id": "A",
             "type": "ICBM",
@@ -36,8 +34,8 @@ SCENE: Mapping[str, Any] = {
             "aim": {"lat_deg": -25.0, "lon_deg": -155.0},
         },
     ],
-    "tracker": "imm",
-}
+    tracker="imm",
+)
 
 
 def tracks_of(scene, window_s=None):

@@ -95,6 +95,13 @@ def test_a_replaced_column_is_not_computed_over() -> None:
     assert record.square.tolist() == [-1.0]
 
 
+def test_a_column_that_another_thread_computes_is_read() -> None:
+    record: Any = squares([1, 2], Powers())
+    computed = record.square
+    # Python calls it if the column was missing before that thread was through.
+    assert record.__getattr__("square") is computed
+
+
 def test_a_name_that_is_none_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="'Squares' object has no attribute 'cube'"):
         getattr(squares([1], Powers()), "cube")  # noqa: B009 - mypy knows that it is none

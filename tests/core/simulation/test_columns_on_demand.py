@@ -6,27 +6,15 @@ import numpy as np
 import pytest
 from opir_photons.classification.spectral import SpectralClassifier
 from opir_studies.metrics.detection_metrics import LatencyMetric
+from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core.interfaces.columns import names_of
 from opir_core.interfaces.records import Detections
 
-SCENE = {
-    "scene": "on-demand",
-    "epoch": "2026-04-01T12:00:00Z",
-    "duration_s": 60,
-    "seed": 3,
-    "sensors": [{"model": "SBIRS-GEO", "id": "S-1", "orbital_slot_deg": -120.0}],
-    "targets": [
-        {
-            "id": "T1",
-            "type": "ICBM",
-            "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 5.0},
-            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
-        }
-    ],
-    "detection": "snr",
-}
+SCENE = two_sensor_scene(
+    sensors=[{"model": "SBIRS-GEO", "id": "S-1", "orbital_slot_deg": -120.0}], detection="snr"
+)
 
 
 @pytest.fixture
@@ -48,7 +36,7 @@ def test_a_metric_of_times_classifies_nothing(classified: list[int]) -> None:
     run = opir.simulate(opir.scene_from_mapping(SCENE), window_s=20.0)
     assert LatencyMetric().values(run)["detected"] == 1.0
     assert len(run.detections) > 100
-    assert repr(run).startswith("<Run of on-demand:")
+    assert repr(run).startswith("<Run of two-sensors:")
     assert classified == []
     assert run.summary["targets"][0]["reported_type"] is not None
     assert run.detections.type_probability.shape == (len(run.detections), 4)

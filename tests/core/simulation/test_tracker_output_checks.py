@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from attrs import evolve, frozen
 from attrs.exceptions import FrozenInstanceError
+from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core import run_of_plan
@@ -15,24 +16,7 @@ from opir_core.errors import ModelError
 from opir_core.plugin import TrackerModel, Tracks, hookimpl, text
 from opir_core.scene import core_hypotheses
 
-SCENE = {
-    "scene": "answers",
-    "epoch": "2026-04-01T12:00:00Z",
-    "duration_s": 15.0,
-    "seed": 3,
-    "sensors": [
-        {"model": "generic-scanner", "id": "A", "orbital_slot_deg": -150.0},
-        {"model": "generic-scanner", "id": "B", "orbital_slot_deg": -90.0},
-    ],
-    "targets": [
-        {
-            "id": "T1",
-            "type": "ICBM",
-            "launch": {"lat_deg": 34.0, "lon_deg": -120.0, "time_s": 0.0},
-            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
-        }
-    ],
-}
+SCENE = two_sensor_scene(duration_s=15.0)
 
 
 def fail(*_):
@@ -69,11 +53,11 @@ FAULTS = {
                 " line"
             ),
         ),
-        (lambda _: None, "associate returned None for 2 detections"),
-        (lambda found: np.zeros(len(found)), "associate returned float64 (2,) for 2 detections"),
+        (lambda _: None, "associate returned None for 4 detections"),
+        (lambda found: np.zeros(len(found)), "associate returned float64 (4,) for 4 detections"),
         (
             lambda found: np.zeros(len(found) + 1, dtype=np.int64),
-            "associate returned int64 (3,) for 2 detections",
+            "associate returned int64 (5,) for 4 detections",
         ),
         (lambda found: np.full(len(found), -2), "associate returned the track -2"),
     ],

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core.reading import scene_hash, scene_mapping
@@ -11,47 +12,25 @@ from opir_core.reading import scene_hash, scene_mapping
 SPANS = {"WEST": [[0.0, 40.0], [55.0, 90.0]], "EAST": [[30.0, 90.0]]}
 
 
-def scene(**more: Any) -> opir.Scene:
-    return opir.scene_from_mapping(
-        {
-            "scene": "spans",
-            "epoch": "2026-04-01T12:00:00Z",
-            "duration_s": 90.0,
-            "seed": 3,
-            "sensors": [
-                {"model": "generic-scanner", "id": "WEST", "orbital_slot_deg": -135.0},
-                {"model": "generic-scanner", "id": "EAST", "orbital_slot_deg": -75.0},
-            ],
-            "targets": [
-                {
-                    "id": "T1",
-                    "type": "ICBM",
-                    "launch": {"lat_deg": 34.0, "lon_deg": -120.0},
-                    "aim": {"lat_deg": 9.0, "lon_deg": 167.0},
-                }
-            ],
-            **more,
-        }
-    )
+def scene(**changes: Any) -> opir.Scene:
+    return opir.scene_from_mapping(two_sensor_scene(**{"duration_s": 90.0, **changes}))
 
 
-def detections(scene: opir.Scene) -> Any:
-    return opir.simulate(scene).detections
-
-
-def looks(found: Any) -> set[tuple[int, int]]:
-    return set(zip(found.sensor.tolist(), found.time_ns.tolist(), strict=True))
+def looks(scene: opir.Scene) -> set[tuple[int, int]]:
+    """Return the sensor and the time, ns, of each detection of a scene."""
+    detections = opir.simulate(scene).detections
+    return set(zip(detections.sensor.tolist(), detections.time_ns.tolist(), strict=True))
 
 
 def test_outside_of_its_spans_a_sensor_detects_nothing_and_else_the_same() -> None:
-    everything = looks(detections(scene()))
+    everything = looks(scene())
     within = {
         (sensor, time_ns)
         for sensor, time_ns in everything
         if any(start <= time_ns * 1e-9 <= end for start, end in SPANS[("WEST", "EAST")[sensor]])
     }
     assert 0 < len(within) < len(everything)
-    assert looks(detections(scene(watched_s=SPANS))) == within
+    assert looks(scene(watched_s=SPANS)) == within
 
 
 def test_false_alarms_are_of_watched_times_too() -> None:
@@ -67,9 +46,9 @@ def test_false_alarms_are_of_watched_times_too() -> None:
     ]
     whole = scene(sensors=sensors, targets=[], **settings)
     part = scene(sensors=sensors, targets=[], watched_s={"D1": [[30.0, 60.0]]}, **settings)
-    alarms = looks(detections(whole))
+    alarms = looks(whole)
     assert alarms
-    assert looks(detections(part)) == {
+    assert looks(part) == {
         (sensor, time_ns) for sensor, time_ns in alarms if 30e9 <= time_ns <= 60e9
     }
 

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core.interfaces.columns import names_of
@@ -12,30 +13,14 @@ from opir_core.simulation.run import LOOKS_PER_WINDOW, compile_plan, plan_window
 
 
 def scene(threshold: float, duration_s: float) -> Any:
+    sensor = {
+        "model": "DSP",
+        "id": "D-1",
+        "orbital_slot_deg": -120.0,
+        "threshold_sigma": threshold,
+    }
     return opir.scene_from_mapping(
-        {
-            "scene": "false-alarms",
-            "epoch": "2026-04-01T12:00:00Z",
-            "duration_s": duration_s,
-            "seed": 3,
-            "sensors": [
-                {
-                    "model": "DSP",
-                    "id": "D-1",
-                    "orbital_slot_deg": -120.0,
-                    "threshold_sigma": threshold,
-                }
-            ],
-            "targets": [
-                {
-                    "id": "T1",
-                    "type": "ICBM",
-                    "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 5.0},
-                    "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
-                }
-            ],
-            "detection": "snr",
-        }
+        two_sensor_scene(duration_s=duration_s, sensors=[sensor], detection="snr")
     )
 
 

@@ -3,13 +3,14 @@ import { cap, ellipse, footprint, geodetic, landOf, rewound, subsolar } from "/p
 import { after } from "/page/store.js";
 import { drawCoverage } from "/page/coverage.js";
 import { Crowd } from "/page/crowd.js";
+import { CONTINENT_KM2 } from "/page/table.js";
 import { prepared } from "/page/view.js";
 
 const { geoGraticule10, geoPath } = globalThis.d3;
 // Larger ellipses of linear estimates mean nothing and are not drawn.
 const WIDEST_M = 2.5e6;
-// Larger regions, a twentieth of the Earth, are faint outlines unless they are selected: they would hide the map.
-const WIDEST_KM2 = 5e6, CONTINENT_KM2 = 4.46e7;
+// Larger regions, a hundredth of the Earth, are faint outlines unless they are selected: they would hide the map.
+const WIDEST_KM2 = 5e6;
 // More tracks are drawn as a crowd; more detections as squares.
 const FEW = 60, FEW_HITS = 300, SHADE_MS = 500;
 export const SHOWN_S = 6, GONE_S = 20, MOST_HITS = 1500;

@@ -2,21 +2,13 @@
 import { ellipse, rewound } from "/page/earth.js";
 import { byId, whole } from "/page/panels.js";
 import { likeliest } from "/page/order.js";
-import { areaWords } from "/page/table.js";
+import { areaKm2, areaWords, outer } from "/page/table.js";
 
 const { geoOrthographic, geoPath } = globalThis.d3;
 const ROWS = 3, LABEL_PX = 15, WIDEST_KM2 = 1.2e8;
 
 // What the picture of the region was last drawn for.
 let drawn = "";
-
-const outer = (report) => (report.impact_regions || []).find((each) => each.containment > 0.94);
-
-export function areaKm2(report) {
-  const region = outer(report), shape = report.impact_point && report.impact_point.ellipse;
-  if (region) return region.area_km2;
-  return shape ? (Math.PI * shape.semi_major_m * shape.semi_minor_m) / 1e6 : NaN;
-}
 
 // The three curves of a track up to a time: title, values, limits and the last value as text.
 export function curvesOf(track, timeS) {
@@ -29,7 +21,7 @@ export function curvesOf(track, timeS) {
   };
   return [
     curve(`P(${name})`, (report) => chances(report)[name] ?? NaN, (y) => (y >= 0.995 ? "> 0.99" : y < 0.005 ? "< 0.01" : y.toFixed(2)), [0, 1]),
-    curve("95 % area, log", areaKm2, (y) => `${areaWords(y)} km²`.replace("continent km²", "continent"), null, true),
+    curve("95 % area, log", areaKm2, (y) => areaWords(y, " km²"), null, true),
     curve("Altitude", (report) => (report.altitude_m === null ? NaN : report.altitude_m / 1000), (y) => `${whole.format(Math.round(y))} km`, null),
   ];
 }

@@ -3,7 +3,9 @@
 import { likeliest } from "/page/order.js";
 import { byId, position, whole } from "/page/panels.js";
 
-const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 8, CONTINENT_KM2 = 4.46e7, AROUND = 8, EVERY_MS = 500, HEIGHT_PX = 26;
+// The area of the largest continent, Asia: a larger region says nothing of where.
+export const CONTINENT_KM2 = 4.46e7;
+const TYPES = ["ICBM", "IRBM", "SRBM", "UNKNOWN"], COLUMNS = 8, AROUND = 8, EVERY_MS = 500, HEIGHT_PX = 26;
 
 export class TrackTable {
   constructor(body, store, order, onPick) {
@@ -132,33 +134,36 @@ const named = (report) => (report.hypotheses ? `${likeliest(report)} ${share(rep
 
 function cellsOf(report) {
   return [
-    named(report), position(report.impact_point), clock(report.impact_point), area(report), position(report.launch_point), clock(report.launch_point),
+    named(report), position(report.impact_point), clock(report.impact_point), areaWords(areaKm2(report)), position(report.launch_point), clock(report.launch_point),
     share(report.probability_launch),
   ];
 }
 
 const clock = (point) => (point && point.time ? point.time.slice(11, 19) : "–");
 
-// An area to two digits; the largest continent, Asia, has 44.6 million km².
-export function areaWords(km2) { return km2 > CONTINENT_KM2 ? "> a continent" : whole.format(Number(km2.toPrecision(2))); }
+// An area to two digits.
+export function areaWords(km2, unit = "") {
+  if (Number.isNaN(km2)) return "–";
+  return km2 > CONTINENT_KM2 ? "> a continent" : whole.format(Number(km2.toPrecision(2))) + unit;
+}
 
-const withUnit = (words) => (/^[\d,]+$/.test(words) ? `${words} km²` : words);
+export const outer = (report) => (report.impact_regions || []).find((each) => each.containment > 0.94);
 
 // The area of the 95 % region, or of the ellipse of a track without regions.
-export function area(report) {
-  const region = (report.impact_regions || []).find((each) => each.containment > 0.94), shape = report.impact_point && report.impact_point.ellipse;
-  if (region) return areaWords(region.area_km2);
-  return shape ? areaWords(Math.PI * shape.semi_major_m * shape.semi_minor_m / 1e6) : "–";
+export function areaKm2(report) {
+  const region = outer(report), shape = report.impact_point && report.impact_point.ellipse;
+  if (region) return region.area_km2;
+  return shape ? (Math.PI * shape.semi_major_m * shape.semi_minor_m) / 1e6 : NaN;
 }
 
 // The areas of the 95 % regions with their conditions, the most probable first.
 export function areas(report) {
   const regions = (report.impact_regions || []).filter((each) => each.containment > 0.94);
-  if (!regions.length) return withUnit(area(report));
+  if (!regions.length) return areaWords(areaKm2(report), " km²");
   const words = { "burn over": () => "if the burn is over: ", relights: (each) => `relights ${share(each.probability)}: ` };
   return regions.map((each) => {
     const thin = typeof each.effective_samples === "number" && each.effective_samples < 100 ? ", thin" : "";
-    return `${(words[each.condition] || (() => ""))(each)}${withUnit(areaWords(each.area_km2))}${thin}`;
+    return `${(words[each.condition] || (() => ""))(each)}${areaWords(each.area_km2, " km²")}${thin}`;
   }).join("; ");
 }
 

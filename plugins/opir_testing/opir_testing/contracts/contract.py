@@ -115,13 +115,14 @@ class Contract:
         self.part()
 
 
-def undefined(contract: type[Contract], method: str, returned: str) -> NotImplementedError:
+def undefined(contract: type[Contract], method: str, returned: str) -> ConformanceError:
     """Return the error of a contract that lacks a method: which class must define what, returning
     what.
     """
-    return NotImplementedError(
-        f"{contract.__name__} must define {method}, which returns {returned}. The contract of each"
-        " kind of component defines it: inherit that of your kind from opir_testing."
+    return ConformanceError(
+        f"{contract.__name__} must define {method}, which returns {returned}.",
+        "The contract of each kind of component defines it: inherit that of your kind from"
+        " opir_testing.",
     )
 
 
