@@ -103,6 +103,17 @@ def test_telemetry_of_two_stages_names_the_stage_that_is_taken(
     assert "note: of several stages 'stage 2' is taken, the longest; not 'stage 1'" in text
 
 
+def test_stages_that_follow_each_other_are_one_flight(tmp_path: Path, imported: Imported) -> None:
+    points = json.loads(webcast_json(launch(rng(7), 1.0)))
+    whole = written(tmp_path, "w.json", json.dumps(points))
+    expected = imported(whole, "--site=34.7,-120.6,100,270")
+    for row, point in enumerate(points):
+        point["stage"] = 1 if row < 100 else 2
+    written(tmp_path, "w.json", json.dumps(points))
+    assert imported(whole, "--site=34.7,-120.6,100,270") == expected
+    assert "several stages" not in expected
+
+
 @pytest.mark.parametrize(
     ("name", "sensor_id"),
     [
