@@ -36,8 +36,8 @@ def unwatched_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
         rows = np.flatnonzero(detections.sensor == number)
         time_s = detections.time_s[rows]
         # Spans are given to a microsecond.
-        near = sensor.is_watching(time_s + 1e-6) | sensor.is_watching(time_s - 1e-6)
-        outside = rows[~(near | sensor.is_watching(time_s))]
+        is_watched = [sensor.is_watching(time_s + error_s) for error_s in (-1e-6, 0.0, 1e-6)]
+        outside = rows[~np.any(is_watched, axis=0)]
         if len(outside):
             yield (
                 f"{place_of(columns.rows[outside[0]])}{number_of('detection', len(outside))} of"

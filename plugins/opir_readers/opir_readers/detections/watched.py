@@ -141,7 +141,8 @@ def _spans_of_table(text: str, ids: Sequence[str], epoch_us: int) -> dict[str, S
     places = [_place(layout, names) for names in (_SENSOR, _START, _END)]
     spans = dict[str, Spans]()
     for line, cells in layout.rows(text):
-        name, start, end = (cells[place].strip() if place < len(cells) else "" for place in places)
+        layout.require_width(cells, line)
+        name, start, end = (cells[place].strip() for place in places)
         _require_sensor(name, ids, line)
         start_s = _time_s(start, layout, line, "start", epoch_us)
         end_s = _time_s(end, layout, line, "end", epoch_us)
