@@ -63,6 +63,14 @@ class Layout:
             if number > self.line:
                 yield line.replace(",", ".") if self.has_decimal_comma else line
 
+    def require_width(self, cells: Sequence[str], line: int) -> None:
+        """Raise `BadFileError` for a line with fewer or more cells than there are names."""
+        count = len(self.names)
+        if len(cells) < count or any(cell.strip() for cell in cells[count:]):
+            raise BadFileError(
+                f"line {line}: has {len(cells)} values; line {self.line} names {count} columns"
+            )
+
     def number(self, cell: str) -> float:
         """Return the number of a cell; raises `ValueError` for another text."""
         if "_" in cell:

@@ -282,11 +282,7 @@ def _plain_numbers(table: _Table) -> FloatArray | None:
 
 def _row(table: _Table, cells: list[str], line: int) -> list[float]:
     layout = table.layout
-    count = len(layout.names)
-    if len(cells) < count or any(cell.strip() for cell in cells[count:]):
-        raise BadFileError(
-            f"line {line}: has {len(cells)} values; the first line names {count} columns"
-        )
+    layout.require_width(cells, line)
     columns = table.columns.values()
     return [_number(column, cells[column.place], layout, line) for column in columns]
 

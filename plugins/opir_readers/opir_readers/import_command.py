@@ -14,7 +14,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
-from opir_core.orbits import omm_complaint, omm_name
+from opir_core.orbits import omm_name
 from opir_core.output import OutputFiles
 from opir_core.plugin import BadFileError, Host, StateTable
 from opir_readers.column_maps import columns_of_text, site_of_text
@@ -22,8 +22,9 @@ from opir_readers.detections.numbers import NOTES, Row, Rows
 from opir_readers.flights.refining import refined
 from opir_readers.frames import lengths
 from opir_readers.interpolation import largest_doubt_m, runs
-from opir_readers.orbits.element_files import number_of
+from opir_readers.orbits.element_files import elements_complaints, number_of
 from opir_readers.orbits.fleet import (
+    MEND_ELEMENTS,
     FleetFilter,
     epoch_s_of,
     latest,
@@ -225,11 +226,7 @@ def _sensors(arguments: argparse.Namespace, rows: Rows) -> str:
 
 def _require_orbits(path: str, rows: Rows) -> None:
     """Raise `SceneError` with the satellites that a scene would refuse."""
-    complaints = [
-        f"the elements of {omm_name(row)}: {complaint}"
-        for row in rows
-        if "TLE_LINE1" not in row and (complaint := omm_complaint(row))
-    ]
+    complaints = [f"{words}; {MEND_ELEMENTS}" for words in elements_complaints(rows)]
     if complaints:
         raise SceneError([Problem("", words) for words in complaints], source=path)
 

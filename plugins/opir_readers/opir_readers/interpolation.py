@@ -13,8 +13,8 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, RowArray
-from opir_core.geometry import dot
 from opir_core.plugin import StateTable
+from opir_readers.frames import lengths
 
 #: States through which a polynomial goes: with velocities, and positions alone.
 _WITH_VELOCITY = 4
@@ -121,7 +121,7 @@ def largest_doubt_m(table: StateTable) -> float | None:
                 coarse = interpolant([_thinned(table, rows[is_node])])
                 guess, _ = coarse.at(table.time_s[omitted])
                 miss = guess - table.position_m[omitted]
-                doubts.append(float(np.sqrt(dot(miss, miss)).max()))
+                doubts.append(float(lengths(miss).max()))
     return max(doubts, default=None)
 
 

@@ -1,6 +1,6 @@
 """Parquet as the text of a table: names of columns in its first line, then a line for each row."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from io import BytesIO
 from typing import Any
 from uuid import UUID
@@ -101,15 +101,8 @@ def _is_read(field: Any) -> bool:
         return field.name in _VECTORS
     if types.is_fixed_size_binary(kind):
         return bool(kind.byte_width == 16)
-    return _is_text(kind) or any(is_kind(kind) for is_kind in _number_kinds())
-
-
-def _number_kinds() -> tuple[Callable[[Any], bool], ...]:
-    """Return the tests for types of numbers, truth values and times."""
-    from pyarrow import types
-
-    numbers = types.is_floating, types.is_boolean, types.is_integer
-    return *numbers, types.is_timestamp, types.is_date
+    kinds = types.is_floating, types.is_boolean, types.is_integer, types.is_timestamp, types.is_date
+    return _is_text(kind) or any(is_kind(kind) for is_kind in kinds)
 
 
 def _is_text(kind: Any) -> bool:
@@ -140,19 +133,15 @@ def _columns(table: Any) -> Iterator[tuple[str, Any]]:
     for name, column in zip(table.column_names, table.columns, strict=True):
         if types.is_dictionary(column.type):
             column = column.cast(column.type.value_type)
-        if name in _VECTORS and (
-            types.is_list(column.type) or types.is_fixed_size_list(column.type)
-        ):
+        if types.is_list(column.type) or types.is_fixed_size_list(column.type):
             for axis, component in enumerate(_VECTORS[name]):
                 yield component, compute.list_element(column, axis)
         else:
-            plain = _plain(column)
-            if plain is not None:
-                yield name, plain
+            yield name, _plain(column)
 
 
 def _plain(column: Any) -> Any:
-    """Return a column of numbers, texts or times as text can hold it, None for others."""
+    """Return a column of numbers, texts, ids or times as text can hold it."""
     import pyarrow
     from pyarrow import types
 
@@ -161,13 +150,11 @@ def _plain(column: Any) -> Any:
         return _without_nan(column.cast(pyarrow.float64()))
     if types.is_boolean(kind):
         return column.cast(pyarrow.int8())
-    if any(is_kind(kind) for is_kind in (types.is_integer, types.is_string, types.is_large_string)):
-        return column
-    if types.is_fixed_size_binary(kind) and kind.byte_width == 16:
+    if types.is_fixed_size_binary(kind):
         return pyarrow.array(list(map(_uuid_text, column.to_pylist())), pyarrow.string())
     if types.is_timestamp(kind) or types.is_date(kind):
         return column.cast(pyarrow.timestamp("ns", tz="UTC"))
-    return None
+    return column
 
 
 def _without_nan(column: Any) -> Any:

@@ -95,7 +95,8 @@ def require_angles(latitude_rad: FloatArray, longitude_rad: FloatArray, line_of:
         latitude, longitude = np.degrees([latitude_rad[row], longitude_rad[row]]).tolist()
         raise BadFileError(
             f"line {line_of(row)}: latitude {latitude:g} and longitude {longitude:g} deg are no"
-            " place; are the two swapped, or the units others?"
+            " place; set columns if the two are exchanged (lat_deg: NAME, lon_deg: NAME) or in"
+            " other units (lat_rad: NAME)"
         )
 
 

@@ -346,14 +346,8 @@ def _hardest(table: StateTable) -> tuple[int, float]:
         start = max(int(bend_m.argmax()) - _LIMITS.bent_states, 0)
         rows = slice(start, start + 2 * _LIMITS.bent_states)
         velocity = None if table.velocity_m_s is None else table.velocity_m_s[rows]
-        states = table.time_s[rows], table.position_m[rows]
-        table = evolve(
-            table,
-            time_s=states[0],
-            position_m=states[1],
-            velocity_m_s=velocity,
-            run=table.run[rows],
-        )
+        columns = {name: getattr(table, name)[rows] for name in ("time_s", "position_m", "run")}
+        table = evolve(table, velocity_m_s=velocity, **columns)
     row, acceleration = _hardest_bend(table)
     return start + row, acceleration
 

@@ -100,7 +100,7 @@ def test_a_scene_that_goes_on_ends_with_the_last_line_too(
     out = capsys.readouterr().out
     assert f"as of {last_s:.1f} s" in out
     assert f"–{last_s:.1f} s; " in out
-    assert "after that nothing is known (by first and last lines, and gaps)" in out
+    assert "before and after that nothing is known (by first and last lines, and gaps)" in out
     (folder / "sensors.yaml").write_text(SENSORS)
     assert tracked(path) == expected
 

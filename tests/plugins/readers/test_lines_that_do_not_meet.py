@@ -163,7 +163,15 @@ def test_few_scans_are_the_reason_for_no_track(tmp_path, capsys):
 def test_lines_rarer_than_scans_are_named(tmp_path, capsys):
     text = answer(tmp_path, capsys, rows(step_s=4.0, last_s=60.0))
     assert "lines of WEST are 4 s apart in the median, and its scans in the scene 1 s" in text
+    assert "of which those between count as misses" in text
     assert "set scan_period_ms: 4000" in text
+
+
+def test_lines_rarer_than_scans_are_the_reason_for_no_track(tmp_path, capsys):
+    west = [row for row in rows(step_s=10.0, last_s=120.0) if row["sensor_id"] == "WEST"]
+    text = answer(tmp_path, capsys, west)
+    assert "no track from 12 detections: lines of WEST are 10 s apart in the median" in text
+    assert "no common motion" not in text
 
 
 def test_a_line_at_the_end_of_the_scene_begins_no_track(tmp_path, capsys) -> None:

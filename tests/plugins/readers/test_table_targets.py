@@ -239,7 +239,7 @@ BURNING = HEAD.replace("m\n", "m,is_burning\n")
         (HEAD + "0,7e6,0,0\n", {}, "has 1 state; at least 2 are needed"),
         (HEAD + "0,7e6,0,0\n1,7e6,zero,0\n", {}, "line 3: y_ecef_m is 'zero', not a finite number"),
         (HEAD + "0,7e6,0,0\n1,nan,0,0\n", {}, "line 3: x_ecef_m is 'nan', not a finite number"),
-        (HEAD + "0,7e6,0\n", {}, "line 2: has 3 values; the first line names 4 columns"),
+        (HEAD + "0,7e6,0\n", {}, "line 2: has 3 values; line 1 names 4 columns"),
         (
             HEAD + "1,7e6,0,0\n0,7e6,0,0\n",
             {},

@@ -158,7 +158,7 @@ HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
         (
             "time_s,lat,lon,height\n0,134.7,30,0\n1,134.7,30,0\n",
             {},
-            "line 2: latitude 134.7 and longitude 30 deg are no place; are the two swapped",
+            "line 2: latitude 134.7 and longitude 30 deg are no place; set columns if the two are exchanged",
         ),
         ("time_s,lat,lon\n0,34.7,30\n", {}, "lacks the column height_m"),
         (

@@ -97,7 +97,7 @@ def test_events_of_a_run_are_watched_as_its_manifest_says(
 
 def test_a_gap_of_all_sensors_is_no_end_of_a_burn(track: Track, tmp_path: Path) -> None:
     out = track("cut.jsonl")
-    assert "between and after that nothing is known (by first and last lines, and gaps)" in out
+    assert "before, between and after that nothing is known (by first and last lines, and" in out
     tracks = records(tmp_path / "tracked.jsonl")
     # The prior of burns alone: 15 s of a mean of 150.
     assert abs(burning(tracks, 75.0) - np.exp(-15.0 / 150.0)) < 0.02
@@ -123,9 +123,13 @@ def test_sensors_that_a_table_leaves_out_watched_as_their_lines_say(
     folder: Path, track: Track
 ) -> None:
     out = track("cut.jsonl", *table(folder, "WEST,0,100"))
-    assert "WEST watched 0.0–100.0 s" in out
-    assert "EAST watched 0." in out
-    assert "between and after" in out
+    assert (
+        f"WEST watched 0.0–100.0 s; after that nothing is known (by {folder / 'watched.csv'})"
+        in out
+    )
+    (east,) = [line for line in out.splitlines() if line.startswith("EAST watched")]
+    assert "before, between and after that" in east
+    assert east.endswith("(by first and last lines, and gaps)")
 
 
 def test_one_of_two_sensors_that_stops_says_nothing(

@@ -71,10 +71,12 @@ def test_a_single_detection_has_no_plural(tmp_path: Path, capsys: Capsys) -> Non
 
 def test_lines_that_stand_twice_count_once(tmp_path: Path, capsys: Capsys) -> None:
     head, *lines = lines_csv(lines_of(rng(4))).splitlines()
-    path = written(tmp_path, "l.csv", "\n".join([head, lines[0], *lines, lines[3]]))
+    rows = [f"{line},x" for line in (*lines[:2], lines[0], *lines[2:], lines[3])]
+    path = written(tmp_path, "l.csv", "\n".join([f"{head},remark", *rows]))
     text = tracked(path, capsys)
-    assert "line 3: repeats line 2: time, sensor and direction; 2 of 182 detections" in text
+    assert "line 4: repeats line 2: time, sensor and direction; 2 of 182 detections" in text
     assert "180 detections (sights)" in text
+    assert "columns that are not read: 'remark'" in text
 
 
 def test_the_highest_speed_is_that_of_the_velocities(tmp_path: Path, imported: Imported) -> None:
@@ -99,6 +101,17 @@ def test_telemetry_of_two_stages_names_the_stage_that_is_taken(
     path = written(tmp_path, "w.json", json.dumps(stages))
     text = imported(path, "--site=34.7,-120.6,100,270")
     assert "note: of several stages 'stage 2' is taken, the longest; not 'stage 1'" in text
+
+
+def test_stages_that_follow_each_other_are_one_flight(tmp_path: Path, imported: Imported) -> None:
+    points = json.loads(webcast_json(launch(rng(7), 1.0)))
+    whole = written(tmp_path, "w.json", json.dumps(points))
+    expected = imported(whole, "--site=34.7,-120.6,100,270")
+    for row, point in enumerate(points):
+        point["stage"] = 1 if row < 100 else 2
+    written(tmp_path, "w.json", json.dumps(points))
+    assert imported(whole, "--site=34.7,-120.6,100,270") == expected
+    assert "several stages" not in expected
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def warnings_of(columns: RunColumns, plan: Plan) -> Iterator[str]:
     is_outside = nadir_rad > half_angles[detections.sensor] + 1e-3
     yield from _many(columns, plan, is_outside, "is outside of the sensor's field of regard")
     yield from odd_sigmas(columns, plan)
-    yield from rare_lines(columns, plan)
+    yield from rare_lines(detections, plan)
     yield from slips_of_lines(columns, plan)
     yield from unwatched_lines(columns, plan)
     for number, sensor in enumerate(plan.sensors):

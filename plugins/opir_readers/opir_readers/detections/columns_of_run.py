@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from opir_core import Detections, DetectionTruth, Plan
 from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import nearest_names
-from opir_core.geometry import dot, line_of_sight, unit_vectors
+from opir_core.geometry import line_of_sight, unit_vectors
 from opir_core.plugin import BadFileError, FieldInfo, ScanningSensorConfig
 from opir_core.random_streams import id_key, uuid8_words
 from opir_core.scene import info_of
@@ -28,7 +28,7 @@ from opir_readers.detections.numbers import (
 )
 from opir_readers.detections.times import NS_PER_S, unix_ns
 from opir_readers.detections.truth import truth_of
-from opir_readers.frames import frame_of, to_ecef
+from opir_readers.frames import frame_of, lengths, to_ecef
 
 #: The confidence of a detection whose file says nothing of it.
 UNKNOWN_CONFIDENCE = 0.5
@@ -200,7 +200,7 @@ def _directions(sights: _Sights, origin: FloatArray) -> FloatArray:
                 rows, vectors[places], sights.plan.scene.epoch_us, time_s
             )
     with np.errstate(over="ignore"):
-        length = np.sqrt(dot(vectors, vectors))
+        length = lengths(vectors)
     for place in np.flatnonzero(~((length > 0.0) & (length < np.inf))).tolist():
         raise BadFileError(f"{place_of(sights.rows[place])}its line of sight has no direction")
     return vectors / length[:, None]

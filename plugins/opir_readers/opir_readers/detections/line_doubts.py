@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from opir_core import Plan
+from opir_core import Detections, Plan
 from opir_core.errors import number_of
 from opir_readers.detections.columns_of_run import RunColumns, sigma_setting
 from opir_readers.detections.numbers import place_of
@@ -36,8 +36,8 @@ def unwatched_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
         rows = np.flatnonzero(detections.sensor == number)
         time_s = detections.time_s[rows]
         # Spans are given to a microsecond.
-        near = sensor.is_watching(time_s + 1e-6) | sensor.is_watching(time_s - 1e-6)
-        outside = rows[~(near | sensor.is_watching(time_s))]
+        is_watched = [sensor.is_watching(time_s + error_s) for error_s in (-1e-6, 0.0, 1e-6)]
+        outside = rows[~np.any(is_watched, axis=0)]
         if len(outside):
             yield (
                 f"{place_of(columns.rows[outside[0]])}{number_of('detection', len(outside))} of"
@@ -46,17 +46,15 @@ def unwatched_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
             )
 
 
-def rare_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
+def rare_lines(detections: Detections, plan: Plan) -> Iterator[str]:
     """Yield, for each sensor, that its lines come more rarely than its scans in the scene."""
-    detections = columns.detections
-    for number in np.unique(detections.sensor).tolist():
+    for number, sensor in enumerate(plan.sensors):
         gaps_ns = np.diff(np.sort(detections.time_ns[detections.sensor == number]))
-        sensor = plan.sensors[number]
         if len(gaps_ns) < _FEWEST_GAPS or np.median(gaps_ns) < _RARE * sensor.scan.period_ns:
             continue
         period_ms = float(np.median(gaps_ns)) * 1e-6
         yield (
             f"lines of {sensor.id} are {period_ms * 1e-3:.3g} s apart in the median, and its scans"
-            f" in the scene {sensor.scan.period_ns / NS_PER_S:g} s; if the file is thinned, set"
-            f" scan_period_ms: {period_ms:.0f}"
+            f" in the scene {sensor.scan.period_ns / NS_PER_S:g} s, of which those between count as"
+            f" misses; if the file is thinned, set scan_period_ms: {period_ms:.0f}"
         )

@@ -20,11 +20,13 @@ from opir_readers.celestial_frames import turned
 from opir_readers.detections.columns_of_run import RunColumns
 from opir_readers.frames import along_axes, axes_at, axes_of, lengths
 
-#: Lines within this time, s, are taken for simultaneous: so far a target of this speed, m/s, moves at most.
+#: Lines at most this far apart in time, s, are simultaneous; the gate grows by what a target of this
+#: speed, m/s, moves in between.
 TOGETHER_S = 0.5
 SPEED_M_S = 8000.0
 
-#: Lines meet within so many standard deviations and this angle, rad: biases of sensors are below it.
+#: Gate: lines meet if their miss distance is within so many standard deviations of noise and this
+#: bias, rad, which those of sensors are below.
 SIGMAS = 5.0
 BIAS_RAD = 150e-6
 
@@ -32,25 +34,26 @@ BIAS_RAD = 150e-6
 DEEPEST_M = 30_000.0
 FARTHEST_M = 8.5e6
 
-#: The fewest simultaneous lines that show something; the share of them that meets as given where a slip was made, and
-#: the share that meets without the slip.
+#: A slip is reported if, of at least so many simultaneous lines, at most this share meets as given
+#: and at least this share meets once the slip is undone.
 MIN_LINES = 8
-FEW = 0.1
-MOST = 0.5
+MAX_SHARE_AS_GIVEN = 0.1
+MIN_SHARE_MENDED = 0.5
 
-#: Where lines meet within biases as given, a slip is told whose lines, at least so many, pass each
-#: other so many times nearer, at most at this multiple of their noise.
-MANY = 20
-SHARPER = 4.0
-SHARP = 1.5
+#: The gate allows for biases, so lines of a slow source meet with a wrong clock too. A slip is then
+#: reported if, once it is undone, at least so many simultaneous lines have a median miss distance of
+#: at most so many standard deviations of noise, without bias, and so many times below that as given.
+MIN_SHARP_LINES = 20
+MAX_SHARP_SIGMAS = 1.5
+MIN_IMPROVEMENT = 4.0
 
-#: Sensors nearer to each other than so many errors of their lines at their distance from the Earth's
-#: centre are at one place: their lines do not show where they meet.
+#: Sensors with a baseline below so many times the width of the gate at the Earth's centre do not
+#: triangulate.
 MIN_BASE = 2.0
 
-#: Slips fit alike whose lines pass each other this many times as far: two geostationary sensors see
-#: mirror images of a source under several.
-ALIKE = 2.0
+#: Every slip is named whose median miss distance is at most so many times the least: two
+#: geostationary sensors see mirror images of a source under several.
+MAX_RATIO_NAMED = 2.0
 
 #: The most lines of a pair that are compared.
 MOST_LINES = 500
@@ -101,8 +104,8 @@ class Lines:
 
 @frozen
 class Meeting:
-    """How simultaneous lines (n,) pass: their least distance, m, which meet, and the standard
-    deviation of the distance, m.
+    """Miss distances (n,) of simultaneous lines, m, which of them meet within the gate, and the
+    standard deviations of the distances by noise, m.
     """
 
     distance_m: FloatArray
@@ -116,13 +119,13 @@ class Meeting:
 
     @property
     def typical_m(self) -> float:
-        """Return the median distance, m."""
+        """Return the median miss distance, m."""
         return float(np.median(self.distance_m))
 
     @property
     def is_sharp(self) -> bool:
-        """Return whether lines pass each other as near as their noise alone has them."""
-        return self.typical_m <= SHARP * float(np.median(self.sigma_m))
+        """Return whether the median miss distance is explained by noise alone, without bias."""
+        return self.typical_m <= MAX_SHARP_SIGMAS * float(np.median(self.sigma_m))
 
 
 Pair = tuple[Lines, Lines]
@@ -146,22 +149,22 @@ def slips_of_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
 def slips_of_pair(
     pair: Pair, names: tuple[str, str], mends: "Mends | None" = None
 ) -> Iterator[str]:
-    """Yield the slips of lines of two sensors, of these names, if there are any: of `MENDS`, or of
-    others.
+    """Yield a warning that names the slips of `mends` (default `MENDS`) which explain the miss
+    distances of two sensors with these names.
     """
     mends = mends or MENDS
     given = meeting(pair)
     if _at_one_place(pair):
         return
-    slips = {slip: lines for slip, lines in _mended(pair, mends) if lines.share >= MOST}
-    if len(given.meets) < MIN_LINES or given.share > FEW:
+    slips = {slip: lines for slip, lines in _mended(pair, mends) if lines.share >= MIN_SHARE_MENDED}
+    if len(given.meets) < MIN_LINES or given.share > MAX_SHARE_AS_GIVEN:
         slips = _sharp(given, slips)
     if slips:
         nearest_m = min(lines.typical_m for lines in slips.values())
         ways = [
             f"{slip} ({mends[slip][1].format(*names)})"
             for slip, lines in slips.items()
-            if lines.typical_m <= ALIKE * nearest_m
+            if lines.typical_m <= MAX_RATIO_NAMED * nearest_m
         ]
         yield (
             f"lines of {names[0]} and {names[1]} within {TOGETHER_S} s {_passing(given)}, and at"
@@ -170,14 +173,16 @@ def slips_of_pair(
 
 
 def _sharp(given: Meeting, slips: Mapping[str, Meeting]) -> dict[str, Meeting]:
-    """Return the slips without which lines fit to their noise, where they meet as given within
-    biases: slow sources do so at wrong times too.
+    """Return the slips that, once undone, bring miss distances down to noise: where lines meet as
+    given within their biases, or are simultaneous only without the slip.
     """
     far_m = given.typical_m if len(given.meets) else np.inf
     return {
         slip: lines
         for slip, lines in slips.items()
-        if lines.is_sharp and len(lines.meets) >= MANY and SHARPER * lines.typical_m < far_m
+        if lines.is_sharp
+        and len(lines.meets) >= MIN_SHARP_LINES
+        and MIN_IMPROVEMENT * lines.typical_m < far_m
     }
 
 
@@ -189,7 +194,7 @@ def _passing(given: Meeting) -> str:
 
 
 def _at_one_place(pair: Pair) -> bool:
-    """Return whether half of the lines of one sensor come from where the other is."""
+    """Return whether the baseline of two sensors is too short, in the median, to triangulate."""
     line, other = pair
     base_m = lengths(_next_places(line, other) - line.origin_m)
     return bool(np.median(base_m / (line.error_rad * lengths(line.origin_m))) < MIN_BASE)

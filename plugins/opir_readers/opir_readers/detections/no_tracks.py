@@ -8,6 +8,7 @@ from opir_core import Plan
 from opir_core.arrays import IntArray
 from opir_core.errors import number_of
 from opir_core.plugin import Detections
+from opir_readers.detections.line_doubts import rare_lines
 
 #: A share of a sensor's lines at one time with others, from which its times are rounded.
 MANY = 0.5
@@ -15,11 +16,17 @@ MANY = 0.5
 #: Fewer scans than this begin no track.
 FEWEST_SCANS = 4
 
+#: The reason where times and scan periods allow tracks.
+_NO_MOTION = (
+    "lines of successive scans lead along no common motion within their standard deviations; are"
+    " angles, sensors' places and standard deviations right?"
+)
+
 
 def reason_of_no_track(detections: Detections, plan: Plan) -> str:
     """Return why detections began no track, in a sentence.
 
-    The times are looked at first; a tracker starts tracks from lines in successive scans.
+    Times come first, then scan periods: a tracker starts tracks from lines in successive scans.
     """
     numbers = np.unique(detections.sensor).tolist()
     texts = [
@@ -28,14 +35,7 @@ def reason_of_no_track(detections: Detections, plan: Plan) -> str:
         for text in _reasons(detections.time_ns[detections.sensor == number], plan, number)
     ]
     lines = number_of("detection", len(detections.time_ns))
-    if not texts:
-        texts = [
-            (
-                "lines of successive scans lead along no common motion within their standard deviations;"
-                " are angles, sensors' places and standard deviations right,"
-                " and do scan periods fit the file?"
-            )
-        ]
+    texts = texts or list(rare_lines(detections, plan)) or [_NO_MOTION]
     return f"no track from {lines}: {'; '.join(texts)}"
 
 

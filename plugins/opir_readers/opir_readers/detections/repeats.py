@@ -1,6 +1,7 @@
-"""Lines of sight that stand in a file twice: they are one look, and the second is left out."""
+"""Lines of sight that a file has twice: they are one look, and the second is left out."""
 
 from collections.abc import Iterator
+from itertools import zip_longest
 
 from opir_core.errors import number_of
 from opir_readers.detections.numbers import Row, Rows, place_of
@@ -20,30 +21,24 @@ _LOOK = (
 
 
 def without_repeats(rows: Rows) -> Rows:
-    """Return the rows, those that repeat the time, sensor and direction of another left out."""
-    return list({_look(row): row for row in reversed(rows)}.values())[::-1]
+    """Return the rows without those that repeat the time, sensor and direction of one before."""
+    first = dict[str, Row]()
+    for row in rows:
+        first.setdefault(_look(row), row)
+    return list(first.values())
 
 
 def repeats_text(rows: Rows, unique: Rows) -> Iterator[str]:
     """Yield how many rows were left out, and the first of them."""
-    count = len(rows) - len(unique)
-    if count:
-        first, row = _first_repeat(rows)
-        yield (
-            f"{place_of(row)}repeats {place_of(first).rstrip(': ') or 'another detection'}: time,"
-            f" sensor and direction; {count} of {number_of('detection', len(rows))} that repeat"
-            " others are left out"
-        )
-
-
-def _first_repeat(rows: Rows) -> tuple[Row, Row]:
-    rows_by_look = dict[str, Row]()
-    for row in rows:
-        look = _look(row)
-        if look in rows_by_look:
-            return rows_by_look[look], row
-        rows_by_look[look] = row
-    raise ValueError("no row repeats another")
+    if len(rows) == len(unique):
+        return
+    repeat = next(row for row, other in zip_longest(rows, unique) if row is not other)
+    first = next(row for row in rows if _look(row) == _look(repeat))
+    yield (
+        f"{place_of(repeat)}repeats {place_of(first).rstrip(': ') or 'another detection'}: time,"
+        f" sensor and direction; {len(rows) - len(unique)} of"
+        f" {number_of('detection', len(rows))} that repeat others are left out"
+    )
 
 
 def _look(row: Row) -> str:

@@ -206,11 +206,7 @@ def _require_detections(columns: Mapping[str, Column], layout: Layout) -> None:
 def _row(
     columns: Mapping[str, Column], layout: Layout, cells: list[str], number: int, start_s: float
 ) -> Row:
-    count = len(layout.names)
-    if len(cells) < count or any(cell.strip() for cell in cells[count:]):
-        raise BadFileError(
-            f"line {number}: has {len(cells)} values; line {layout.line} names {count} columns"
-        )
+    layout.require_width(cells, number)
     row: dict[str, Any] = {"line": number}
     for name in TEXTS:
         if name in columns and (text := cells[columns[name].place].strip()):

@@ -1,7 +1,8 @@
-"""When the sensors of foreign detections looked: what nobody looked at is no darkness.
+"""When the sensors of foreign detections looked: where no sensor looked, a missing detection is no
+miss.
 
-By a table that says so, else by the scene, else by the manifest of the run that wrote the events,
-else by the first and the last line of each sensor, and the gaps between its lines.
+The spans are those of a table, else of the scene, else of the manifest of the run that wrote the
+events, else from the first to the last line of each sensor, without the gaps between its lines.
 """
 
 import argparse
@@ -25,16 +26,19 @@ from opir_readers.reading import file_text, refused
 
 Spans = tuple[tuple[float, float], ...]
 
-#: The word for sensors that looked throughout the scene.
+#: The value of `--watched` for sensors that looked throughout the scene.
 THROUGHOUT = "throughout"
 
-#: Nobody looked in gaps that misses explain in one file of a thousand; of looks, one in twenty may
-#: miss.
-CHANCE = 1e-3
-LEAST_MISS = 0.05
+#: What gives the spans of a sensor that nothing else does.
+_BY_LINES = "first and last lines, and gaps"
 
-#: The fewest lines of a sensor whose gaps count.
-_FEWEST_LINES = 8
+#: A gap is one without looks if misses make one as long in fewer files than this share; at least
+#: this share of looks may miss.
+GAP_PROBABILITY = 1e-3
+MIN_MISS_PROBABILITY = 0.05
+
+#: The fewest lines of a sensor whose gaps are looked at.
+_MIN_LINES = 8
 
 _SENSOR = ("sensor_id", "sensor")
 _START = ("start_s", "start", "from")
@@ -43,10 +47,10 @@ _END = ("end_s", "end", "to")
 
 @frozen
 class Watched:
-    """The spans, s, in which each sensor looked, by its id, and what says so, in words."""
+    """The spans, s, in which each sensor looked, and what gives them, in words, by its id."""
 
     spans: Mapping[str, Spans]
-    source: str
+    source: Mapping[str, str]
 
     @property
     def end_s(self) -> float:
@@ -69,27 +73,31 @@ def watched_of(
         sensor.id: _spans_of_lines(time_ns[names == sensor.id], _period_ns(sensor.model.config))
         for sensor in scene.sensors
     }
-    stated = _stated(arguments, len(rows), scene)
-    return Watched({**by_lines, **stated.spans}, stated.source)
+    spans, source = _stated(arguments, len(rows), scene)
+    sources = {**dict.fromkeys(by_lines, _BY_LINES), **dict.fromkeys(spans, source)}
+    return Watched({**by_lines, **spans}, sources)
 
 
-def _stated(arguments: argparse.Namespace, count: int, scene: Scene) -> Watched:
-    """Return when sensors looked as far as somebody says so, of a file of `count` detections."""
+def _stated(
+    arguments: argparse.Namespace, count: int, scene: Scene
+) -> tuple[Mapping[str, Spans], str]:
+    """Return the spans that a table, the scene or a manifest gives, and which of them, for a file
+    of `count` detections.
+    """
     ids = [sensor.id for sensor in scene.sensors]
     throughout = dict.fromkeys(ids, ((0.0, scene.duration_s),))
     if arguments.watched == THROUGHOUT:
-        return Watched(throughout, "--watched throughout")
+        return throughout, "--watched throughout"
     if arguments.watched is not None:
         try:
             spans = _spans_of_table(file_text(arguments.watched).text, ids, scene.epoch_us)
         except BadFileError as error:
             raise refused(arguments.watched, error) from error
-        return Watched(spans, arguments.watched)
+        return spans, arguments.watched
     if scene.watched_s:
-        return Watched({**throughout, **scene.watched_s}, "the scene")
+        return {**throughout, **scene.watched_s}, "the scene"
     spans = _spans_of_manifest(Path(arguments.file), count, ids, scene.epoch_us)
-    source = "the manifest beside the events" if spans else "first and last lines, and gaps"
-    return Watched(spans, source)
+    return spans, "the manifest beside the events"
 
 
 def _period_ns(config: Any) -> float:
@@ -104,7 +112,7 @@ def _spans_of_lines(time_ns: IntArray, period_ns: float) -> Spans:
         return ()
     gaps_ns = np.diff(times_ns)
     is_long = np.zeros(len(gaps_ns), dtype=np.bool_)
-    if len(times_ns) >= _FEWEST_LINES:
+    if len(times_ns) >= _MIN_LINES:
         is_long = gaps_ns > _longest_gap_ns(gaps_ns, period_ns)
     starts = times_ns[np.append(True, is_long)] / NS_PER_S
     ends = times_ns[np.append(is_long, True)] / NS_PER_S
@@ -121,8 +129,8 @@ def _longest_gap_ns(gaps_ns: IntArray, period_ns: float) -> float:
     """
     between_ns = max(float(np.percentile(gaps_ns, 5.0)), period_ns)
     usual_ns = float(gaps_ns[gaps_ns <= np.percentile(gaps_ns, 95.0)].mean())
-    miss = max(1.0 - between_ns / max(usual_ns, between_ns), LEAST_MISS)
-    return between_ns * (1.0 + float(np.log(len(gaps_ns) / CHANCE) / -np.log(miss)))
+    miss = max(1.0 - between_ns / max(usual_ns, between_ns), MIN_MISS_PROBABILITY)
+    return between_ns * (1.0 + float(np.log(len(gaps_ns) / GAP_PROBABILITY) / -np.log(miss)))
 
 
 def _spans_of_table(text: str, ids: Sequence[str], epoch_us: int) -> dict[str, Spans]:
@@ -133,7 +141,8 @@ def _spans_of_table(text: str, ids: Sequence[str], epoch_us: int) -> dict[str, S
     places = [_place(layout, names) for names in (_SENSOR, _START, _END)]
     spans = dict[str, Spans]()
     for line, cells in layout.rows(text):
-        name, start, end = (cells[place].strip() if place < len(cells) else "" for place in places)
+        layout.require_width(cells, line)
+        name, start, end = (cells[place].strip() for place in places)
         _require_sensor(name, ids, line)
         start_s = _time_s(start, layout, line, "start", epoch_us)
         end_s = _time_s(end, layout, line, "end", epoch_us)
@@ -213,14 +222,15 @@ def _wrote(manifest: Mapping[str, Any], name: str) -> bool:
 
 
 def watched_lines(watched: Watched, most: int = 4) -> Iterator[str]:
-    """Yield in words when the sensors looked, of `most` sensors; the table has all."""
-    for name, spans in list(watched.spans.items())[:most]:
-        between = "between and " if len(spans) > 1 else ""
-        if spans:
-            yield (
-                f"{name} watched {spans_text(spans)} s; {between}after that nothing is known"
-                f" (by {watched.source})"
-            )
+    """Yield sentences on when the sensors looked, of `most` sensors; the table has all."""
+    looking = [(name, spans) for name, spans in watched.spans.items() if spans]
+    for name, spans in looking[:most]:
+        edges = [*["before"] * (spans[0][0] > 0.0), *["between"] * (len(spans) > 1)]
+        when = f"{', '.join(edges)} and after that" if edges else "after that"
+        yield (
+            f"{name} watched {spans_text(spans)} s; {when} nothing is known"
+            f" (by {watched.source[name]})"
+        )
 
 
 def spans_text(spans: Spans, most: int = 4) -> str:

@@ -168,15 +168,24 @@ def _telemetry(text: str) -> Telemetry:
 
 
 def _longest(stages: Mapping[str, Points]) -> tuple[Points, tuple[str, ...]]:
-    """Return the points of the stage that is shown longest, and a note where there are others."""
-    last_s = {
-        name: max(_number(point.get("time")) for point in points) for name, points in stages.items()
+    """Return the points of the stage that is shown longest, after those of the stages that carried
+    it before; and a note where others fly on.
+    """
+    times = {
+        name: [_number(point.get("time")) for point in points] for name, points in stages.items()
     }
-    taken = max(last_s, key=lambda name: last_s[name])
-    if len(stages) == 1:
-        return stages[taken], ()
-    left_out = ", ".join(repr(name) for name in stages if name != taken)
-    return stages[taken], (f"of several stages {taken!r} is taken, the longest; not {left_out}",)
+    taken = max(times, key=lambda name: float(np.fmax.reduce(times[name])))
+    first_s = np.fmin.reduce(times[taken])
+    others = [name for name in stages if name != taken]
+    before = [
+        point
+        for name in others
+        for point, time_s in zip(stages[name], times[name], strict=True)
+        if time_s < first_s
+    ]
+    left_out = [repr(name) for name in others if np.fmax.reduce(times[name]) >= first_s]
+    note = f"of several stages {taken!r} is taken, the longest; not {', '.join(left_out)}"
+    return [*before, *stages[taken]], (note,) if left_out else ()
 
 
 def _in_metres(altitude: FloatArray) -> FloatArray:

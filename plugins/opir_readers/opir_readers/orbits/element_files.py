@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from opir_core.orbits import tle_complaint
+from opir_core.orbits import omm_complaint, omm_name, tle_complaint
 from opir_core.plugin import BadFileError
 from opir_readers.xml_nodes import XmlNode, root_name, xml_root
 
@@ -242,3 +242,15 @@ def _epoch_text(text: str) -> str:
     day = float(text[2:])
     start = datetime(year + (1900 if year >= 57 else 2000), 1, 1)
     return (start + timedelta(days=day - 1.0)).isoformat()
+
+
+def elements_complaints(rows: ElementSets) -> list[str]:
+    """Return the errors in elements, with the name of each satellite that has some."""
+    return [
+        f"the elements of {omm_name(row)}: {words}" for row in rows if (words := _complaint(row))
+    ]
+
+
+def _complaint(row: Elements) -> str | None:
+    problem: str | None = row.get("PROBLEM")
+    return problem or (None if "TLE_LINE1" in row else omm_complaint(row))

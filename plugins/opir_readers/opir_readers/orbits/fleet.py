@@ -11,9 +11,14 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.orbits import omm_complaint, omm_epoch, omm_name
+from opir_core.orbits import omm_epoch, omm_name
 from opir_core.plugin import BadFileError, FileReader
-from opir_readers.orbits.element_files import Elements, ElementSets, number_of
+from opir_readers.orbits.element_files import (
+    Elements,
+    ElementSets,
+    elements_complaints,
+    number_of,
+)
 from opir_readers.published import published
 from opir_readers.reading import content_of, file_text, reader_of
 
@@ -194,13 +199,11 @@ def _require_elements(rows: ElementSets) -> None:
     """Raise `BadFileError` with the first elements that have errors, by name: in the scene they
     have no line.
     """
-    wrong = [(omm_name(row), words) for row in rows if (words := _complaint(row))]
+    wrong = elements_complaints(rows)
     if wrong:
         more = f"; and {len(wrong) - 3} others" if len(wrong) > 3 else ""
-        listed = "; ".join(f"the elements of {name}: {words}" for name, words in wrong[:3])
-        raise BadFileError(f"{listed}{more}; mend them, or leave them out by name or numbers")
+        raise BadFileError(f"{'; '.join(wrong[:3])}{more}; {MEND_ELEMENTS}")
 
 
-def _complaint(row: Elements) -> str | None:
-    problem: str | None = row.get("PROBLEM")
-    return problem or (None if "TLE_LINE1" in row else omm_complaint(row))
+#: What to do with elements that a scene refuses.
+MEND_ELEMENTS = "mend them, or leave them out by name or numbers"

@@ -12,14 +12,18 @@ from opir_core.orbits import (
     MovingOrbit,
     Sgp4Motion,
     age_warning,
-    omm_complaint,
     omm_name,
     satellite_of_omm,
     satellite_of_tle,
 )
 from opir_core.plugin import BadFileError, FileReader, StateTable
 from opir_readers.interpolation import Interpolant, interpolant
-from opir_readers.orbits.element_files import Elements, ElementSets, number_of
+from opir_readers.orbits.element_files import (
+    Elements,
+    ElementSets,
+    elements_complaints,
+    number_of,
+)
 from opir_readers.reading import content_of, file_text, reader_of
 from opir_readers.table_checks import findings_of, moment_text
 
@@ -84,15 +88,11 @@ def elements_orbit(row: Elements, epoch_us: int) -> MovingOrbit:
     no position.
     """
     name = omm_name(row)
-    if "PROBLEM" in row:
-        raise BadFileError(row["PROBLEM"])
-    if "TLE_LINE1" in row:
-        satellite = satellite_of_tle((row["TLE_LINE1"], row["TLE_LINE2"]))
-    else:
-        complaint = omm_complaint(row)
-        if complaint:
-            raise BadFileError(f"the elements of {name}: {complaint}")
-        satellite = satellite_of_omm(row)
+    for words in elements_complaints([row]):
+        raise BadFileError(words)
+    is_tle = "TLE_LINE1" in row
+    lines = row.get("TLE_LINE1", ""), row.get("TLE_LINE2", "")
+    satellite = satellite_of_tle(lines) if is_tle else satellite_of_omm(row)
     try:
         motion = Sgp4Motion(satellite, epoch_us, name)
         motion.position_teme_m(np.zeros(1))
