@@ -217,8 +217,6 @@ class RadiometricEnvironment:
         them.
         """
         coasting = self._coasting(exposures)
-        if not len(coasting):
-            return
         group = self.group[exposures.target[coasting]]
         for number, signatures in enumerate(self.signatures):
             rows = coasting[group == number]

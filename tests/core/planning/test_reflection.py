@@ -156,11 +156,16 @@ def test_low_bodies_have_the_sunlight_that_the_air_leaves():
     air = np.array(
         [hazy.detection.environment.atmosphere.transmittance(band, path) for band in (0, 1)]
     )
-    # Low down the air heats the body, too.
-    heated = plain - warm - reflected
-    high = height_m > 200e3
-    assert plain[:, high] == pytest.approx((warm + reflected)[:, high], rel=3e-6)
+    # Low down the air heats the body, too: below 200 km, what its signature says.
+    step_m = clear.targets.position_ecef_m(target, time_s + 0.02) - clear.targets.position_ecef_m(
+        target, time_s - 0.02
+    )
+    speed_m_s = np.linalg.norm(step_m, axis=1) / 0.04
+    (signatures,) = clear.detection.environment.signatures
+    heated = signatures.air_heated_w_sr((0, 1), target, height_m, speed_m_s)
+    heated[:, height_m > 200e3] = 0.0
     assert np.all(heated[:, height_m < 100e3] > 0.0)
+    assert plain == pytest.approx(warm + reflected + heated, rel=3e-6)
     assert dimmed == pytest.approx(warm + heated + air * reflected, rel=3e-6)
     assert np.all(air[:, height_m < 30e3] < 1.0)
     assert np.all(air[:, height_m > 101e3] == 1.0)

@@ -14,11 +14,24 @@ def test_words_and_status_select_claims(capsys):
     assert all("glider" in " ".join(row.values()).lower() for row in rows)
 
 
-def test_the_table_ends_with_the_count_of_all(capsys):
+def test_the_list_ends_with_the_count_of_all(capsys):
     run_command("claims burn times")
     text = capsys.readouterr().out
-    assert "250 s liquid, 170 s solid" in text
-    assert text.splitlines()[-1].startswith("110 claims: 83 VALIDATED, ")
+    assert "250 s liquid, 170 s solid" in " ".join(text.split())
+    *_, count = text.split("\n\n")
+    assert count.startswith(
+        "109 claims: 77 VALIDATED (30 by published figures, 18 by another library"
+    )
+
+
+def test_lines_fit_a_terminal_of_100_columns(capsys):
+    run_command("claims")
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    order = ("VALIDATED", "MODELLED", "NOTIONAL")
+    places = [order.index(line.split()[0]) for line in lines[:-2] if line[:1].isupper()]
+    assert places == sorted(places)
+    assert len(places) == 109
 
 
 @pytest.mark.parametrize("words", ["nothing-of-the-kind", "glider nothing-of-the-kind"])

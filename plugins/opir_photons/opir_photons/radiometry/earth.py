@@ -240,7 +240,9 @@ class EarthBackground(Background):
         thermal = np.array([kind.thermal_rms for kind in self._kinds])[number]
         solar = np.array([kind.solar_rms for kind in self._kinds])[number]
         rms = fall * np.hypot(thermal * emission, solar * (radiance - emission))
-        return np.where(beyond, self._limb_w_m2_sr(bands, view), radiance), rms, number
+        rows = np.flatnonzero(beyond)
+        radiance[:, rows] = self._limb_w_m2_sr(bands, view.take(rows))
+        return radiance, rms, number
 
     def _limb_w_m2_sr(self, bands: Sequence[int], view: Views) -> FloatArray:
         """Return the radiances (bands, n) of the air beyond the limb."""

@@ -6,14 +6,20 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-from opir_core.cli import table
+from textwrap import fill, indent
 
 STATUSES = ("VALIDATED", "MODELLED", "NOTIONAL")
 
 LEDGER = Path(__file__).parents[1] / "data" / "claims.json"
 
-_HEAD = ("claim", "opir", "published", "status", "source, or why not")
+#: What holds a validated claim, by the first word of its `oracle`.
+ORACLES = {
+    "data": "published figures",
+    "constants": "published figures",
+    "import": "another library",
+    "script": "an own script",
+    "support": "an own script",
+}
 
 
 def claims_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +41,8 @@ def claims(arguments: argparse.Namespace) -> int:
     elif arguments.json:
         text = json.dumps(rows, indent=2, ensure_ascii=False)
     else:
-        text = f"{table(_HEAD, [_cells(row) for row in rows])}\n\n{summary(ledger())}"
+        rows.sort(key=lambda row: STATUSES.index(row["status"]))
+        text = "\n\n".join([*map(_text, rows), fill(summary(ledger()), 100)])
     sys.stdout.write(text + "\n")
     return int(not rows)
 
@@ -50,11 +57,19 @@ def ledger() -> Sequence[Mapping[str, str]]:
 
 
 def summary(rows: Sequence[Mapping[str, str]]) -> str:
-    """Return how many claims have which status, in a sentence."""
+    """Return how many claims have which status, and what holds those that are validated."""
     count = Counter(row["status"] for row in rows)
-    listed = ", ".join(f"{count[status]} {status}" for status in STATUSES)
+    count.update(_oracle(row) for row in rows if "oracle" in row)
+    held = ", ".join(f"{count[name]} by {name}" for name in dict.fromkeys(ORACLES.values()))
     seen = sum("built_on" in row for row in rows)
-    return f"{len(rows)} claims: {listed}; {seen} of them were seen while opir was built (*)."
+    return (
+        f"{len(rows)} claims: {count['VALIDATED']} VALIDATED ({held}), {count['MODELLED']} MODELLED,"
+        f" {count['NOTIONAL']} NOTIONAL; {seen} figures were seen while opir was built (*)."
+    )
+
+
+def _oracle(row: Mapping[str, str]) -> str:
+    return ORACLES[row["oracle"].partition(" ")[0]]
 
 
 def _is_selected(row: Mapping[str, str], arguments: argparse.Namespace) -> bool:
@@ -64,7 +79,10 @@ def _is_selected(row: Mapping[str, str], arguments: argparse.Namespace) -> bool:
     )
 
 
-def _cells(row: Mapping[str, str]) -> tuple[str, ...]:
+def _text(row: Mapping[str, str]) -> str:
+    """Return the lines of a claim, of at most 100 columns."""
     mark = " *" if "built_on" in row else ""
-    reason = row.get("why") or row.get("source") or row["oracle"].partition(" ")[2] or row["oracle"]
-    return row["claim"], row["figure"], row.get("published", ""), row["status"] + mark, reason
+    published = f"; published: {row['published']}" if "published" in row else ""
+    reason = row.get("why") or row.get("source") or f"{_oracle(row)}: {row['test'].split('.')[0]}"
+    claim = f"{row['status']}{mark}  {row['claim']}: {row['figure']}{published}"
+    return f"{fill(claim, 100, subsequent_indent='    ')}\n{indent(fill(reason, 96), '    ')}"

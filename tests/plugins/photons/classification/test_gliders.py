@@ -51,4 +51,4 @@ def test_few_events_of_gliding_targets_are_called_missiles():
         called += np.count_nonzero(types != "UNKNOWN")
         events += len(types)
     assert events > 3000
-    assert called < 0.06 * events
+    assert called < 0.05 * events
