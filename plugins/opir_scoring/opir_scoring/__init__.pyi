@@ -28,6 +28,7 @@ from opir_scoring.evidence import (
 )
 from opir_scoring.figure_text import (
     percent_text as percent_text,
+    share_text as share_text,
 )
 from opir_scoring.gospa_metric import (
     Gospa as Gospa,
@@ -43,15 +44,15 @@ from opir_scoring.impacts import (
     regions_given as regions_given,
 )
 from opir_scoring.launch_recognition import (
-    SURE as SURE,
+    RECOGNITION_PROBABILITY as RECOGNITION_PROBABILITY,
     recognition as recognition,
 )
 from opir_scoring.launch_shares import (
     NOT_SHOWN as NOT_SHOWN,
-    TAILS as TAILS,
+    TAILS_95 as TAILS_95,
     LaunchShare as LaunchShare,
     Tails as Tails,
-    joint_verdict as joint_verdict,
+    verdict_in_all as verdict_in_all,
     share_curve as share_curve,
 )
 from opir_scoring.launch_warnings import (

@@ -68,3 +68,9 @@ def percent_text(share: float) -> str:
     while share not in (0.0, 1.0) and round(percent, digits) in (0.0, 100.0):
         digits += 1
     return f"{percent:.{digits}f} %"
+
+
+def share_text(share: float, low: float, high: float) -> str:
+    """Return a share with its interval, `12 % [5, 22]`; without one where it is nan."""
+    ends = f" [{100.0 * low:.0f}, {100.0 * high:.0f}]" if math.isfinite(low) else ""
+    return f"{percent_text(share)}{ends}"

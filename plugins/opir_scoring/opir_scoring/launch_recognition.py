@@ -13,8 +13,8 @@ from opir_core.arrays import BoolArray, FloatArray
 from opir_scoring.containments import figure, share
 from opir_scoring.evidence import Ownership, RunEvidence
 
-#: The probability of a launch from which on a warning is taken as sure.
-SURE = 0.95
+#: P(launch) above which a track counts as recognised in studies and tables.
+RECOGNITION_PROBABILITY = 0.95
 
 
 @frozen(eq=False)
@@ -23,7 +23,7 @@ class Recognition:
 
     `false_launches` counts the tracks of no launch that had a probability of a launch above the
     threshold at any tick. `recognised_after_s` and `sure_after_s` are the times from each launch's
-    ignition until a track of it had one above the threshold, and above `SURE`, first; inf for
+    ignition until a track of it had one above the threshold, and above `RECOGNITION_PROBABILITY`, first; inf for
     never.
     """
 
@@ -59,7 +59,7 @@ def recognition(evidence: RunEvidence, owners: Ownership, threshold: float) -> R
         false_launches=len(np.unique(tracks.track[is_above & (target < 0)])) + unknown,
         targets=plan.targets.ids[:launches],
         recognised_after_s=after_s(is_above),
-        sure_after_s=after_s(tracks.probability_launch > SURE),
+        sure_after_s=after_s(tracks.probability_launch > RECOGNITION_PROBABILITY),
     )
 
 

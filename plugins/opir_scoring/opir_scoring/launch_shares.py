@@ -3,7 +3,8 @@ time.
 
 Launches of one run share its sensors, weather and random numbers, so runs are the units that are
 independent: the exact binomial interval is that of the effective number of launches (Korn and
-Graubard, Survey Methodology 24 (1998), 193).
+Graubard, Survey Methodology 24 (1998), 193). Where few runs differ from the others, their
+dependence is hardly known, and the design effect is drawn towards that of full dependence.
 """
 
 from collections.abc import Sequence
@@ -15,11 +16,14 @@ from scipy.stats import beta, t as student
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 
-#: The level of intervals: each of the two tails has half of the rest.
+#: The level of intervals; the two tails are equal.
 LEVEL = 0.95
 MET, NOT_MET, NOT_SHOWN = VERDICTS = ("met", "not met", "not shown")
 #: The most runs that are looked for to decide a requirement.
 MAXIMUM_RUNS = 1_000_000
+#: Runs of full dependence that count beside the observed ones: with none 7.7 % of the verdicts on
+#: 20 runs of 100 strongly dependent launches are wrong, with one 5.5 %, with two 2.7 %.
+_DEPENDENT_RUNS = 2.0
 
 
 class Tails(NamedTuple):
@@ -29,8 +33,8 @@ class Tails(NamedTuple):
     high: float
 
 
-#: The tails of one interval of its own.
-TAILS = Tails(0.5 * (1.0 - LEVEL), 0.5 * (1.0 - LEVEL))
+#: The tails of a single 95 % interval.
+TAILS_95 = Tails(0.5 * (1.0 - LEVEL), 0.5 * (1.0 - LEVEL))
 
 
 @frozen
@@ -55,13 +59,13 @@ class LaunchShare:
         effective = _effective_launches(share, successes, trials)
         return cls(share, launches, len(trials), effective)
 
-    def interval(self, tails: Tails = TAILS) -> tuple[float, float]:
+    def interval(self, tails: Tails = TAILS_95) -> tuple[float, float]:
         """Return the exact binomial interval (Clopper and Pearson, Biometrika 26 (1934), 404); nan
         without launches, or where one run has several.
         """
         return _exact_interval(self.share, self.effective, tails)
 
-    def verdict(self, required: float, tails: Tails = TAILS) -> str:
+    def verdict(self, required: float, tails: Tails = TAILS_95) -> str:
         """Return one of `VERDICTS` on a required share: the interval lies above, below or around
         it.
         """
@@ -70,7 +74,7 @@ class LaunchShare:
             return MET
         return NOT_MET if high < required else NOT_SHOWN
 
-    def deciding_runs(self, required: float, tails: Tails = TAILS) -> int | None:
+    def deciding_runs(self, required: float, tails: Tails = TAILS_95) -> int | None:
         """Return about how many runs decide a required share, if this share stays: those that there
         are where they do; None where no number up to a million does.
         """
@@ -98,10 +102,9 @@ class LaunchShare:
 
 def _effective_launches(share: float, successes: FloatArray, trials: FloatArray) -> float:
     """Return the number of independent launches that successes (k,) in trials (k,) of runs are
-    worth.
+    worth; nan for one run of several launches.
 
     A share of 0 or 1 shows nothing of the dependence within runs: each run counts as one launch.
-    nan for one run of several launches.
     """
     runs = len(trials)
     launches = float(trials.sum())
@@ -109,14 +112,16 @@ def _effective_launches(share: float, successes: FloatArray, trials: FloatArray)
         return launches
     if runs < 2:
         return np.nan
-    if share in (0.0, 1.0):
-        return float(runs)
     variance = runs / (runs - 1) * np.sum(np.square(successes - share * trials)) / launches**2
-    if variance == 0.0:
-        return launches
-    tail = 0.5 * (1.0 + LEVEL)
-    ratio = student.ppf(tail, launches - 1) / student.ppf(tail, runs - 1)
-    return min(float(share * (1.0 - share) / variance * ratio**2), launches)
+    design_effect = 1.0
+    if variance > 0.0:
+        tail = 0.5 * (1.0 + LEVEL)
+        ratio = student.ppf(tail, launches - 1) / student.ppf(tail, runs - 1)
+        of_launches = share * (1.0 - share) / launches
+        design_effect = max(float(variance / of_launches / ratio**2), 1.0)
+    informative = min(np.count_nonzero(successes), np.count_nonzero(successes < trials))
+    dependent = _DEPENDENT_RUNS * launches / runs
+    return launches * (informative + _DEPENDENT_RUNS) / (informative * design_effect + dependent)
 
 
 def _exact_interval(share: float, launches: float, tails: Tails) -> tuple[float, float]:
@@ -129,10 +134,10 @@ def _exact_interval(share: float, launches: float, tails: Tails) -> tuple[float,
     return float(low), float(high)
 
 
-def joint_verdict(verdicts: Sequence[str]) -> str:
-    """Return the verdict on a requirement in every condition, of the verdicts in each.
+def verdict_in_all(verdicts: Sequence[str]) -> str:
+    """Return the verdict on a requirement in every condition, from the verdicts in each.
 
-    Met if met in each; not met if in any. So "met" needs no correction for their number; the upper
+    Met if met in each; not met if not met in any. So "met" needs no correction for their number; the upper
     tail of each is to be divided by it.
     """
     if all(verdict == MET for verdict in verdicts):

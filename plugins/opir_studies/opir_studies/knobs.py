@@ -96,13 +96,14 @@ def _tracker(scene: Scene, _plain: Mapping[str, Any]) -> Iterator[Knob]:
                 for cadence, slice_ in pairs
             ),
         )
-        yield Knob(
-            "impact regions",
-            tuple(
-                (f"tracker.forecast={{model: regions, renewal_share: {share}}}",)
-                for share in ("0.05", "0.2", "0.5")
-            ),
-        )
+        if scene.tracker.config.forecast.name == "regions":
+            yield Knob(
+                "impact regions",
+                tuple(
+                    (f"tracker.forecast={{model: regions, renewal_share: {share}}}",)
+                    for share in ("0.05", "0.2", "0.5")
+                ),
+            )
     elif scene.tracker.name == "kepler-arc":
         yield Knob(
             "tracker cadence",

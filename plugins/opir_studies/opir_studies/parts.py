@@ -44,12 +44,12 @@ class Parts:
     def found(self, keys: Collection[str]) -> dict[str, RunRecord]:
         """Return the records of the wanted keys that are on the disk.
 
-        Runs of other definitions of the study are left alone. Raises `SceneError` for a file that
+        Runs of other definitions of the study, or without a column, are left alone. Raises `SceneError` for a file that
         is damaged, or is not part of a study.
         """
         records: dict[str, RunRecord] = {}
         for path in sorted(self.folder.glob(f"*{_SUFFIX}")):
-            rows = _rows(path, keys)
+            rows = [row for row in _rows(path, keys) if self._columns <= row.keys()]
             records.update({str(row["key"]): self._record(row) for row in rows})
         return records
 
@@ -79,6 +79,10 @@ class Parts:
             files.make_folder(self.folder, parents=True, is_made_up=True)
             files.write(self.folder / f"{name}{_SUFFIX}", content, "study's", is_made_up=True)
 
+    @property
+    def _columns(self) -> set[str]:
+        return {*self.figures, *(f"{_LAUNCHES}{name}" for name in self.launches)}
+
     def _record(self, row: Mapping[str, Any]) -> RunRecord:
         return RunRecord(
             int(row["replicate"]),
@@ -99,6 +103,14 @@ def parquet_bytes(table: pa.Table) -> bytes:
     content = pa.BufferOutputStream()
     pq.write_table(table, content, compression="zstd")
     return bytes(content.getvalue())
+
+
+def copy_parts(folder: Path, target: Path) -> None:
+    """Copy the parts of a study's folder into that of another one."""
+    with OutputFiles() as files:
+        files.make_folder(target / PARTS, parents=True, is_made_up=True)
+        for path in sorted((folder / PARTS).glob(f"*{_SUFFIX}")):
+            files.write(target / PARTS / path.name, path.read_bytes(), "study's", is_made_up=True)
 
 
 def remove_unfinished(folder: Path) -> None:

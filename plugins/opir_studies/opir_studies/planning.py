@@ -1,5 +1,6 @@
 """A study made ready to run: every design's scene compiled once, metrics built, keys known."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -170,13 +171,11 @@ def planned_study(
         )
         for choice, config, metric in zip(choices, settings, metrics, strict=True)
     ]
-    ready, end_notes = _ready_designs(study, host, designs, metric_identities)
+    ready, end_notes = _ready_designs(study, host, designs, metric_identities, shares)
     figures = {name: unit for metric in metrics for name, unit in metric.units.items()}
     names = _numbered([choice.name for choice in choices])
     require_figures(study.show, "show", figures, source)
     requirements = requirements_of(study.requirements, figures, source)
-    if not set(names) & _OF_WHOLE_BURNS:
-        end_notes = []
     template = "{} more designs have scenes that end too early"
     detection_notes = _detection_notes([design.scene for design in ready])
     return PlannedStudy(
@@ -252,6 +251,7 @@ def _ready_designs(
     host: Host,
     designs: Sequence[Design] | None,
     metrics: Sequence[tuple[str, Mapping[str, Any], str, Sequence[str]]],
+    shares: Sequence[ShareRequirement],
 ) -> tuple[tuple[PlannedDesign, ...], list[str]]:
     """Return the compiled designs, and notes on scenes that end too early; raises `SceneError` with
     the problems of all designs.
@@ -259,6 +259,7 @@ def _ready_designs(
     ready = list[PlannedDesign]()
     problems = list[Problem]()
     notes = dict[str, None]()
+    needs_burns = bool({name for name, *_ in metrics} & _OF_WHOLE_BURNS)
     for design in designs_of(study) if designs is None else designs:
         try:
             plan = _compiled(study, design, host)
@@ -268,7 +269,9 @@ def _ready_designs(
         identity = identity_of(plan, metrics)
         facts = launch_facts(plan)
         ready.append(PlannedDesign(design, plan.scene, identity, facts, owners_of(plan)))
-        notes[_end_note(plan)] = None
+        notes |= dict.fromkeys(_late_notes(plan, shares))
+        if needs_burns:
+            notes[_end_note(plan)] = None
     if problems:
         more = len(problems) - _MOST_PROBLEMS
         more_problems = [Problem("", f"and {more} more")] if more > 0 else []
@@ -290,6 +293,22 @@ def _detection_notes(scenes: Sequence[Scene]) -> Iterator[str]:
         )
     elif lines:
         yield next(iter(lines))
+
+
+def _late_notes(plan: Plan, shares: Sequence[ShareRequirement]) -> Iterator[str]:
+    """Yield a note on each required share of launches by a time after the end of the scene."""
+    launches = len(plan.scene.targets)
+    if not launches:
+        return
+    target = int(np.argmax(plan.targets.ignition_s[:launches]))
+    after_s = plan.scene.duration_s - float(plan.targets.ignition_s[target])
+    for required in shares:
+        if required.is_by_time and after_s < required.limit < math.inf:
+            yield (
+                f"the scene ends {after_s:g} s after the ignition of {plan.targets.ids[target]}:"
+                f" '{required}' counts what comes later as never; let the scene last"
+                f" {required.limit - after_s:g} s longer"
+            )
 
 
 def _end_note(plan: Plan) -> str:

@@ -1,7 +1,7 @@
 """Runs and studies made again from what their folders hold: the same bytes, or what differs."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,10 @@ from opir_core.output import FILES_KEY, deliver, file_digest
 from opir_studies.refusals import refusal
 from opir_studies.result import DEFINITION
 from opir_studies.runs import installed_version
-from opir_studies.study import Study
+from opir_studies.study import study_of_keys
 from opir_studies.sweeping import StudyProgress, sweep
 
 _MANIFEST = ".manifest.json"
-_RUN_FILES = "written_files"
 
 
 @frozen
@@ -49,13 +48,16 @@ def rerun(
     study = place / DEFINITION if place.is_dir() else place
     if study.name == DEFINITION and study.is_file():
         definition = _contents(study)
-        again = Study(**{**definition["made_of"], "executor": "processes"})
+        if "objective" in definition:
+            words = "is of a search, of which not all designs run; repeat its `opir optimise`"
+            raise refusal("", words, str(study))
+        again = study_of_keys(definition["made_of"], str(study))
         sweep(again, target, workers=workers, on_progress=on_progress)
-        return _compared(definition, definition[FILES_KEY], study.parent, target)
+        return _compared(definition, study.parent, target)
     manifest = _manifest_at(place)
     contents = _contents(manifest)
     _deliver_again(manifest, contents, target)
-    return _compared(contents, contents[_RUN_FILES], manifest.parent, target)
+    return _compared(contents, manifest.parent, target)
 
 
 def _manifest_at(place: Path) -> Path:
@@ -77,16 +79,16 @@ def _contents(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         reason = reason_of(error) if isinstance(error, OSError) else str(error)
         raise refusal("", f"cannot be read: {reason}", str(path)) from error
-    key = "made_of" if path.name == DEFINITION else _RUN_FILES
-    if not isinstance(contents, dict) or key not in contents:
-        words = f"has no {key!r}: it is of another version of opir; run the scene or study again"
+    keys = {"made_of", FILES_KEY} if path.name == DEFINITION else {FILES_KEY}
+    if not isinstance(contents, dict) or not keys <= contents.keys():
+        words = f"lacks {' or '.join(sorted(keys))}: run the scene or study again"
         raise refusal("", words, str(path))
     return contents
 
 
 def _deliver_again(manifest: Path, contents: Mapping[str, Any], folder: Path) -> None:
     """Write the files of a run again, of the same kinds and names."""
-    paths = {entry["kind"]: folder / Path(entry["name"]).name for entry in contents[_RUN_FILES]}
+    paths = {entry["kind"]: folder / Path(entry["name"]).name for entry in contents[FILES_KEY]}
     folder.mkdir(parents=True, exist_ok=True)
     overrides = []
     if "events" in paths:
@@ -101,9 +103,8 @@ def _deliver_again(manifest: Path, contents: Mapping[str, Any], folder: Path) ->
     outcome.raise_for_failures()
 
 
-def _compared(
-    contents: Mapping[str, Any], entries: Sequence[Mapping[str, Any]], origin: Path, folder: Path
-) -> Rerun:
+def _compared(contents: Mapping[str, Any], origin: Path, folder: Path) -> Rerun:
+    entries = contents[FILES_KEY]
     names = {entry["name"]: Path(entry["name"]).name for entry in entries}
     digests = {entry["name"]: entry["sha256"] for entry in entries}
     same = [name for name, own in names.items() if _digest(folder / own) == digests[name]]

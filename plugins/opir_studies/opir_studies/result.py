@@ -133,6 +133,9 @@ def load_study(folder: str | Path) -> StudyResult:
     finish_interrupted(place / DEFINITION)
     try:
         definition = json.loads((place / DEFINITION).read_text(encoding="utf-8"))
+        if (version := definition.get("study_version")) != _VERSION:
+            words = f"of study version {version}, where {_VERSION} is read: run the study again"
+            raise refusal("study_version", words, str(place))
         for entry in definition.get(FILES_KEY, ()):
             if file_digest(place / entry["name"]) != entry["sha256"]:
                 raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
@@ -192,7 +195,7 @@ def written_result(
         for name, content in contents.items():
             files.write(folder / name, content, "study's", is_made_up=True)
         definition = files.commit(
-            {**_definition(planned), "bounds": _bounds(planned, runs), **(extra or {})}
+            {**_definition(planned, records), "bounds": _bounds(planned, runs), **(extra or {})}
         )
     except BaseException:
         files.abandon()
@@ -200,7 +203,16 @@ def written_result(
     return StudyResult(folder, definition, table, runs, launches, shares)
 
 
-def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
+def _failure_notes(records: Sequence[Sequence[RunRecord | None]]) -> list[str]:
+    """Return a note on runs that failed, none without any."""
+    failed = sum(run is None for runs in records for run in runs)
+    words = f"{failed} of {sum(map(len, records))} runs failed: no mean and no share counts them"
+    return [words] if failed else []
+
+
+def _definition(
+    planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]
+) -> Mapping[str, Any]:
     study = planned.study
     return {
         "study_version": _VERSION,
@@ -223,7 +235,7 @@ def _definition(planned: PlannedStudy) -> Mapping[str, Any]:
             {**asdict(required), "bound": None if math.isnan(required.bound) else required.bound}
             for required in planned.share_requirements
         ],
-        "notes": list(planned.notes),
+        "notes": [*_failure_notes(records), *planned.notes],
         "settings": json.loads(
             json.dumps(dict(planned.settings))
         ),  # tuples as the lists that are read back

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from opir_scoring import NOT_SHOWN, percent_text
+from opir_scoring import NOT_SHOWN, percent_text, share_text
 
 from opir_studies.requirements import FigureRequirement
 from opir_studies.result import StudyResult
@@ -112,18 +112,22 @@ def _verdict_text(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> str
     overall, *conditions = rows
     chosen = [path for path in result.paths if path not in result.definition["conditions"]]
     name = ", ".join(label_text(overall[path]) for path in chosen)
-    parts = [f"{interval_of_share(overall)} of {overall['launches']} launches"]
+    verdict = overall["verdict"]
+    parts = [
+        f"{_share_text(overall)} of {overall['launches']} launches with {overall['runs']} seeds"
+    ]
     if conditions:
         worst = min(conditions, key=lambda row: row["share"])
-        parts.append(f"worst condition {worst['condition']}: {interval_of_share(worst)}")
-    if overall["verdict"] == NOT_SHOWN:
+        parts.append(f"worst condition {worst['condition']}: {_share_text(worst)}")
+    if verdict == NOT_SHOWN:
+        verdict = f"{verdict} either way"
         runs = overall["deciding_runs"]
         parts.append(
             f"about {runs} runs would decide"
             if runs
             else "at this share no number of runs up to a million would decide"
         )
-    return ": ".join(filter(None, (name, overall["verdict"], "; ".join(parts))))
+    return ": ".join(filter(None, (name, verdict, "; ".join(parts))))
 
 
 def label_text(label: Any) -> str:
@@ -131,13 +135,8 @@ def label_text(label: Any) -> str:
     return f"{label:g}" if isinstance(label, float) else str(label)
 
 
-def interval_of_share(row: Mapping[str, Any]) -> str:
-    """Return a share with its interval, `12 % [5, 22]`."""
-    share = percent_text(row["share"])
-    if not math.isfinite(row["low"]):
-        return f"{share} (one run: no interval)"
-    ends = (f"{100.0 * row[name]:.0f}" for name in ("low", "high"))
-    return f"{share} [{', '.join(ends)}]"
+def _share_text(row: Mapping[str, Any]) -> str:
+    return share_text(row["share"], row["low"], row["high"])
 
 
 def _few(names: Sequence[str]) -> list[str]:

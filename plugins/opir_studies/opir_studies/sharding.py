@@ -3,7 +3,6 @@ merged.
 """
 
 import json
-import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,11 @@ from opir_core.errors import reason_of
 from opir_core.host import DEAD_AFTER_S
 from opir_core.output import OutputFiles
 from opir_core.plugin import ExecutorContext
-from opir_studies.parts import PARTS
+from opir_studies.parts import copy_parts
 from opir_studies.planning import planned_study
 from opir_studies.refusals import refusal
 from opir_studies.result import StudyResult, made_of
-from opir_studies.study import Study
+from opir_studies.study import Study, study_of_keys
 from opir_studies.sweeping import Shard, StudyProgress, SweepState, sweep
 
 #: What a shard's folder holds besides its parts: the study that it is of.
@@ -69,14 +68,10 @@ def merged(
     for other, definition in zip(folders[1:], definitions[1:], strict=True):
         if definition != definitions[0]:
             raise refusal("", f"is a shard of another study than {folders[0]}", str(other))
-    parts = Path(folder) / PARTS
-    parts.mkdir(parents=True, exist_ok=True)
+    study = study_of_keys(definitions[0], str(folders[0]))
     for shard in folders:
-        for path in sorted((Path(shard) / PARTS).glob("*.parquet")):
-            # Parts are named by their content: an equal name is an equal part.
-            if not (parts / path.name).exists():
-                shutil.copyfile(path, parts / path.name)
-    return sweep(Study(**definitions[0]), folder, workers=workers, on_progress=on_progress)
+        copy_parts(Path(shard), Path(folder))
+    return sweep(study, folder, workers=workers, on_progress=on_progress)
 
 
 def _definition(folder: Path) -> dict[str, Any]:

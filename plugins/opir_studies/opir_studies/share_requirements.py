@@ -47,6 +47,15 @@ class ShareRequirement:
     quantity: str = ""
     bound: float = math.nan
 
+    @property
+    def is_by_time(self) -> bool:
+        """Whether the limit is a time since ignition."""
+        return "within" in self.text
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return self.text
+
     def is_met(self, values: FloatArray) -> BoolArray:
         """Whether values (n,) of launches are within the limit; inf, which is never, is not."""
         is_within = values >= self.limit if self.is_least else values <= self.limit

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from opir_scoring import TAILS, LaunchShare, Tails, joint_verdict
+from opir_scoring import TAILS_95, LaunchShare, Tails, verdict_in_all
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_studies.launches import FACTS
@@ -81,7 +81,7 @@ def tails_of(planned: PlannedStudy, conditions: int = 1) -> Tails:
     """
     study = planned.study
     looks = len(list(rounds(study.runs, stops_early=study.until == DECIDED)))
-    tail = TAILS.low / looks
+    tail = TAILS_95.low / looks
     return Tails(tail, tail / conditions)
 
 
@@ -97,7 +97,7 @@ def verdict_of(
         LaunchRows.of(planned, records, [design], requirement.column).share(requirement)
         for design in group
     ]
-    return joint_verdict([share.verdict(requirement.share, tails) for share in shares])
+    return verdict_in_all([share.verdict(requirement.share, tails) for share in shares])
 
 
 def share_rows(planned: PlannedStudy, records: Records) -> list[tuple[int, dict[str, Any]]]:
@@ -120,7 +120,6 @@ def _rows_of_group(
     rows = LaunchRows.of(planned, records, group, requirement.column)
     verdict = verdict_of(planned, requirement, records, group)
     tails = tails_of(planned)
-    deciding: int | None = None
     each_tails = tails_of(planned, len(group)) if requirement.in_every_condition else tails
     in_each = []
     if planned.study.conditions:

@@ -158,6 +158,15 @@ def read_study(path: str | Path) -> Study:
     return study
 
 
+def study_of_keys(keys: Mapping[str, Any], source: str) -> Study:
+    """Return the study of its keys, as a folder holds them; raises `SceneError` for others."""
+    try:
+        return Study(**keys)
+    except (TypeError, ValueError) as error:
+        words = f"is damaged or of another version of opir ({error}); run the study again"
+        raise refusal("made_of", words, source) from error
+
+
 def is_study(path: str | Path) -> bool:
     """Whether a file is a study rather than a scene: it has the key `scene`, and not `sensors`."""
     try:

@@ -68,6 +68,8 @@ def _shard(
 ) -> int:
     """Make the shard of the arguments, and print how many runs it has."""
     shard = Shard.of(arguments.shard)
+    if arguments.report is not None or arguments.figures is not None or arguments.json:
+        raise refusal("--shard", "has no results to print or draw; `opir merge` joins all shards")
     with watched_runs(arguments, folder) as on_progress:
         runs = sweep_shard(study, folder, shard, **limits, on_progress=on_progress)
     if not arguments.quiet:

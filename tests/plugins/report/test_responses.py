@@ -173,10 +173,11 @@ def test_the_answer_names_what_is_enough_and_what_changes_it(planted: SavedStudy
 
 
 def test_the_least_costly_are_not_undercut(planted: SavedStudy) -> None:
+    rows = planted.rows(next(iter(planted.units)))
     single = np.arange(9)  # periods from 10 s on, each with 1, 2 and 4 sensors
-    assert single[least_costly(planted, single)].tolist() == [0]
+    assert single[least_costly(rows, planted.paths, single)].tolist() == [0]
     designs = np.array([2, 4, 5, 7])  # 10 s with 4, 5 s with 2 and 4, 2 s with 2
-    assert designs[least_costly(planted, designs)].tolist() == [2, 4]
+    assert designs[least_costly(rows, planted.paths, designs)].tolist() == [2, 4]
 
 
 def test_a_requirement_that_nothing_meets_names_the_best(planted: SavedStudy) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_scoring import TAILS, LaunchShare, Tails, joint_verdict, share_curve
+from opir_scoring import TAILS_95, LaunchShare, Tails, verdict_in_all, share_curve
 from scipy.stats import binomtest
 
 STUDIES = 1000
@@ -33,15 +33,20 @@ def clustered(rng, chance, runs, launches, dependence):
     return rng.random((runs, launches)) < of_run[:, None]
 
 
-@pytest.mark.parametrize("dependence", [0.0, 0.3])
-@pytest.mark.parametrize("launches", [1, 6])
-@pytest.mark.parametrize("chance", [0.8, 0.9, 0.97])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("runs", "launches", "dependence"),
+    [(60, 1, 0.0), (60, 6, 0.0), (60, 6, 0.3), (20, 6, 0.6), (20, 20, 0.9), (20, 100, 0.6)],
+)
+@pytest.mark.parametrize("chance", [0.8, 0.8999, 0.9, 0.97])
 def test_verdicts_on_known_chances_are_wrong_in_at_most_one_of_twenty_studies(
-    chance, launches, dependence
+    chance, runs, launches, dependence
 ):
-    """Required are 90 %: at exactly that chance neither "met" is wrong, "not met" is."""
-    rng = np.random.default_rng([58, int(100 * chance), launches, int(10 * dependence)])
-    runs = 60
+    """Required are 90 %: "met" is most often wrong just below, "not met" at that chance.
+
+    Without the runs of full dependence 77 of 1000 are wrong just below, on 20 runs of 100 launches.
+    """
+    rng = np.random.default_rng([58, int(1e4 * chance), runs, launches, int(10 * dependence)])
     number = np.repeat(np.arange(runs), launches)
     verdicts = [
         LaunchShare.of(clustered(rng, chance, runs, launches, dependence).ravel(), number).verdict(
@@ -50,8 +55,23 @@ def test_verdicts_on_known_chances_are_wrong_in_at_most_one_of_twenty_studies(
         for _ in range(STUDIES)
     ]
     wrong = "met" if chance < 0.9 else "not met"
-    # Three standard deviations of a count with a chance of 5 %.
-    assert verdicts.count(wrong) <= 0.05 * STUDIES + 3.0 * (STUDIES * 0.05 * 0.95) ** 0.5
+    assert verdicts.count(wrong) <= 0.05 * STUDIES
+    # At 80 % and 97 % of 60 independent runs a study decides as a rule.
+    if (runs, dependence) == (60, 0.0) and launches > 1 and chance in {0.8, 0.97}:
+        assert verdicts.count("not shown") < 0.1 * STUDIES
+
+
+def test_the_design_effect_falls_from_full_dependence_as_runs_differ():
+    """With m launches in each of n runs, one of k runs misses one launch."""
+    number = np.repeat(np.arange(30), 10)
+    effective = []
+    for runs in (0, 1, 5, 15):
+        is_true = np.ones((30, 10), bool)
+        is_true[:runs, 0] = False
+        effective.append(LaunchShare.of(is_true.ravel(), number).effective)
+    assert effective[0] == 30.0
+    assert all(np.diff(effective) > 0.0)
+    assert effective[-1] < 300.0
 
 
 def test_the_deciding_number_of_runs_decides_and_one_less_does_not():
@@ -69,7 +89,7 @@ def test_the_deciding_number_of_runs_decides_and_one_less_does_not():
 
 def test_thinner_tails_decide_later():
     share = LaunchShare.of(np.arange(100) < 96, np.arange(100))
-    low, high = share.interval(Tails(TAILS.low / 10, TAILS.high / 10))
+    low, high = share.interval(Tails(TAILS_95.low / 10, TAILS_95.high / 10))
     assert low < share.interval()[0]
     assert high > share.interval()[1]
 
@@ -84,7 +104,7 @@ def test_thinner_tails_decide_later():
     ],
 )
 def test_every_condition_is_met_only_if_each_is(verdicts, joint):
-    assert joint_verdict(verdicts) == joint
+    assert verdict_in_all(verdicts) == joint
 
 
 def test_a_curve_counts_launches_that_never_come_and_leaves_out_those_it_does_not_apply_to():

@@ -453,9 +453,9 @@ LEFT_OUT = {
             "a record",
         ),
         **dict.fromkeys(("LaunchShare", "Tails"), "a record"),
-        **dict.fromkeys(("NOT_SHOWN", "SURE", "TAILS"), "a constant"),
+        **dict.fromkeys(("NOT_SHOWN", "RECOGNITION_PROBABILITY", "TAILS_95"), "a constant"),
         **dict.fromkeys(
-            ("joint_verdict", "share_curve"),
+            ("verdict_in_all", "share_curve"),
             "shares by hand and on 1000 drawn studies (tests/plugins/scoring/test_launch_shares.py)",
         ),
         "recognition": "by hand (tests/plugins/scoring/test_hypothesis_scores.py)",

@@ -230,7 +230,7 @@ def _least_costly_words(study: SavedStudy, designs: IntArray, figure: str) -> st
     labels = _labels(study, rows)
     return "; or ".join(
         f"{labels[row]}, with {words_of(study, figure)} {mean_text(study, rows, row)}"
-        for row in designs[least_costly(study, designs)][:3]
+        for row in designs[least_costly(rows, study.paths, designs)][:3]
     )
 
 
@@ -248,15 +248,15 @@ def _best_words(study: SavedStudy, designs: IntArray, figure: str) -> str:
     return f"at best {mean_text(study, rows, best)} ({_labels(study, rows)[best]})"
 
 
-def least_costly(study: SavedStudy, rows: IntArray) -> BoolArray:
+def least_costly(designs: FigureData, paths: Sequence[str], rows: IntArray) -> BoolArray:
     """Whether each of some designs (n,) is undercut by no other one of them; values are listed from
     the least costly on.
     """
-    designs = study.rows(next(iter(study.units)))
-    ranks = []
-    for path in study.paths:
-        levels = designs.levels(path)
-        ranks.append([levels.index(value) for value in designs[path][rows].tolist()])
+    levels = [designs.levels(path) for path in paths]
+    ranks = [
+        [values.index(value) for value in designs[path][rows].tolist()]
+        for path, values in zip(paths, levels, strict=True)
+    ]
     rank = np.array(ranks).T
     undercuts = np.all(rank[None] <= rank[:, None], axis=2) & np.any(
         rank[None] < rank[:, None], axis=2

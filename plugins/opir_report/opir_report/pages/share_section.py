@@ -7,12 +7,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from opir_scoring import NOT_SHOWN, TAILS, LaunchShare, Tails, percent_text
+from opir_scoring import NOT_SHOWN, TAILS_95, LaunchShare, Tails, percent_text, share_text
 
-from opir_core.arrays import BoolArray
 from opir_report.figure_data import FigureData
 from opir_report.pages.page import ReportFigure, ReportSection, ReportTable
 from opir_report.pages.run_sections import figure_of
+from opir_report.pages.sentences import least_costly
 from opir_report.plots.share_curves import (
     curve_rows,
     curves_figure,
@@ -30,8 +30,9 @@ _TEXT = (
     "Launches of one run share sensors, weather and random numbers: intervals are exact binomial"
     " ones of the number of launches that are independent (Korn and Graubard). A design meets a"
     " requirement where the whole interval lies above the required share, misses it where it lies"
-    " below, and otherwise nothing is shown. Together at most 5 % of the verdicts on a design are"
-    " wrong, over all conditions and all times at which a study may stop."
+    " below, and otherwise neither is shown. At most 5 % of the verdicts on a design are wrong, over"
+    " all conditions and all times at which a study may stop. A launch that is never seen, or not"
+    " before the scene ends, misses every bound; runs that failed count nowhere."
 )
 
 
@@ -105,10 +106,11 @@ def _share_paths(study: SavedStudy, shares: FigureData) -> list[str]:
 
 
 def _share_text(shares: FigureData, row: int) -> str:
-    """Return a share with its interval and the number of launches: `12 % [5, 22] of 36`."""
-    share, low, high = (float(shares[name][row]) for name in ("share", "low", "high"))
-    ends = f" [{100.0 * low:.0f}, {100.0 * high:.0f}]" if np.isfinite(low) else ""
-    return f"{percent_text(share)}{ends} of {shares['launches'][row]}"
+    """Return a share with its interval and what it is of: `12 % [5, 22] of 36 launches, 6
+    seeds`.
+    """
+    share = share_text(*(float(shares[name][row]) for name in ("share", "low", "high")))
+    return f"{share} of {shares['launches'][row]} launches, {shares['runs'][row]} seeds"
 
 
 def _runs_text(runs: Any, verdict: str) -> str:
@@ -124,17 +126,15 @@ def share_answers(study: SavedStudy) -> list[str]:
     shares = study.shares
     if shares is None or not len(shares):
         return []
-    overall = shares.where((shares["by"] == "") & _is_first_of_design(shares))
+    # The first row of a requirement and design is that over all conditions.
+    keys = list(zip(shares["requirement"].tolist(), shares["design"].tolist(), strict=True))
+    overall = shares.where(
+        np.array([row for row, key in enumerate(keys) if not row or key != keys[row - 1]])
+    )
     return [
         _share_answer(study, overall.at("requirement", text))
         for text in overall.levels("requirement")
     ]
-
-
-def _is_first_of_design(shares: FigureData) -> BoolArray:
-    """Whether each row (n,) is the first of its requirement and design: that over all conditions."""
-    keys = list(zip(shares["requirement"].tolist(), shares["design"].tolist(), strict=True))
-    return np.array([key not in keys[:row] for row, key in enumerate(keys)], dtype=np.bool_)
 
 
 def _share_answer(study: SavedStudy, rows: FigureData) -> str:
@@ -147,7 +147,7 @@ def _share_answer(study: SavedStudy, rows: FigureData) -> str:
     ]
     met = np.flatnonzero(rows["verdict"] == "met")
     if len(met) > 1 and paths:
-        cheapest = [names[row] for row in met[_is_least_costly(rows.where(met), rows, paths)]]
+        cheapest = [names[row] for row in met[least_costly(rows, paths, met)]]
         sentences.append(f"the least costly that meet it: {' or '.join(cheapest[:_NAMED])}")
     return f"{rows['requirement'][0]}: {'. '.join(sentences)}."
 
@@ -166,19 +166,7 @@ def _verdict_sentence(rows: FigureData, names: Sequence[str], verdict: str) -> s
     runs = rows["deciding_runs"][places].astype(np.float64)
     runs = runs[np.isfinite(runs)]
     deciding = f", which about {int(runs.max())} runs would decide" if len(runs) else ""
-    return f"not shown for {text}{deciding}"
-
-
-def _is_least_costly(some: FigureData, rows: FigureData, paths: Sequence[str]) -> BoolArray:
-    """Whether each of some designs (n,) is undercut by no other; values are listed from the least
-    costly on.
-    """
-    ranks = np.array(
-        [[rows.levels(path).index(value) for value in some[path].tolist()] for path in paths]
-    ).T
-    is_lower = np.all(ranks[None] <= ranks[:, None], axis=2)
-    undercuts = is_lower & np.any(ranks[None] < ranks[:, None], axis=2)
-    return np.asarray(~undercuts.any(axis=1))
+    return f"{verdict} either way for {text}{deciding}"
 
 
 def calibration_sentences(study: SavedStudy) -> list[str]:
@@ -192,7 +180,7 @@ def calibration_sentences(study: SavedStudy) -> list[str]:
     if launches is None or not nominals:
         return []
     numbers = launches.levels("design")
-    tail = TAILS.high / max(len(numbers) * len(nominals), 1)
+    tail = TAILS_95.high / max(len(numbers) * len(nominals), 1)
     texts = [
         text
         for column, nominal in nominals.items()
@@ -208,17 +196,16 @@ def calibration_sentences(study: SavedStudy) -> list[str]:
 def _too_seldom(
     study: SavedStudy, launches: FigureData, column: str, nominal: float, tails: Tails
 ) -> Iterator[str]:
-    """Yield the designs whose regions hold surely less often than is stated."""
+    """Yield the designs whose whole interval, with these tails, is below the stated containment."""
     for number in launches.levels("design"):
         rows = launches.at("design", number)
         rows = rows.where(np.isfinite(rows[column]))
         share = LaunchShare.of(rows[column] == 1.0, rows["replicate"])
         _, high = share.interval(tails)
         if high < nominal:
-            low, high = share.interval()
             name = study.labels(launches.at("design", number).where(slice(0, 1)))[0]
             words = figure_words(column, "")
             yield (
-                f"{words}, {name}: {percent_text(share.share)} [{100.0 * low:.0f},"
-                f" {100.0 * high:.0f}] of {share.launches} launches, stated {percent_text(nominal)}"
+                f"{words}, {name}: {share_text(share.share, *share.interval())} of"
+                f" {share.launches} launches with a region, stated {percent_text(nominal)}"
             )

@@ -11,7 +11,7 @@ from attrs import frozen
 from opir_scoring import (
     OLDEST_S,
     PHASES,
-    SURE,
+    RECOGNITION_PROBABILITY,
     ImpactScores,
     Ownership,
     RunEvidence,
@@ -88,10 +88,10 @@ class TracksMetric:
         available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
         tracked_s = np.full(launches, np.inf)
         np.minimum.at(tracked_s, target[rows], available_s[rows])
-        recognised = recognition(evidence, owners, SURE)
+        recognised = recognition(evidence, owners, RECOGNITION_PROBABILITY)
         return {
             "tracked_s": tracked_s - run.plan.targets.ignition_s[:launches],
-            "recognised_s": recognised.sure_after_s,
+            "recognised_s": recognised.recognised_after_s,
         }
 
 
