@@ -52,8 +52,8 @@ from opir_scoring.launch_shares import (
     TAILS_95 as TAILS_95,
     LaunchShare as LaunchShare,
     Tails as Tails,
-    verdict_in_all as verdict_in_all,
     share_curve as share_curve,
+    verdict_in_all as verdict_in_all,
 )
 from opir_scoring.launch_warnings import (
     WarningRequirement as WarningRequirement,

@@ -23,8 +23,8 @@ class Recognition:
 
     `false_launches` counts the tracks of no launch that had a probability of a launch above the
     threshold at any tick. `recognised_after_s` and `sure_after_s` are the times from each launch's
-    ignition until a track of it had one above the threshold, and above `RECOGNITION_PROBABILITY`, first; inf for
-    never.
+    ignition until a track of it had one above the threshold, and above `RECOGNITION_PROBABILITY`,
+    first; inf for never.
     """
 
     hours: float

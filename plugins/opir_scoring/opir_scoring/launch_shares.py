@@ -137,8 +137,8 @@ def _exact_interval(share: float, launches: float, tails: Tails) -> tuple[float,
 def verdict_in_all(verdicts: Sequence[str]) -> str:
     """Return the verdict on a requirement in every condition, from the verdicts in each.
 
-    Met if met in each; not met if not met in any. So "met" needs no correction for their number; the upper
-    tail of each is to be divided by it.
+    Met if met in each; not met if not met in any. So "met" needs no correction for their number;
+    the upper tail of each is to be divided by it.
     """
     if all(verdict == MET for verdict in verdicts):
         return MET

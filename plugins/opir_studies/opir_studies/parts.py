@@ -44,8 +44,8 @@ class Parts:
     def found(self, keys: Collection[str]) -> dict[str, RunRecord]:
         """Return the records of the wanted keys that are on the disk.
 
-        Runs of other definitions of the study, or without a column, are left alone. Raises `SceneError` for a file that
-        is damaged, or is not part of a study.
+        Runs of other definitions of the study, or without a column, are left alone. Raises
+        `SceneError` for a file that is damaged, or is not part of a study.
         """
         records: dict[str, RunRecord] = {}
         for path in sorted(self.folder.glob(f"*{_SUFFIX}")):

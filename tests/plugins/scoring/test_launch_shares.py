@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_scoring import TAILS_95, LaunchShare, Tails, verdict_in_all, share_curve
+from opir_scoring import TAILS_95, LaunchShare, Tails, share_curve, verdict_in_all
 from scipy.stats import binomtest
 
 STUDIES = 1000
