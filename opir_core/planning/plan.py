@@ -33,6 +33,7 @@ from opir_core.planning.built_parts import (
     sensor_fault,
     trajectories_fault,
 )
+from opir_core.planning.faults import SensorFaults, watched_spans
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import (
@@ -81,6 +82,8 @@ class PlanParts:
     on_tracker_error: Callable[[str], None] | None = None
     bias: PointingBias | None
     end_ns: int
+    #: The faults of the sensors; None without any.
+    faults: SensorFaults | None = None
     #: The built `sources` of the scene; their emitters follow the launches in `targets`.
     sources: "tuple[Sources, ...]" = ()
     #: The names of the types that events report, by code.
@@ -278,8 +281,12 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
                 duration_s=scene.duration_s,
             )
             sensor = _sensor(host, choice.model, context)
-            if choice.id in scene.watched_s:
-                sensor = evolve(sensor, watched_s=scene.watched_s[choice.id])
+            own_faults = [fault for fault in scene.faults if fault.sensor == choice.id]
+            watched_s = scene.watched_s.get(choice.id, sensor.watched_s)
+            if own_faults:
+                watched_s = watched_spans(watched_s, own_faults, scene.duration_s)
+            if watched_s is not None:
+                sensor = evolve(sensor, watched_s=watched_s)
             built_sensors.append(sensor)
     sensors = tuple(built_sensors)
     sources = tuple["Sources", ...]()
@@ -301,6 +308,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         make_tracker=make_tracker,
         bias=drawn_bias(scene.seed, sensors),
         end_ns=round(scene.duration_s * 1e9),
+        faults=SensorFaults.of(scene.faults, [sensor.id for sensor in sensors]),
         sources=sources,
         reported_types=reported_types(scene, host),
     )

@@ -10,6 +10,7 @@ from typing import Any
 from attrs import Factory, frozen
 
 from opir_core.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
+from opir_core.scene.faults import SensorFault
 from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.scene import (
     BY_OBSERVATION,
@@ -155,6 +156,11 @@ class SceneFile:
         unit="s",
         minimum=0.0,
         check=_spans_complaint,
+        source="choice",
+    )
+    faults: tuple[SensorFault, ...] = nested(
+        help="faults of sensors, each from a time on and, with a repair, until another",
+        default=(),
         source="choice",
     )
     targets: Node | None = nested(help="launches", default=None, source="")

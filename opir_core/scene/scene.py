@@ -6,6 +6,7 @@ from typing import Any
 from attrs import field, fields, frozen, has
 
 from opir_core.errors import number_of
+from opir_core.scene.faults import SensorFault
 from opir_core.scene.fields import flag, nested, number, text
 
 #: The target types a scene may launch, in the order of their codes.
@@ -252,6 +253,7 @@ class Scene:
     allow_implausible: bool = False
     #: By sensor the spans in which it looks, s; other sensors look throughout.
     watched_s: Mapping[str, tuple[tuple[float, float], ...]] = field(factory=dict, hash=False)
+    faults: tuple[SensorFault, ...] = ()
     #: The keys of the file that are set to other values than their defaults.
     written: Mapping[str, Any] = field(factory=dict, eq=False)
 

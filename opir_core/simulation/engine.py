@@ -72,7 +72,7 @@ class Engine:
             if curves
             else EvaluatedProbability(plan.detection, geometry),
             VisibilityTest(geometry) if pairs.is_checked.any() else None,
-            WatchTest(plan) if plan.scene.watched_s else None,
+            WatchTest.of(plan),
             draw_detections,
             self._count,
             DrawDirections(pairs),

@@ -109,6 +109,7 @@ class FalseAlarmGenerator:
             number: sensor for number, sensor in enumerate(sensors) if sensor.watched_s is not None
         }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
+        self._faults = plan.faults
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
@@ -143,6 +144,8 @@ class FalseAlarmGenerator:
         for number, each in self._watched.items():
             rows = np.flatnonzero(sensor == number)
             is_kept[rows] &= each.is_watching(time_ns[rows].astype(np.float64) * 1e-9)
+        if self._faults is not None:
+            is_kept &= ~self._faults.is_blind(sensor, time_ns.astype(np.float64) * 1e-9)
         for number, exclusion in self._exclusions.items():
             rows = np.flatnonzero(sensor == number)
             ahead_m = at_m[rows] + direction[rows] * radius_m[rows, None]
