@@ -317,13 +317,30 @@ class Tracks(Columns):
     is_brief: BoolArray = field(default=_computed(lambda rows: np.full(len(rows.track), False)))
 
 
+@frozen(kw_only=True)
+class CommandRecord:
+    """What became of a command that was given at `time_s`.
+
+    The sensor leaves its former direction at `start_s` and looks in the new one from `from_s` on.
+    `refusal` is why it did not take the command, "" if it did; then both times are nan.
+    """
+
+    time_s: float
+    sensor: str
+    track: int
+    reason: str
+    start_s: float
+    from_s: float
+    refusal: str = ""
+
+
 @frozen(eq=False, repr=False)
 class Window:
     """The results of a slice of scene time [start_s, end_s).
 
     `detections` are those reported in the window, `truth` has their rows; `tracks` are the rows of
     the ticks in the window; `estimates` those to which `detections.estimate` refers. `health` is
-    what the tracker has found of the sensors, if it says so.
+    what the tracker has found of the sensors, if it says so. `commands` are those of its director.
     """
 
     start_s: float
@@ -334,6 +351,7 @@ class Window:
     tracks: Tracks
     estimates: Tracks
     health: SensorHealth | None = None
+    commands: tuple[CommandRecord, ...] = ()
 
     def __repr__(self) -> str:
         """Return the window in one line."""

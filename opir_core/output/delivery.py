@@ -98,7 +98,8 @@ def deliver(
     one of the files; for the sinks, `RunOutcome.raise_for_failures` does.
     """
     tally = Tally(plan)
-    shared = None if workers == 1 else _shared(plan, workers, needs_columns=on_window is not None)
+    is_shared = workers != 1 and plan.has_independent_windows
+    shared = _shared(plan, workers, needs_columns=on_window is not None) if is_shared else None
     windows = tally.over(windows or (plan_windows(plan) if shared is None else shared.windows()))
     files = OutputFiles(manifest_path, is_made_up=manifest_path in made_up)
     try:

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 from attrs import asdict, evolve, field, frozen
 
 from opir_core.arrays import ByteArray
-from opir_core.errors import ModelError, kind_of, number_of
+from opir_core.errors import ModelError, Problem, SceneError, kind_of, number_of
 from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.host.host import Host
 from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.contexts import (
+    DirectorContext,
     ModelContext,
     PartMaker,
     SensorContext,
@@ -24,6 +25,7 @@ from opir_core.interfaces.contexts import (
     TrackerContext,
 )
 from opir_core.interfaces.detection_models import DetectionProbability
+from opir_core.interfaces.directors import Director
 from opir_core.interfaces.sensors import Sensor
 from opir_core.interfaces.trackers import Tracker
 from opir_core.interfaces.trajectories import Trajectories
@@ -50,7 +52,7 @@ from opir_core.planning.work import Workload
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.fields import LIGHT
 from opir_core.scene.hypotheses import Hypothesis
-from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
+from opir_core.scene.scene import BY_OBSERVATION, REPORTED_TYPES, Choice, Scene
 from opir_core.scene.target_classes import TargetClass
 
 if TYPE_CHECKING:
@@ -82,6 +84,8 @@ class PlanParts:
     on_tracker_error: Callable[[str], None] | None = None
     bias: PointingBias | None
     end_ns: int
+    #: Returns a new director; None for a scene without one.
+    make_director: Callable[[], Director] | None = None
     #: The faults of the sensors; None without any.
     faults: SensorFaults | None = None
     #: The built `sources` of the scene; their emitters follow the launches in `targets`.
@@ -134,6 +138,13 @@ class Plan(PlanParts):
         return (
             f"<Plan of {self.scene.name}: {of}, {self.end_ns * 1e-9:g} s, seed {self.scene.seed}>"
         )
+
+    @property
+    def has_independent_windows(self) -> bool:
+        """Whether several processes can compute its windows: what a director decides depends on
+        those before.
+        """
+        return self.make_director is None
 
     @property
     def workload(self) -> Workload:
@@ -308,6 +319,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         make_tracker=make_tracker,
         bias=drawn_bias(scene.seed, sensors),
         end_ns=round(scene.duration_s * 1e9),
+        make_director=_director_maker(scene, host, sensors),
         faults=SensorFaults.of(scene.faults, [sensor.id for sensor in sensors]),
         sources=sources,
         reported_types=reported_types(scene, host),
@@ -429,6 +441,39 @@ def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:
             f"{owner_text(host, scene.tracker)}: {fault}; {check_hint(scene.tracker.name)}"
         )
     return tracker
+
+
+def _director_maker(
+    scene: Scene, host: Host, sensors: tuple[Sensor, ...]
+) -> Callable[[], Director] | None:
+    """Return what makes a scene's director, once made; raises `SceneError` where no sensor takes
+    commands or the tracker is late.
+    """
+    choice = scene.director
+    if choice is None:
+        return None
+    if not any(sensor.pointing for sensor in sensors):
+        words = "no sensor of the scene has a narrow field that can be pointed"
+        raise SceneError([Problem(choice.path, words)])
+    if scene.tracking_order != BY_OBSERVATION:
+        words = f"a director needs tracking_order: {BY_OBSERVATION}; it gets late reports late"
+        raise SceneError([Problem(choice.path, words)])
+    context = DirectorContext(sensors=sensors, epoch_us=scene.epoch_us, duration_s=scene.duration_s)
+    make = partial(_director, host, choice, context)
+    make()
+    return make
+
+
+def _director(host: Host, choice: Choice, context: DirectorContext) -> Director:
+    """Return a new director; raises `ModelError` if what its component builds is none."""
+    director = Director.adopt(built(host, choice, context), _owner(host, choice))
+    interval_s: Any = director.interval_s
+    if not isinstance(interval_s, int | float) or not 0.0 < interval_s < float("inf"):
+        raise ModelError(
+            f"{owner_text(host, choice)}: interval_s is {interval_s!r}, not a positive number of"
+            f" seconds; {check_hint(choice.name)}"
+        )
+    return director
 
 
 def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:

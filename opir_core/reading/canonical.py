@@ -30,6 +30,7 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         **({} if scene.limits == WorkLimits() else {"limits": _settings(scene.limits)}),
         **({"allow_implausible": True} if scene.allow_implausible else {}),
         **({"watched_s": plain_spans(scene.watched_s)} if scene.watched_s else {}),
+        **({} if scene.director is None else {"director": _block(scene.director)}),
         **({"faults": [_set_values(fault) for fault in scene.faults]} if scene.faults else {}),
         "forces": ("kepler" if scene.forces.is_kepler else [*scene.forces.zonal, *drag]),
         "sensors": _sensors(scene.sensors),

@@ -324,6 +324,11 @@ class SceneBuilder:
                 fields[key] = self._model(
                     hook, values.get(key), key, self.default_name(key, values)
                 )
+        if values.get("director") is not None:
+            with self.collector.at(key_step("director")):
+                fields["director"] = self.components.named(
+                    "opir_directors", values["director"], "director"
+                )
         if detection.reason and "detection" in fields:
             fields["detection"] = evolve(fields["detection"], reason=detection.reason, written={})
         return fields

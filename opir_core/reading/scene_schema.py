@@ -163,6 +163,12 @@ class SceneFile:
         default=(),
         source="choice",
     )
+    director: Node | None = nested(
+        help="director: points sensors with a narrow field during the run; its name, or a block of"
+        " model and settings",
+        default=None,
+        source="none: sensors stay as they are",
+    )
     targets: Node | None = nested(help="launches", default=None, source="")
     sources: Node | None = nested(
         help="emitters other than targets: fires, flares, glints, bolides", default=None, source=""

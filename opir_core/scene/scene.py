@@ -254,6 +254,8 @@ class Scene:
     #: By sensor the spans in which it looks, s; other sensors look throughout.
     watched_s: Mapping[str, tuple[tuple[float, float], ...]] = field(factory=dict, hash=False)
     faults: tuple[SensorFault, ...] = ()
+    #: What points sensors with a narrow field during the run; None: they stay as they are.
+    director: Choice | None = None
     #: The keys of the file that are set to other values than their defaults.
     written: Mapping[str, Any] = field(factory=dict, eq=False)
 
@@ -279,6 +281,7 @@ class Scene:
             self.confidence,
             self.tracker,
             *self.tracker.parts.values(),
+            *(() if self.director is None else (self.director,)),
             self.atmosphere,
             self.background,
             *self.outputs,

@@ -11,17 +11,20 @@ from attrs import asdict, evolve, fields_dict
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError, Problem, SceneError
+from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.sensors import (
     Band,
     Orbit,
+    Pointing,
     Radiometer,
     ReportingStage,
     ScanPattern,
     Sensor,
 )
 from opir_core.orbits.orbit_models import GeostationaryOrbit, MovingOrbit, orbit_of
+from opir_core.sensors.pointed_sensor import PointedSensorConfig
 from opir_core.sensors.reporting import ReportingConfig
 from opir_core.sensors.scan_patterns import scan_pattern
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
@@ -60,7 +63,28 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
         spectral_discrimination=config.spectral_discrimination,
         follows_bodies=config.follows_bodies,
         reporting=_reporting(config.reporting),
+        pointing=_pointing(config),
         settings={**asdict(config), "field_of_regard_half_angle_deg": half_angle_deg, **completed},
+    )
+
+
+def _pointing(config: ScanningSensorConfig) -> Pointing | None:
+    """Return the narrow field of a sensor that has one."""
+    if not isinstance(config, PointedSensorConfig):
+        return None
+    pointing = config.pointing
+    place = pointing.at
+    at_ecef_m = None
+    if place is not None:
+        lat_rad, lon_rad = (math.radians(angle) for angle in (place.lat_deg, place.lon_deg))
+        x, y, z = geodetic_to_ecef(lat_rad, lon_rad, 0.0).tolist()
+        at_ecef_m = x, y, z
+    return Pointing(
+        half_angle_rad=math.radians(pointing.half_angle_deg),
+        slew_rad_s=math.radians(pointing.slew_deg_s),
+        settle_s=pointing.settle_s,
+        delay_s=pointing.delay_s,
+        at_ecef_m=at_ecef_m,
     )
 
 

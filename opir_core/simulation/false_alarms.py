@@ -6,7 +6,7 @@ false alarms come from streams of its own, by blocks of scans, so that neither w
 sensors or targets change them.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
@@ -25,6 +25,9 @@ from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarm
 from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_core.simulation.measurement import Classification, classifier_inputs
 from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
+
+if TYPE_CHECKING:
+    from opir_core.simulation.pointing import PointedFields
 
 
 @frozen(eq=False, repr=False)
@@ -84,7 +87,13 @@ class FalseAlarms:
 class FalseAlarmGenerator:
     """Draws a run's false alarms, window by window; there are none where the Sun prevents looks."""
 
-    def __init__(self, plan: Plan, model: DetectionProbability, geometry: LookGeometry) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        model: DetectionProbability,
+        geometry: LookGeometry,
+        fields: "PointedFields | None" = None,
+    ) -> None:
         self._model = model
         self._classification = Classification.of(plan)
         self._states = geometry.states
@@ -110,6 +119,7 @@ class FalseAlarmGenerator:
         }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._faults = plan.faults
+        self._fields = fields
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
@@ -151,6 +161,12 @@ class FalseAlarmGenerator:
             ahead_m = at_m[rows] + direction[rows] * radius_m[rows, None]
             time_s = time_ns[rows].astype(np.float64) * 1e-9
             is_kept[rows] &= exclusion.is_clear(at_m[rows], ahead_m, time_s)
+        if self._fields is not None:
+            for number in self._fields.sensors:
+                rows = np.flatnonzero(sensor == number)
+                ahead_m = at_m[rows] + direction[rows] * radius_m[rows, None]
+                time_s = time_ns[rows].astype(np.float64) * 1e-9
+                is_kept[rows] &= self._fields.is_inside(number, at_m[rows], ahead_m, time_s)
         rows_kept = np.flatnonzero(is_kept)
         return placed if len(rows_kept) == len(scan) else placed.take(rows_kept)
 
