@@ -13,10 +13,8 @@ from opir_core.builtin.configs import (
     BallisticConfig,
     ConfusionConfig,
     ConstantConfig,
-    CueConfig,
     JsonlConfig,
     MemoryConfig,
-    RoundRobinConfig,
     WeightedConfig,
 )
 from opir_core.host.components import (
@@ -25,7 +23,6 @@ from opir_core.host.components import (
     ClassifierModel,
     ConfidenceModel,
     DetectionModel,
-    DirectorModel,
     EventEncoder,
     RendererModel,
     SinkModel,
@@ -189,23 +186,6 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
         summary="confidence 0",
         build=built_by("classification", "no_confidence"),
         reads=(),
-    )
-
-
-@hookimpl
-def opir_directors() -> Iterable[DirectorModel]:
-    """Yield `round-robin` and `cue`."""
-    yield DirectorModel(
-        name="round-robin",
-        summary="one place after the other",
-        config=RoundRobinConfig,
-        build=built_by("directors", "round_robin"),
-    )
-    yield DirectorModel(
-        name="cue",
-        summary="each sensor to a track that no other one follows, the least known first",
-        config=CueConfig,
-        build=built_by("directors", "cue"),
     )
 
 

@@ -253,6 +253,10 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
         "opir_core.builtin.scanner",
         frozenset({("opir_sensor_models", "generic-scanner")}),
     ),
+    "directors": (
+        "opir_core.builtin.directors",
+        frozenset({("opir_directors", "round-robin"), ("opir_directors", "cue")}),
+    ),
     "target-classes": (
         "opir_core.builtin.target_classes",
         frozenset(

@@ -142,15 +142,6 @@ class TrackerContext:
     parts: Mapping[str, PartMaker] = field(factory=dict, eq=False)
 
 
-@frozen(kw_only=True)
-class DirectorContext:
-    """The context of a director: all sensors of the scene, its zero of time and its length."""
-
-    sensors: tuple[Sensor, ...]
-    epoch_us: int
-    duration_s: float
-
-
 #: Returns lines of text, given their number and their columns.
 Renderer = Callable[[int, Sequence[Any]], bytes]
 

@@ -47,6 +47,15 @@ class Situation:
     in_reach: Callable[[str, FloatArray], BoolArray]
 
 
+@frozen(kw_only=True)
+class DirectorContext:
+    """The context of a director: all sensors of the scene, its zero of time and its length."""
+
+    sensors: tuple[Sensor, ...]
+    epoch_us: int
+    duration_s: float
+
+
 class Director(PluginPart):
     """Decides where sensors with a narrow field look, while a run goes on.
 

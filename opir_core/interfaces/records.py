@@ -4,7 +4,7 @@ Arrays are read-only in records that leave the engine.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
@@ -317,8 +317,7 @@ class Tracks(Columns):
     is_brief: BoolArray = field(default=_computed(lambda rows: np.full(len(rows.track), False)))
 
 
-@frozen(kw_only=True)
-class CommandRecord:
+class CommandRecord(NamedTuple):
     """What became of a command that was given at `time_s`.
 
     The sensor leaves its former direction at `start_s` and looks in the new one from `from_s` on.

@@ -1,7 +1,7 @@
 """Sensors, and what they consist of: bands, radiometer, orbit, scan, reporting stages."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from attrs import field, frozen
@@ -115,8 +115,7 @@ class ReportingStage:
     sigma_s: float = 0.0
 
 
-@frozen(kw_only=True)
-class Pointing:
+class Pointing(NamedTuple):
     """The narrow field of a sensor that is pointed: it looks in no other direction.
 
     `delay_s` after a command it turns at `slew_rad_s`, and looks again after `settle_s` if the new

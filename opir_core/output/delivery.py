@@ -20,7 +20,8 @@ from opir_core.output.events.encoder_input import detection_count, track_count
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.output.sink_thread import Counter
 from opir_core.output.transaction import OutputFiles
-from opir_core.planning.plan import Plan, built
+from opir_core.planning.built_parts import built
+from opir_core.planning.plan import Plan
 from opir_core.scene.scene import Choice
 from opir_core.simulation.manifest import run_manifest
 from opir_core.simulation.run import plan_windows

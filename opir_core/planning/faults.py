@@ -1,18 +1,19 @@
 """The faults of a plan's sensors: what they look at, and by how much their measurements are off."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.sensors import Spans
+from opir_core.interfaces.sensors import Sensor, Spans
 from opir_core.planning.sensor_states import turned
 from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, SensorFault
+from opir_core.scene.scene import Scene
 
 
-@frozen(eq=False, repr=False)
-class SensorFaults:
+class SensorFaults(NamedTuple):
     """Faults in the order of the scene, each with its sensor's number."""
 
     faults: tuple[tuple[int, SensorFault], ...]
@@ -74,24 +75,20 @@ class SensorFaults:
                 yield fault, np.flatnonzero((sensor == number) & is_late)
 
 
-def spans_without(spans: Spans, fault: SensorFault) -> Spans:
+def watching(sensor: Sensor, scene: Scene) -> Sensor:
+    """Return a sensor with the spans in which it looks by its scene, where it does not throughout."""
+    watched_s = scene.watched_s.get(sensor.id, sensor.watched_s)
+    for fault in scene.faults:
+        if fault.sensor == sensor.id and fault.fault == DOWN:
+            watched_s = _without(watched_s or ((0.0, scene.duration_s),), fault)
+    return sensor if watched_s is None else evolve(sensor, watched_s=watched_s)
+
+
+def _without(spans: Spans, fault: SensorFault) -> Spans:
     """Return spans without the time of a fault."""
     pieces = [
         piece
         for start_s, end_s in spans
-        for piece in (
-            (start_s, min(end_s, fault.at_s)),
-            (max(start_s, fault.end_s), end_s),
-        )
+        for piece in ((start_s, min(end_s, fault.at_s)), (max(start_s, fault.end_s), end_s))
     ]
     return tuple((start_s, end_s) for start_s, end_s in pieces if start_s < end_s)
-
-
-def watched_spans(
-    watched_s: Spans | None, faults: Iterable[SensorFault], duration_s: float
-) -> Spans | None:
-    """Return the spans in which a sensor looks, without those in which it is down; None for all."""
-    for fault in faults:
-        if fault.fault == DOWN:
-            watched_s = spans_without(watched_s or ((0.0, duration_s),), fault)
-    return watched_s

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 from attrs import asdict, evolve, field, frozen
 
 from opir_core.arrays import ByteArray
-from opir_core.errors import ModelError, Problem, SceneError, kind_of, number_of
+from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.host.boundary import PluginErrors, blamed_call, check_hint, owner_text
 from opir_core.host.host import Host
 from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.contexts import (
-    DirectorContext,
     ModelContext,
     PartMaker,
     SensorContext,
@@ -25,17 +24,17 @@ from opir_core.interfaces.contexts import (
     TrackerContext,
 )
 from opir_core.interfaces.detection_models import DetectionProbability
-from opir_core.interfaces.directors import Director
 from opir_core.interfaces.sensors import Sensor
 from opir_core.interfaces.trackers import Tracker
 from opir_core.interfaces.trajectories import Trajectories
 from opir_core.planning.built_parts import (
     BuildProblems,
+    built,
     motion_fault,
     sensor_fault,
     trajectories_fault,
 )
-from opir_core.planning.faults import SensorFaults, watched_spans
+from opir_core.planning.faults import SensorFaults, watching
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import (
@@ -52,11 +51,12 @@ from opir_core.planning.work import Workload
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.fields import LIGHT
 from opir_core.scene.hypotheses import Hypothesis
-from opir_core.scene.scene import BY_OBSERVATION, REPORTED_TYPES, Choice, Scene
+from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
 from opir_core.scene.target_classes import TargetClass
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
+    from opir_core.interfaces.directors import Director
     from opir_core.interfaces.radiometric_models import Sources
 
 
@@ -85,7 +85,7 @@ class PlanParts:
     bias: PointingBias | None
     end_ns: int
     #: Returns a new director; None for a scene without one.
-    make_director: Callable[[], Director] | None = None
+    make_director: "Callable[[], Director] | None" = None
     #: The faults of the sensors; None without any.
     faults: SensorFaults | None = None
     #: The built `sources` of the scene; their emitters follow the launches in `targets`.
@@ -292,13 +292,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
                 duration_s=scene.duration_s,
             )
             sensor = _sensor(host, choice.model, context)
-            own_faults = [fault for fault in scene.faults if fault.sensor == choice.id]
-            watched_s = scene.watched_s.get(choice.id, sensor.watched_s)
-            if own_faults:
-                watched_s = watched_spans(watched_s, own_faults, scene.duration_s)
-            if watched_s is not None:
-                sensor = evolve(sensor, watched_s=watched_s)
-            built_sensors.append(sensor)
+            built_sensors.append(watching(sensor, scene))
     sensors = tuple(built_sensors)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
@@ -445,54 +439,19 @@ def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:
 
 def _director_maker(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...]
-) -> Callable[[], Director] | None:
-    """Return what makes a scene's director, once made; raises `SceneError` where no sensor takes
-    commands or the tracker is late.
-    """
-    choice = scene.director
-    if choice is None:
+) -> "Callable[[], Director] | None":
+    """Return what makes a scene's director; None without one."""
+    if scene.director is None:
         return None
-    if not any(sensor.pointing for sensor in sensors):
-        words = "no sensor of the scene has a narrow field that can be pointed"
-        raise SceneError([Problem(choice.path, words)])
-    if scene.tracking_order != BY_OBSERVATION:
-        words = f"a director needs tracking_order: {BY_OBSERVATION}; it gets late reports late"
-        raise SceneError([Problem(choice.path, words)])
-    context = DirectorContext(sensors=sensors, epoch_us=scene.epoch_us, duration_s=scene.duration_s)
-    make = partial(_director, host, choice, context)
-    make()
-    return make
+    from opir_core.planning.directors import director_maker
 
-
-def _director(host: Host, choice: Choice, context: DirectorContext) -> Director:
-    """Return a new director; raises `ModelError` if what its component builds is none."""
-    director = Director.adopt(built(host, choice, context), _owner(host, choice))
-    interval_s: Any = director.interval_s
-    if not isinstance(interval_s, int | float) or not 0.0 < interval_s < float("inf"):
-        raise ModelError(
-            f"{owner_text(host, choice)}: interval_s is {interval_s!r}, not a positive number of"
-            f" seconds; {check_hint(choice.name)}"
-        )
-    return director
+    return director_maker(scene, scene.director, host, sensors)
 
 
 def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:
     """Return the line-of-sight biases of sensors, or None if no sensor has one."""
     has_bias = any(sensor.line_of_sight_bias_sigma_rad for sensor in sensors)
     return PointingBias.drawn(seed, sensors) if has_bias else None
-
-
-def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
-    """Build the component of a scene's choice, from the choice's configuration or another.
-
-    Raises `ModelError` that names the component and its owner if it fails.
-    """
-    component = host.component(choice.hook, choice.name, choice.path)
-    settings = choice.config if config is None else config
-    hint = check_hint(choice.name)
-    return blamed_call(
-        lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context)
-    )
 
 
 def _owner(host: Host, choice: Choice) -> Callable[[], str]:

@@ -31,7 +31,6 @@ from opir_core.host.host import (
 )
 from opir_core.interfaces.classification import Classifier as Classifier, Confidence as Confidence
 from opir_core.interfaces.contexts import (
-    DirectorContext as DirectorContext,
     EncoderContext as EncoderContext,
     ModelContext as ModelContext,
     Renderer as Renderer,
@@ -50,6 +49,7 @@ from opir_core.interfaces.detection_models import (
 from opir_core.interfaces.directors import (
     Command as Command,
     Director as Director,
+    DirectorContext as DirectorContext,
     Situation as Situation,
 )
 from opir_core.interfaces.file_contents import (

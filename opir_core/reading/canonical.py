@@ -1,5 +1,6 @@
 """A scene's canonical form and its hash, for manifests, so that a run can be repeated."""
 
+import json
 from collections.abc import Mapping
 from hashlib import sha256
 from itertools import groupby
@@ -56,8 +57,6 @@ def scene_hash(scene: Scene) -> str:
     Scenes of equal content have the same hash, independent of spelling, order and comments of their
     files.
     """
-    import json
-
     text = json.dumps(
         scene_mapping(scene),
         sort_keys=True,

@@ -4,7 +4,7 @@ pattern.
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import asdict, evolve, fields_dict
@@ -24,10 +24,12 @@ from opir_core.interfaces.sensors import (
     Sensor,
 )
 from opir_core.orbits.orbit_models import GeostationaryOrbit, MovingOrbit, orbit_of
-from opir_core.sensors.pointed_sensor import PointedSensorConfig
 from opir_core.sensors.reporting import ReportingConfig
 from opir_core.sensors.scan_patterns import scan_pattern
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+
+if TYPE_CHECKING:
+    from opir_core.sensors.pointed_sensor import PointingConfig
 
 #: The default half angle from a geosynchronous slot, and the margin around the Earth's disk from
 #: other orbits, deg.
@@ -70,9 +72,9 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
 
 def _pointing(config: ScanningSensorConfig) -> Pointing | None:
     """Return the narrow field of a sensor that has one."""
-    if not isinstance(config, PointedSensorConfig):
+    pointing: PointingConfig | None = getattr(config, "pointing", None)
+    if pointing is None:
         return None
-    pointing = config.pointing
     place = pointing.at
     at_ecef_m = None
     if place is not None:

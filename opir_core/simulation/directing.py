@@ -55,7 +55,7 @@ class Directing:
         if time_ns < self._next_ns:
             return ()
         self._next_ns = time_ns + self._step_ns
-        time_s = time_ns * 1e-9
+        time_s = time_ns / 1_000_000_000
         situation = self._situation(time_s)
         commands = self._called(situation)
         latest = {command.sensor: command for command in commands}
@@ -142,3 +142,11 @@ class Directing:
         if not self._in_reach(time_s, command.sensor, command.position_ecef_m[None])[0]:
             return "out of its field of regard, behind the Earth or beside the Sun"
         return ""
+
+
+def directed(plan: Plan) -> tuple[PointedFields, Directing | None]:
+    """Return the narrow fields of a plan's sensors, and what asks its director, None without one."""
+    fields = PointedFields(plan.sensors)
+    if plan.make_director is None:
+        return fields, None
+    return fields, Directing(plan, plan.make_director(), fields)

@@ -32,6 +32,7 @@ from opir_core.simulation.observation import Observation, Stage, joined_windows
 from opir_core.simulation.probability import (
     EvaluatedProbability,
     InterpolatedProbability,
+    PointingTest,
     VisibilityTest,
     WatchTest,
     interpolant_of,
@@ -54,8 +55,7 @@ class Engine:
         #: Made at the first window: an engine that takes over continues with another's tracker.
         self._scheduled: ScheduledTracker | None = None
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
-        self._fields = _pointed_fields(plan)
-        self._directing = _directing(plan, self._fields)
+        self._fields, self._directing = _directed(plan)
         with self._plugin_errors:
             self._count = CountDetections(plan)
             self._stages = self._planned_stages(plan)
@@ -77,7 +77,7 @@ class Engine:
             else EvaluatedProbability(plan.detection, geometry),
             VisibilityTest(geometry) if pairs.is_checked.any() else None,
             WatchTest.of(plan),
-            _pointing_test(self._fields, geometry),
+            PointingTest(self._fields, geometry) if self._fields else None,
             draw_detections,
             self._count,
             DrawDirections(pairs),
@@ -188,31 +188,13 @@ class Engine:
         return evolve(window, estimates=tracked.estimates)
 
 
-def _pointed_fields(plan: Plan) -> "PointedFields | None":
-    """Return the narrow fields of a plan's sensors, None if none has one."""
+def _directed(plan: Plan) -> "tuple[PointedFields | None, Directing | None]":
+    """Return the narrow fields of a plan's sensors and what asks its director, None for none."""
     if not any(sensor.pointing for sensor in plan.sensors):
-        return None
-    from opir_core.simulation.pointing import PointedFields
+        return None, None
+    from opir_core.simulation.directing import directed
 
-    return PointedFields(plan.sensors)
-
-
-def _pointing_test(fields: "PointedFields | None", geometry: LookGeometry) -> Stage | None:
-    """Return the stage that leaves out looks beside narrow fields, None without any."""
-    if fields is None:
-        return None
-    from opir_core.simulation.pointing import PointingTest
-
-    return PointingTest(fields, geometry)
-
-
-def _directing(plan: Plan, fields: "PointedFields | None") -> "Directing | None":
-    """Return what asks the plan's director, None without one."""
-    if plan.make_director is None or fields is None:
-        return None
-    from opir_core.simulation.directing import Directing
-
-    return Directing(plan, plan.make_director(), fields)
+    return directed(plan)
 
 
 def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:

@@ -1,19 +1,15 @@
-"""Where the narrow fields of sensors are pointed, from time to time, and which looks see through
-them.
-"""
+"""Where the narrow fields of sensors are pointed, from time to time, and what is inside of them."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import dot
 from opir_core.geometry.vectors import angle_between_rad
 from opir_core.interfaces.directors import Command
 from opir_core.interfaces.sensors import Pointing, Sensor
-from opir_core.planning.looks import LookGeometry, blocks
-from opir_core.simulation.observation import Observation
 
 _NOWHERE = np.full(3, np.nan)
 
@@ -103,28 +99,6 @@ class PointedFields:
             rows = np.flatnonzero((time_s >= aim.from_s) & (time_s < end_s))
             if len(rows):
                 yield aim, rows
-
-
-@frozen(eq=False, repr=False)
-class PointingTest:
-    """Takes `looks` and `probability` (l,), which becomes 0 where the target is outside of the
-    sensor's narrow field.
-    """
-
-    fields: PointedFields
-    geometry: LookGeometry
-
-    def __call__(self, window: Observation) -> None:
-        """Test the looks of sensors with a narrow field."""
-        looks = window.looks
-        sensor: IndexArray = self.geometry.pairs.sensor[looks.pair]
-        for number in self.fields.sensors:
-            of_sensor = np.flatnonzero((sensor == number) & (window.probability > 0.0))
-            for block in blocks(len(of_sensor)):
-                rows = of_sensor[block]
-                exposed = self.geometry.exposures(looks.pair[rows], looks.scan[rows])
-                places = exposed.sensor_ecef_m, exposed.target_ecef_m
-                window.probability[rows] *= self.fields.is_inside(number, *places, exposed.time_s)
 
 
 def _pointing(sensor: Sensor) -> Pointing:

@@ -17,6 +17,7 @@ from opir_core.simulation.output_checks import checked_probability
 
 if TYPE_CHECKING:
     from opir_core.simulation.interpolation import ProbabilityInterpolant
+    from opir_core.simulation.pointing import PointedFields
 
 
 @frozen(eq=False, repr=False)
@@ -122,6 +123,28 @@ class WatchTest:
         ignition_s = self.plan.targets.ignition_s[pairs.target[looks.pair]]
         shines = (true_s >= ignition_s) & (true_s <= pairs.until_s[looks.pair])
         return ((clock_s == 0.0) | shines) & ~faults.is_blind(sensor, stated_s)
+
+
+class PointingTest:
+    """Takes `looks` and `probability` (l,), which becomes 0 where the target is outside of the
+    sensor's narrow field.
+    """
+
+    def __init__(self, fields: "PointedFields", geometry: LookGeometry) -> None:
+        self._fields = fields
+        self._geometry = geometry
+
+    def __call__(self, window: Observation) -> None:
+        """Test the looks of sensors with a narrow field."""
+        looks = window.looks
+        sensor = self._geometry.pairs.sensor[looks.pair]
+        for number in self._fields.sensors:
+            of_sensor = np.flatnonzero((sensor == number) & (window.probability > 0.0))
+            for block in blocks(len(of_sensor)):
+                rows = of_sensor[block]
+                exposed = self._geometry.exposures(looks.pair[rows], looks.scan[rows])
+                places = exposed.sensor_ecef_m, exposed.target_ecef_m
+                window.probability[rows] *= self._fields.is_inside(number, *places, exposed.time_s)
 
 
 def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
