@@ -60,6 +60,11 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
         "--tracks", metavar="PATH", help="write the tracks here (default: beside the events)"
     )
     parser.add_argument(
+        "--commands",
+        metavar="PATH",
+        help="write the director's commands here (default: beside the events)",
+    )
+    parser.add_argument(
         "--manifest",
         metavar="PATH",
         help="write the run manifest here (default: beside the events)",
@@ -111,8 +116,11 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
         if plan.make_tracker().cadence_s is None
         else _beside(events, arguments.tracks, ".tracks.jsonl")
     )
+    commands = (
+        None if scene.director is None else _beside(events, arguments.commands, ".commands.jsonl")
+    )
     manifest = _beside(events, arguments.manifest, ".manifest.json")
-    files = {"truth": truth, "tracks": tracks, "manifest": manifest}
+    files = {"truth": truth, "tracks": tracks, "commands": commands, "manifest": manifest}
     _require_own_paths(arguments, scene, files)
     if not arguments.quiet:
         for warning in plan_warnings(plan):
@@ -123,6 +131,7 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
             plan,
             truth_path=truth,
             tracks_path=tracks,
+            commands_path=commands,
             manifest_path=manifest,
             made_up=[path for kind, path in files.items() if getattr(arguments, kind) is None],
             on_window=(lambda window: update(scene.name, window.end_s)) if is_shown else None,

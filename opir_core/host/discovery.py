@@ -251,7 +251,7 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     ),
     "scanner": (
         "opir_core.builtin.scanner",
-        frozenset({("opir_sensor_models", "generic-scanner")}),
+        frozenset(("opir_sensor_models", f"generic-{name}") for name in ("scanner", "pointed")),
     ),
     "directors": (
         "opir_core.builtin.directors",
