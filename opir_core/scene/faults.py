@@ -82,3 +82,11 @@ class SensorFault:
     def end_s(self) -> float:
         """The time of the repair, s; inf without one."""
         return math.inf if self.until_s is None else self.until_s
+
+    def __str__(self) -> str:
+        """Return the fault in words: `S2: noise (factor 3) from 60 s on`."""
+        values = {name: getattr(self, name) for name in _SETTINGS[self.fault]}
+        given = [f"{name} {value:g}" for name, value in values.items() if value is not None]
+        size = f" ({', '.join(given)})" if given else ""
+        end = "on" if self.until_s is None else f"to {self.until_s:g} s"
+        return f"{self.sensor}: {self.fault}{size} from {self.at_s:g} s {end}"

@@ -55,6 +55,8 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "hypotheses": _hypotheses(plan),
         "expected_launches": launch_expectations(plan),
         "truth_users": _truth_users(plan),
+        "faults": [str(fault) for fault in plan.scene.faults],
+        "directed": [sensor.id for sensor in plan.sensors if sensor.pointing],
         "not_computed": _not_computed(plan),
         "warnings": plan_warnings(plan),
     }

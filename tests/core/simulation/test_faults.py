@@ -8,6 +8,7 @@ from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core.reading import scene_hash, scene_mapping
+from opir_core.simulation import explained
 
 WEST, EAST = 0, 1
 
@@ -141,3 +142,11 @@ def test_faults_that_are_wrong_are_refused(changes: dict[str, Any], words: str) 
     with pytest.raises(opir.SceneError) as refused:
         scene({key: value for key, value in settings.items() if value is not None})
     assert words in str(refused.value)
+
+
+def test_explain_says_which_sensors_fail() -> None:
+    plan = opir.compile_plan(scene(fault("noise", 60.0, None, factor=3.0), fault("down")))
+    assert explained(plan)["faults"] == [
+        "WEST: noise (factor 3) from 60 s on",
+        "WEST: down from 40 s to 70 s",
+    ]
