@@ -8,7 +8,7 @@ from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core.reading import scene_hash, scene_mapping
-from opir_core.simulation import explained
+from opir_core.simulation.explanation import explained
 
 WEST, EAST = 0, 1
 
