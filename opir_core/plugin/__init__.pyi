@@ -143,7 +143,6 @@ from opir_core.scene.target_classes import (
     TargetClass as TargetClass,
 )
 from opir_core.sensors.pointed_sensor import (
-    PlaceConfig as PlaceConfig,
     PointedSensorConfig as PointedSensorConfig,
     PointingConfig as PointingConfig,
 )

@@ -75,10 +75,9 @@ def _pointing(config: ScanningSensorConfig) -> Pointing | None:
     pointing: PointingConfig | None = getattr(config, "pointing", None)
     if pointing is None:
         return None
-    place = pointing.at
     at_ecef_m = None
-    if place is not None:
-        lat_rad, lon_rad = (math.radians(angle) for angle in (place.lat_deg, place.lon_deg))
+    if pointing.at_deg is not None:
+        lat_rad, lon_rad = map(math.radians, pointing.at_deg)
         x, y, z = geodetic_to_ecef(lat_rad, lon_rad, 0.0).tolist()
         at_ecef_m = x, y, z
     return Pointing(

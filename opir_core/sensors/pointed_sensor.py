@@ -6,16 +6,10 @@ from opir_core.scene.fields import nested, number
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 
-@frozen(kw_only=True)
-class PlaceConfig:
-    """A place on the ellipsoid."""
-
-    lat_deg: float = number(
-        help="geodetic latitude", unit="deg", minimum=-90.0, maximum=90.0, source=""
-    )
-    lon_deg: float = number(
-        help="east longitude", unit="deg", minimum=-180.0, maximum=180.0, source=""
-    )
+def _place_complaint(place_deg: tuple[float, float] | None) -> str | None:
+    if place_deg is None or (abs(place_deg[0]) <= 90.0 and abs(place_deg[1]) <= 180.0):
+        return None
+    return f"[{place_deg[0]:g}, {place_deg[1]:g}] is no [latitude, longitude]"
 
 
 @frozen(kw_only=True)
@@ -50,9 +44,12 @@ class PointingConfig:
         maximum=86_400.0,
         help="time from a command to the start of the turn: uplink and planning on board",
     )
-    at: PlaceConfig | None = nested(
+    at_deg: tuple[float, float] | None = nested(
         default=None,
-        help="place at which the sensor is pointed without a command; default: nadir",
+        unit="deg",
+        check=_place_complaint,
+        help="place at which the sensor is pointed without a command, [latitude, east longitude];"
+        " default: nadir",
     )
 
 

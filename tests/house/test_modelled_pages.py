@@ -19,6 +19,7 @@ from opir_core.reading.scene_schema import SceneFile
 from opir_core.scene.field_rows import field_rows, nested_config
 from opir_core.scene.fields import METADATA_KEY
 from opir_core.scene.scene import SceneDrag, SpoolConfig
+from opir_core.sensors.pointed_sensor import PointedSensorConfig
 from opir_core.sensors.radiometer import RadiometerConfig
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
@@ -43,7 +44,7 @@ PLUGINS = (
     ),
 )
 #: What others are made of: no scene names them.
-BASES = {PlaceConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
+BASES = {PlaceConfig, PointedSensorConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
 
 
 def settable():

@@ -160,7 +160,7 @@ def test_commands_that_a_sensor_cannot_take_are_refused_and_told() -> None:
         sensor, position_m = commands[situation.time_s]
         return [Command(sensor=sensor, position_ecef_m=position_m)]
 
-    pointed = run(decide, spot={"pointing": {"at": {"lat_deg": 34.0, "lon_deg": -120.0}}})
+    pointed = run(decide, spot={"pointing": {"at_deg": [34.0, -120.0]}})
     words = [record.refusal for record in pointed.commands]
     assert [of.split()[0] for of in words] == ["out", "its", "WIDE"]
     assert told[:4] == [[], words[:1], words[1:2], words[2:]]
