@@ -1,4 +1,5 @@
-"""Write constraints.txt anew, the versions of all that any extra brings, and locked.txt, the digests of what opir runs with.
+"""Write constraints.txt anew, the versions of all that any extra brings, and locked.txt, the digests of what opir runs
+with.
 
 Needs uv. Versions in constraints.txt stay; remove a line there to get the newest.
 """
