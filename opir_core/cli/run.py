@@ -18,7 +18,14 @@ from typing import Any
 from attrs import asdict
 
 from opir_core.cli.scene_arguments import add_dead_after, add_scene_arguments, plan_of, scene_of
-from opir_core.cli.terminal import grouped, listed, prints_on_standard_error, progress, table
+from opir_core.cli.terminal import (
+    ending_signals,
+    grouped,
+    listed,
+    prints_on_standard_error,
+    progress,
+    table,
+)
 from opir_core.errors import Problem, SceneError
 from opir_core.host.boundary import PluginErrors
 from opir_core.host.host import Host
@@ -126,7 +133,7 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
         for warning in plan_warnings(plan):
             warn(warning)
     is_shown = not arguments.quiet and sys.stderr.isatty()
-    with _ended_by_sigterm(), progress(scene.duration_s, is_shown=is_shown) as update:
+    with _ended_by_signals(), progress(scene.duration_s, is_shown=is_shown) as update:
         outcome = deliver(
             plan,
             truth_path=truth,
@@ -156,9 +163,9 @@ def _add_reasons(plan: Plan, summary: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end the run as Ctrl-C does, so that temporary files are removed, and then end the
-    process.
+def _ended_by_signals() -> Iterator[None]:
+    """Let SIGTERM, and SIGHUP of a closed terminal, end the run as Ctrl-C does, so that temporary
+    files are removed, and then end the process.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -169,13 +176,14 @@ def _ended_by_sigterm() -> Iterator[None]:
         arrived.append(number)
         raise KeyboardInterrupt
 
-    handler = signal.signal(signal.SIGTERM, end)
+    former = {number: signal.signal(number, end) for number in ending_signals()}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, handler)
+        for number, handler in former.items():
+            signal.signal(number, handler)
         if arrived:
-            os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), arrived[0])
 
 
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
