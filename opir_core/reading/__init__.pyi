@@ -21,7 +21,9 @@ from opir_core.reading.nodes import (
 )
 from opir_core.reading.plain_data import (
     data_of_node as data_of_node,
+    is_quantity as is_quantity,
     node_of_data as node_of_data,
+    number_in as number_in,
 )
 from opir_core.reading.scene_schema import (
     epoch_us_of_text as epoch_us_of_text,
