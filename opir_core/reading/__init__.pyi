@@ -6,6 +6,9 @@ from opir_core.reading.component_reader import (
     ComponentReader as ComponentReader,
     Settings as Settings,
 )
+from opir_core.reading.examples import (
+    example as example,
+)
 from opir_core.reading.loading import (
     load_scene as load_scene,
     overridden as overridden,

@@ -21,6 +21,11 @@ def write_run_report(run: Run, path: Path, *, with_data: bool = True) -> list[Pa
     return write_page(run_page(run), path, with_data=with_data)
 
 
+def report_of(run: Run, path: str | Path = "report.html") -> Path:
+    """Write the report of a run without data, and return its path; raises as `write_run_report`."""
+    return write_run_report(run, Path(path), with_data=False)[0]
+
+
 def run_page(run: Run) -> ReportPage:
     """Return the page of a run."""
     plots = RunPlots(run)
