@@ -42,8 +42,9 @@ class Study:
     """A study, as its file has it.
 
     `scene` is the path of a scene file or a scene as a mapping. Everything is checked by
-    `opir_studies.sweep`, before the first run. Quantities of astropy or pint in `overrides`, `vary`
-    and `conditions` become numbers in the unit that ends the name of their setting.
+    `opir_studies.sweep`, before the first run. Quantities of astropy or pint in `scene`,
+    `overrides`, `vary` and `conditions` become numbers in the unit that ends the name of their
+    setting.
     """
 
     scene: Any = nested(help="path of the scene, relative to the study's file", source="")
@@ -141,25 +142,28 @@ class Study:
     )
 
     def __attrs_post_init__(self) -> None:
+        object.__setattr__(self, "scene", _without_units(self.scene))
         for name in ("overrides", "vary", "conditions"):
             values = getattr(self, name)
             if isinstance(values, Mapping):
-                plain = {path: _without_units(str(path), value) for path, value in values.items()}
+                plain = {path: _without_units(value, path) for path, value in values.items()}
                 object.__setattr__(self, name, plain)
 
 
-def _without_units(path: str, value: Any) -> Any:
-    """Return values of a path with quantities as numbers in the unit that ends its name."""
+def _without_units(value: Any, path: str = "", key: str = "") -> Any:
+    """Return values with quantities as numbers in the unit that ends the path, without one their
+    key.
+    """
     if isinstance(value, Mapping):
-        return {key: _without_units(path, item) for key, item in value.items()}
+        return {name: _without_units(item, path, name) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_without_units(path, item) for item in value]
+        return [_without_units(item, path, key) for item in value]
     if not is_quantity(value):
         return value
     try:
-        return number_in(value, path.rpartition("_")[2])
+        return number_in(value, (path or key).rpartition("_")[2])
     except ValueError as error:
-        raise refusal(path, str(error), "study") from error
+        raise refusal(path or key, str(error), "study") from error
 
 
 def read_study(path: str | Path) -> Study:

@@ -2,6 +2,7 @@
 
 import pytest
 import yaml
+from opir_studies import Study
 from repository import EXAMPLES
 
 import opir_core
@@ -67,6 +68,23 @@ def test_a_quantity_of_another_dimension_is_refused_with_its_place(kind, setting
     place = next(iter(settings))
     with pytest.raises(opir_core.SceneError, match=rf"sensors\[0\]\.{place}: {words}"):
         with_settings({name: kind(value, "s") for name, value in settings.items()})
+
+
+def test_quantities_of_a_study_are_numbers_in_the_unit_that_ends_the_name():
+    path = "sensors[*].scan_period_ms"
+    block = {"from": OfPint(0.05, "s"), "to": OfPint(0.2, "s"), "count": 3}
+    study = Study(
+        scene={"duration_s": OfAstropy(2, "min")},
+        vary={path: [OfAstropy(0.125, "s"), 250]},
+        conditions={path: block},
+        overrides={"duration_s": OfPint(2, "min")},
+    )
+    assert study.scene == {"duration_s": 120.0}
+    assert study.vary == {path: [125.0, 250]}
+    assert study.conditions == {path: {"from": 50.0, "to": 200.0, "count": 3}}
+    assert study.overrides == {"duration_s": 120.0}
+    with pytest.raises(opir_core.SceneError, match="x_deg: 2 s is not a number of the unit deg"):
+        Study(scene="scene.yaml", vary={"x_deg": [OfAstropy(2, "s")]})
 
 
 @pytest.mark.peers
