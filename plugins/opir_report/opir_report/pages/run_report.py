@@ -6,6 +6,7 @@ from pathlib import Path
 
 from opir_core import Run
 from opir_core.cli import answers, grouped
+from opir_report.pages.citing_section import with_provenance
 from opir_report.pages.files import write_page
 from opir_report.pages.page import ReportPage
 from opir_report.pages.run_sections import SECTIONS
@@ -30,6 +31,7 @@ def run_page(run: Run) -> ReportPage:
     """Return the page of a run."""
     plots = RunPlots(run)
     counts = run.summary["counts"]
+    version = run.manifest["versions"]["opir-core"]
     scene = run.plan.scene
     names = ("sensors", "targets", "detections", "looks", "tracks")
     totals = ", ".join(f"{grouped(counts[name])} {name}" for name in names)
@@ -38,6 +40,10 @@ def run_page(run: Run) -> ReportPage:
         title=f"Run of {scene.name}",
         subtitle=subtitle,
         summary=answers(run.summary),
-        sections=[section for make in SECTIONS if (section := make(plots)) is not None],
+        sections=[
+            with_provenance(section, f"One run, seed {scene.seed}; opir {version}.")
+            for make in SECTIONS
+            if (section := make(plots)) is not None
+        ],
         footer="Written by opir-report. Unclassified textbook physics, notional numbers.",
     )
