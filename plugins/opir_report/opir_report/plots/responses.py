@@ -245,7 +245,7 @@ def _number_lines(axes: Axes, lines: ContourSet) -> None:
         taken.append(middle)
         axes.annotate(
             number_words(value, 3),
-            to_axes.inverted().transform(middle),
+            tuple(to_axes.inverted().transform(middle).tolist()),
             ha="center",
             va="center",
             fontsize=8,
