@@ -215,15 +215,21 @@ def _weight_figures(study: SavedStudy, figure: str) -> Iterator[ReportFigure]:
         draw = partial(tornado_plot, study=study, figure=figure)
         height_in = 1.0 + 0.4 * max(len(data), 1)
         yield plot_of("tornado", draw, height_in, f"{name}. {_TORNADO}", data=data)
-    indices = sensitivity_rows(study, figure)
-    if len(indices):
-        draw = partial(sensitivity_plot, study=study, figure=figure)
-        height_in = 1.2 + 0.45 * len(indices)
-        yield plot_of("sensitivity", draw, height_in, f"{name}. {_SENSITIVITY}", data=indices)
+    yield from _sensitivity_figure(study, figure)
     data = convergence_rows(study, figure)
     if len(data) and data["runs"].max() >= 3:
         draw = partial(convergence_plot, study=study, figure=figure)
         yield plot_of("convergence", draw, 4.0, f"{name}. {_CONVERGENCE}", data=data)
+
+
+def _sensitivity_figure(study: SavedStudy, figure: str) -> Iterator[ReportFigure]:
+    """Yield the Sobol indices of a figure, if the study has any."""
+    data = sensitivity_rows(study, figure)
+    if len(data):
+        draw = partial(sensitivity_plot, study=study, figure=figure)
+        height_in = 1.2 + 0.45 * len(data)
+        words = f"{words_of(study, figure)}. {_SENSITIVITY}"
+        yield plot_of("sensitivity", draw, height_in, words, data=data)
 
 
 def _metric_section(study: SavedStudy, metric: str, figures: Sequence[str]) -> ReportSection:
