@@ -227,6 +227,14 @@ def _mark_settings(axes: Axes, surface: Surface, pair: tuple[str, str]) -> None:
     axes.plot(*places, color=MUTED, marker="o", markersize=4, linestyle="")
 
 
+def _longest_middle(pieces: Sequence[FloatArray]) -> FloatArray:
+    """Return the middle (2,) of the longest stretch of the pieces (n, 2) of a line."""
+    first = np.concatenate([piece[:-1] for piece in pieces])
+    last = np.concatenate([piece[1:] for piece in pieces])
+    longest = int(np.argmax(np.hypot(*(last - first).T)))
+    return np.asarray(0.5 * (first[longest] + last[longest]))
+
+
 def _number_lines(axes: Axes, lines: ContourSet) -> None:
     """Write the value of each line in the middle of its longest stretch, where there is space."""
     axes.autoscale_view()
@@ -236,10 +244,7 @@ def _number_lines(axes: Axes, lines: ContourSet) -> None:
         pieces = [to_axes.transform(line) for line in path.to_polygons(closed_only=False)]
         if not pieces:
             continue
-        first = np.concatenate([piece[:-1] for piece in pieces])
-        last = np.concatenate([piece[1:] for piece in pieces])
-        longest = int(np.argmax(np.hypot(*(last - first).T)))
-        middle = 0.5 * (first[longest] + last[longest])
+        middle = _longest_middle(pieces)
         if any(np.all(np.abs(middle - other) < _LABEL_SIZE) for other in taken):
             continue
         taken.append(middle)
