@@ -22,9 +22,8 @@ def html_view(
 
     `rows` are the first of `count` rows; without a count the first `ROWS_SHOWN` of them are shown.
 
-    >>> html_view("two", ["name"], [["a"], ["b"]], 2)
-    "<div><p>'two'</p><table><thead><tr><th>name</th></tr></thead><tbody>\
-<tr><td>a</td></tr><tr><td>b</td></tr></tbody></table></div>"
+    >>> html_view(2, ["name"], [["a"]])
+    '<div><p>2</p><table><thead><tr><th>name</th></tr></thead><tbody><tr><td>a</td></tr></tbody></table></div>'
     """
     escape = import_module("html").escape  # a run by the command line does not load it
     listed = rows[:ROWS_SHOWN] if count is None else rows
