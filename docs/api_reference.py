@@ -22,6 +22,7 @@ PUBLIC = (
     "opir_core.arrays",
     "opir_core.constants",
     "opir_core.errors",
+    "opir_core.notebook",
     "opir_core.interfaces",
     "opir_core.scene",
     "opir_core.reading",

@@ -30,6 +30,7 @@ from opir_core.planning.plan import (
     reseeded as reseeded,
 )
 from opir_core.reading import (
+    example as example,
     load_scene as load_scene,
     scene_from_mapping as scene_from_mapping,
 )

@@ -25,6 +25,7 @@ from opir_core.host.components import (
     DetectionModel,
     EventEncoder,
     RendererModel,
+    RunView,
     SinkModel,
     TargetModel,
     TrackerModel,
@@ -240,6 +241,20 @@ def opir_event_encoders() -> Iterable[EventEncoder]:
 def opir_sinks() -> Iterable[SinkModel]:
     """Yield the built-in sinks."""
     return SINKS
+
+
+@hookimpl
+def opir_run_views() -> Iterable[RunView]:
+    """Yield `save`."""
+    yield RunView(
+        name="save",
+        summary="a function that writes the files of a run, which `run.save(PATH)` calls",
+        build=_save,
+    )
+
+
+def _save(run: Any) -> Callable[..., Any]:
+    return partial(import_module("opir_core.output.saving").saved, run)
 
 
 @hookimpl

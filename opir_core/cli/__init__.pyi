@@ -23,6 +23,5 @@ from opir_core.cli.terminal import (
     grouped as grouped,
     prints_on_standard_error as prints_on_standard_error,
     probability_text as probability_text,
-    progress as progress,
     table as table,
 )

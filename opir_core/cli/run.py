@@ -23,7 +23,6 @@ from opir_core.cli.terminal import (
     grouped,
     listed,
     prints_on_standard_error,
-    progress,
     table,
 )
 from opir_core.errors import Problem, SceneError
@@ -31,6 +30,7 @@ from opir_core.host.boundary import PluginErrors
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
 from opir_core.host.watchdog import ended_if_stuck
+from opir_core.notebook import progress
 from opir_core.output.delivery import CALL_S, PARQUET, RunOutcome, deliver, has_columns
 from opir_core.output.pump import SinkReport
 from opir_core.planning.plan import Plan
@@ -133,7 +133,7 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
         for warning in plan_warnings(plan):
             warn(warning)
     is_shown = not arguments.quiet and sys.stderr.isatty()
-    with _ended_by_signals(), progress(scene.duration_s, is_shown=is_shown) as update:
+    with _ended_by_signals(), progress(is_shown=is_shown) as update:
         outcome = deliver(
             plan,
             truth_path=truth,
@@ -141,7 +141,9 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
             commands_path=commands,
             manifest_path=manifest,
             made_up=[path for kind, path in files.items() if getattr(arguments, kind) is None],
-            on_window=(lambda window: update(scene.name, window.end_s)) if is_shown else None,
+            on_window=(lambda window: update(scene.name, window.end_s, scene.duration_s))
+            if is_shown
+            else None,
             workers=arguments.workers,
         )
     if not arguments.quiet:

@@ -1,4 +1,4 @@
-"""Text for terminals: tables, numbers and progress bars. Tables are the same on a terminal and in a
+"""Text for terminals: tables and numbers. Tables are the same on a terminal and in a
 file.
 """
 
@@ -6,7 +6,7 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from threading import Event, Thread
 from time import monotonic
@@ -63,28 +63,6 @@ def probability_text(chance: float) -> str:
     if chance >= _SURE:
         return "> 0.99"
     return "< 0.01" if chance < _UNLIKELY else f"{chance:.2f}"
-
-
-@contextmanager
-def progress(total: float, *, is_shown: bool) -> Iterator[Callable[[str, float], None]]:
-    """Show progress bars on standard error, if `is_shown`; give the function that sets a bar by
-    name.
-    """
-    if not is_shown:
-        yield lambda _name, _completed: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress, TaskID
-
-    tasks: dict[str, TaskID] = {}
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-
-        def update(name: str, completed: float) -> None:
-            if name not in tasks:
-                tasks[name] = bar.add_task(name, total=total)
-            bar.update(tasks[name], completed=completed)
-
-        yield update
 
 
 #: When a step of a command is called slow, s; the later lines come after twice as long each.

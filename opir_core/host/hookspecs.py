@@ -445,8 +445,9 @@ class CatalogueHooks:
 
         `build(run)` gets an `opir_core.Run` and changes nothing of it. `run.plot`, `run.tables()`,
         `run.to_pandas()` and `run.to_polars()` return the views `plot`, `tables`, `pandas` and
-        `polars`; a notebook shows the view `map`, an element of HTML or SVG as text. An allow-list
-        of the host that the run was made with also applies to views.
+        `polars`; `run.save(PATH)`, `run.report(PATH)` and `run.score()` call the functions that
+        `save`, `report` and `score` are; a notebook shows the view `map`, an element of HTML or SVG
+        as text. An allow-list of the host that the run was made with also applies to views.
 
         >>> from opir_core.plugin import Host, RunView, hookimpl
         >>> class Plugin:

@@ -19,6 +19,7 @@ from opir_core.host.contributions import Contributions
 from opir_core.host.discovery import Selection, Source, core_sources, installed_sources, selected
 from opir_core.host.error_messages import Search
 from opir_core.host.registry import PluginRow, Registry, outcome_of, warn
+from opir_core.notebook import html_view
 
 #: The environment variable that lists the plugins allowed.
 ALLOW_VARIABLE = "OPIR_PLUGINS"
@@ -57,6 +58,12 @@ class Host:
     def __repr__(self) -> str:
         """Return the number of plugins, in one line."""
         return f"<Host: {number_of('plugin', len(self.registry.sources))}>"
+
+    def _repr_html_(self) -> str:
+        """Return the plugins for a notebook."""
+        plugins = [source.provenance for source in self.registry.sources]
+        rows = [(plugin.plugin, plugin.distribution, plugin.version) for plugin in plugins]
+        return html_view(self, ("plugin", "distribution", "version"), rows, len(rows))
 
     @classmethod
     def of(cls, *plugins: object) -> Self:

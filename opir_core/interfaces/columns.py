@@ -12,6 +12,7 @@ from attrs import evolve, fields, frozen
 
 from opir_core.arrays import NUMBER_TYPES
 from opir_core.errors import number_of
+from opir_core.notebook import ROWS_SHOWN, html_view
 
 _Filled = TypeVar("_Filled", bound="Columns")
 
@@ -39,9 +40,8 @@ names_of: Callable[[Any], tuple[str, ...]] = cache(_names)
 _kinds_of: Callable[[Any], tuple[Any, ...]] = cache(_kinds)
 
 
-#: Letters of the columns' names in the text of a record, and rows of its table in a notebook.
+#: Letters of the columns' names in the text of a record.
 LONGEST_REPR = 300
-ROWS_SHOWN = 10
 
 
 @frozen(eq=False)
@@ -165,20 +165,12 @@ class Columns:
 
     def _repr_html_(self) -> str:
         """Return the first rows of the columns of one number a row, for a notebook."""
-        from html import escape  # of notebooks alone
-
         columns = {
             name: column[:ROWS_SHOWN].tolist()
             for name in names_of(type(self))
             if isinstance(column := getattr(self, name), np.ndarray) and column.ndim == 1
         }
-        head = "".join(f"<th>{name}</th>" for name in columns)
-        body = "".join(
-            f"<tr>{''.join(f'<td>{escape(str(value))}</td>' for value in row)}</tr>"
-            for row in zip(*columns.values(), strict=True)
-        )
-        table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-        return f"<div><p>{escape(repr(self).strip('<>'))}</p>{table}</div>"
+        return html_view(self, list(columns), list(zip(*columns.values(), strict=True)), len(self))
 
     def take(self, rows: Any) -> Self:
         """Return some of the rows, by an index array, a mask or a slice."""

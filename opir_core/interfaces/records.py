@@ -21,6 +21,7 @@ from opir_core.arrays import (
 )
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.sensor_health import SensorHealth
+from opir_core.notebook import html_view
 
 if TYPE_CHECKING:
     from opir_core.interfaces.viewpoints import AzimuthElevation
@@ -359,6 +360,10 @@ class Window:
             f" tracks"
         )
         return f"<Window from {self.start_s:g} to {self.end_s:g} s: {of}>"
+
+    def _repr_html_(self) -> str:
+        """Return the first detections for a notebook."""
+        return f"<div>{html_view(self, (), [])}{self.detections._repr_html_()}</div>"
 
 
 @frozen(eq=False, kw_only=True)

@@ -1,5 +1,6 @@
 """What a tracker has found of its sensors: biases, clocks, noise, innovations."""
 
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -44,6 +45,14 @@ class SensorHealth:
             **{name: values.get(name, np.full(shape, np.nan)) for name, shape in shapes.items()},
             text=text,
         )
+
+    @classmethod
+    def of_documents(cls, rows: Sequence[Mapping[str, Any]]) -> "SensorHealth":
+        """Return the health of sensors from their mappings, as `documents` gives them."""
+        values = {
+            name: np.array([row[name] for row in rows], dtype=np.float64) for name in _NUMBERS
+        }
+        return cls.of(values, tuple(row["text"] for row in rows))
 
     def documents(self) -> list[dict[str, Any]]:
         """Return one mapping for each sensor, of plain values; None where nothing is known."""

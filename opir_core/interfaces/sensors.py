@@ -8,6 +8,7 @@ from attrs import field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
+from opir_core.notebook import html_view
 
 #: Spans of time, s: start and end of each, in order.
 Spans = tuple[tuple[float, float], ...]
@@ -179,6 +180,12 @@ class Sensor:
         """Return id, type and bands, in one line."""
         bands = ", ".join(band.name for band in self.bands)
         return f"<Sensor {self.id}: {self.type}, {bands}>"
+
+    def _repr_html_(self) -> str:
+        """Return the settings for a notebook."""
+        return html_view(
+            self, ("setting", "value"), list(self.settings.items()), len(self.settings)
+        )
 
     def watched_until_s(self, time_s: FloatArray) -> FloatArray:
         """Return for how long (n,), s, it has looked from the scene's start to times (n,)."""

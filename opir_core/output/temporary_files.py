@@ -2,7 +2,6 @@
 else; their SHA-256.
 """
 
-import fcntl
 import hashlib
 import os
 import stat
@@ -14,6 +13,14 @@ from io import FileIO
 from pathlib import Path
 
 from opir_core.errors import SinkError
+
+try:
+    import fcntl
+except ImportError as error:
+    raise SinkError(
+        "opir writes files on Linux and macOS only: this system has no locks of POSIX (fcntl). On"
+        " Windows, run opir in WSL; opir_core.simulate works without files"
+    ) from error
 
 _CHUNK = 1 << 20
 #: Bytes after which what was written is sent to the disk, so that little is left to wait for at the

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from attrs import asdict, evolve, field, frozen
 
 from opir_core.arrays import ByteArray
@@ -27,6 +28,7 @@ from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.interfaces.sensors import Sensor
 from opir_core.interfaces.trackers import Tracker
 from opir_core.interfaces.trajectories import Trajectories
+from opir_core.notebook import html_view
 from opir_core.planning.built_parts import (
     BuildProblems,
     built,
@@ -138,6 +140,15 @@ class Plan(PlanParts):
         return (
             f"<Plan of {self.scene.name}: {of}, {self.end_ns * 1e-9:g} s, seed {self.scene.seed}>"
         )
+
+    def _repr_html_(self) -> str:
+        """Return the sensors with their looks at targets for a notebook."""
+        looks = np.bincount(self.pairs.sensor, self.pairs.looks, minlength=len(self.sensors))
+        rows = [
+            (sensor.id, sensor.type, int(count))
+            for sensor, count in zip(self.sensors, looks, strict=True)
+        ]
+        return html_view(self, ("sensor", "type", "looks"), rows)
 
     @property
     def has_independent_windows(self) -> bool:

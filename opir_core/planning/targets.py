@@ -10,6 +10,7 @@ from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray
 from opir_core.errors import ModelError, kind_of, number_of
 from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
 from opir_core.interfaces.trajectories import Trajectories
+from opir_core.notebook import html_view
 from opir_core.scene.scene import TARGET_TYPES
 
 
@@ -43,6 +44,12 @@ class Targets:
     def __repr__(self) -> str:
         """Return the number of targets with their classes, in one line."""
         return f"<Targets: {number_of('target', len(self.ids))}>"
+
+    def _repr_html_(self) -> str:
+        """Return ids, classes and times for a notebook."""
+        columns = (self.ids, self.class_names, self.ignition_s.tolist(), self.burnout_s.tolist())
+        head = ("target", "class", "ignition s", "burnout s")
+        return html_view(self, head, list(zip(*columns, strict=True)))
 
     @property
     def is_launch(self) -> BoolArray:

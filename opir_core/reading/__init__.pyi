@@ -6,6 +6,9 @@ from opir_core.reading.component_reader import (
     ComponentReader as ComponentReader,
     Settings as Settings,
 )
+from opir_core.reading.examples import (
+    example as example,
+)
 from opir_core.reading.loading import (
     load_scene as load_scene,
     overridden as overridden,
@@ -21,7 +24,9 @@ from opir_core.reading.nodes import (
 )
 from opir_core.reading.plain_data import (
     data_of_node as data_of_node,
+    is_quantity as is_quantity,
     node_of_data as node_of_data,
+    number_in as number_in,
 )
 from opir_core.reading.scene_schema import (
     epoch_us_of_text as epoch_us_of_text,

@@ -73,7 +73,8 @@ def scene_from_mapping(
     """Return the scene of a mapping laid out as a scene file is; `source` is its name in messages.
 
     It is checked as a file is, and holds plain data only: mappings with text keys, lists, tuples,
-    text, finite numbers, bools and None. Raises as `load_scene` does.
+    text, finite numbers, bools and None; and quantities of astropy or pint (`0.05 * u.s`), which
+    become numbers in the unit of their setting. Raises as `load_scene` does.
     """
     try:
         root = node_of_data(mapping)

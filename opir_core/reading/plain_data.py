@@ -1,6 +1,7 @@
-"""Mappings, lists and scalars of Python to nodes, and back."""
+"""Mappings, lists, scalars and quantities with units of Python to nodes, and back."""
 
 import math
+import re
 from collections.abc import Mapping
 from itertools import count
 from typing import Any
@@ -18,11 +19,16 @@ from opir_core.reading.nodes import (
 from opir_core.reading.strict_yaml import quoted_value
 
 _TOO_LONG = 10**MAXIMUM_DIGITS
+_POWERS = str.maketrans({"²": "2", "³": "3"})
+#: A power behind the name of a unit: `m2`.
+_POWER = re.compile(r"(?<=[A-Za-z])(\d)")
+#: Units of settings that are none.
+_PURE = {"1": "", "sigma": ""}
 
 
 def node_of_data(data: Any) -> Node:
     """Return the nodes of plain data: mappings with text keys, lists, tuples, text, finite numbers,
-    bools and None.
+    quantities with units, bools and None.
 
     What is wrong with single values waits in the nodes; data that is too deep or too large raises
     `InvalidNode`.
@@ -86,7 +92,7 @@ def _key_complaint(key: Any) -> str | None:
 
 
 def _scalar(data: Any) -> Any:
-    if data is None or isinstance(data, bool):
+    if data is None or isinstance(data, bool) or is_quantity(data):
         return data
     if isinstance(data, str):
         return quoted_value(str(data))
@@ -109,3 +115,36 @@ def _type_name(data: Any) -> str:
     return (
         kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
     )
+
+
+def is_quantity(value: Any) -> bool:
+    """Whether a value has a unit, by its attributes: a quantity of astropy or of pint."""
+    of_astropy = hasattr(value, "unit") and hasattr(value, "to_value")
+    return of_astropy or (hasattr(value, "units") and hasattr(value, "m_as"))
+
+
+def write_in_unit(node: Node, unit: str) -> None:
+    """Write the quantities of a node, those of lists and blocks too, as numbers in a unit.
+
+    Raises `InvalidNode` for quantities of another dimension, and for arrays.
+    """
+    value = node.value
+    if isinstance(value, list | dict):
+        for item in value if isinstance(value, list) else value.values():
+            write_in_unit(item, unit)
+    if is_quantity(value):
+        try:
+            node.value = number_in(value, unit)
+        except ValueError as error:
+            raise node.refused(str(error)) from error
+
+
+def number_in(value: Any, unit: str) -> float:
+    """Return a quantity in a unit; raises `ValueError` for one of another dimension, and for an
+    array.
+    """
+    name = _POWER.sub(r"**\1", _PURE.get(unit, unit).translate(_POWERS))
+    try:
+        return float((value.to_value if hasattr(value, "to_value") else value.m_as)(name))
+    except Exception as error:  # each library has classes of its own
+        raise ValueError(f"{value} is not a number of the unit {unit or '1'}") from error

@@ -25,7 +25,7 @@ from opir_core.reading.nodes import (
     read_each,
     shown_text,
 )
-from opir_core.reading.plain_data import data_of_node
+from opir_core.reading.plain_data import data_of_node, is_quantity, write_in_unit
 from opir_core.reading.strict_yaml import is_decimal_text, is_on
 from opir_core.scene.fields import METADATA_KEY, FieldInfo, info_of, named_value
 
@@ -34,6 +34,8 @@ from opir_core.scene.fields import METADATA_KEY, FieldInfo, info_of, named_value
 Reader = Callable[[Node, Any], Any]
 
 _FEW_KEYS = 8
+#: Types of values without quantities in them.
+_PLAIN = (float, int, str, bool, type(None))
 
 
 def read_float(node: Node, _type: Any = None) -> float:
@@ -151,6 +153,8 @@ def _what_it_is(node: Node) -> str:
         return f"{value} is a truth value to some YAML readers"
     if isinstance(value, str):
         return f"{shown_text(value)} is text"
+    if is_quantity(value):
+        return f"{value} has a unit, and this setting has none"
     return f"{_as_written(node)} is {'a truth value' if isinstance(value, bool) else 'a number'}"
 
 
@@ -188,6 +192,8 @@ class FieldReader:
         info = info_of(self.attribute)
         if info.named_values and isinstance(node.value, str):
             return self._named(info, node)
+        if info.unit and type(node.value) not in _PLAIN:
+            write_in_unit(node, info.unit)
         # Of an optional block, the reader of the block itself.
         inner = (
             self.read.args[0]

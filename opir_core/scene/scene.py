@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from attrs import field, fields, frozen, has
+from attrs import asdict, field, fields, frozen, has
 
 from opir_core.errors import number_of
+from opir_core.notebook import html_view
 from opir_core.scene.faults import SensorFault
 from opir_core.scene.fields import flag, nested, number, text
 
@@ -81,6 +82,10 @@ class SceneSensor:
         """Return id and model, in one line."""
         return f"<SceneSensor {self.id}: {self.model.name}>"
 
+    def _repr_html_(self) -> str:
+        """Return the settings for a notebook."""
+        return _settings_view(self)
+
 
 @frozen
 class SceneTarget:
@@ -95,6 +100,16 @@ class SceneTarget:
     def __repr__(self) -> str:
         """Return id and model, in one line."""
         return f"<SceneTarget {self.id}: {self.model.name}>"
+
+    def _repr_html_(self) -> str:
+        """Return the settings for a notebook."""
+        return _settings_view(self)
+
+
+def _settings_view(part: SceneSensor | SceneTarget) -> str:
+    """Return the settings of a part of a scene as HTML."""
+    settings = asdict(part.model.config, recurse=False)
+    return html_view(part, ("setting", "value"), list(settings.items()), len(settings))
 
 
 @frozen
@@ -266,6 +281,15 @@ class Scene:
             f"<Scene {self.name}: {of}, tracker {self.tracker.name}, {self.duration_s:g} s, seed"
             f" {self.seed}>"
         )
+
+    def _repr_html_(self) -> str:
+        """Return the sensors and targets for a notebook."""
+        parts: tuple[Any, ...] = (*self.sensors, *self.targets, *self.sources)
+        rows = [
+            (item.id, type(item).__name__.removeprefix("Scene").lower(), item.model.name)
+            for item in parts
+        ]
+        return html_view(self, ("id", "kind", "model"), rows)
 
     @property
     def choices(self) -> tuple[Choice, ...]:

@@ -7,6 +7,7 @@ neither with a scene's duration nor with a sensor's rate of false alarms.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from importlib import import_module
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -16,6 +17,7 @@ from opir_core.errors import Problem, SceneError, number_of
 from opir_core.host.host import Host
 from opir_core.interfaces.records import CommandRecord, Detections, DetectionTruth, Tracks, Window
 from opir_core.interfaces.sensors import Sensor
+from opir_core.notebook import progress as shown_progress
 from opir_core.planning.plan import Plan, compile_plan, reseeded
 from opir_core.planning.sightlines import Pairs
 from opir_core.scene.scene import REPORTED_TYPES, Scene
@@ -94,6 +96,25 @@ class Run:
         """Return the plots of the run, `run.plot.map()` for instance; with opir-report."""
         return self.view("plot", "run.plot")
 
+    def save(self, path: str | Path = "events.jsonl") -> Path:
+        """Write events, truth, tracks and manifest as `opir run` does; return the events' path.
+
+        `opir.load_run` reads them back. Events are columns where the path ends in `.parquet`, with
+        opir-export. Raises `SinkError` where a file cannot be written.
+        """
+        return cast("Path", self.view("save", "run.save()")(path))
+
+    def report(self, path: str | Path = "report.html") -> Path:
+        """Write the report of the run, one HTML file, with opir-report; return its path."""
+        return cast("Path", self.view("report", "run.report()")(path))
+
+    def score(self, **settings: Any) -> Any:
+        """Return the scores of the tracks against the truth, with opir-scoring.
+
+        `settings` are those of `opir_scoring.ScoreSettings`, such as `bin_s`.
+        """
+        return self.view("score", "run.score()")(**settings)
+
     def tables(self) -> Mapping[str, Any]:
         """Return the run as Arrow tables by name, with opir-export."""
         return cast("Mapping[str, Any]", self.view("tables", "run.tables()"))
@@ -112,6 +133,8 @@ def _views() -> Any:
     return import_module("opir_core.simulation.run_views")
 
 
+#: Steps of a progress bar.
+PROGRESS_STEPS = 50
 #: Target number of looks per window, events in looks of the same memory; a column of them takes
 #: 2 MiB.
 LOOKS_PER_WINDOW = 1 << 18
@@ -158,14 +181,20 @@ def _edges_by_looks(
 
 
 def simulate(
-    scene: Scene, host: Host | None = None, *, window_s: float | None = None, workers: int = 1
+    scene: Scene,
+    host: Host | None = None,
+    *,
+    window_s: float | None = None,
+    workers: int = 1,
+    progress: bool = False,
 ) -> Run:
     """Return the run of a scene: all detections and tracks as columns in memory.
 
-    `window_s` sets the length of the windows, `workers` the number of processes that compute them;
-    neither changes a result. For scenes too large for memory use `opir_core.windows`.
+    `window_s` sets the length of the windows, `workers` the number of processes that compute them,
+    `progress` shows a bar, in a notebook's cell or on standard error; none of them changes a
+    result. For scenes too large for memory use `opir_core.windows`.
     """
-    return run_of_plan(compile_plan(scene, host), window_s, workers=workers)
+    return run_of_plan(compile_plan(scene, host), window_s, workers=workers, progress=progress)
 
 
 def replicates(scene: Scene, runs: int, host: Host | None = None) -> Iterator[Run]:
@@ -184,13 +213,22 @@ def replicates(scene: Scene, runs: int, host: Host | None = None) -> Iterator[Ru
         yield run_of_plan(reseeded(plan, scene.seed + number) if number else plan)
 
 
-def run_of_plan(plan: Plan, window_s: float | None = None, *, workers: int = 1) -> Run:
-    """Return the run of a plan; each call returns the same run. `workers` is as in `simulate`."""
+def run_of_plan(
+    plan: Plan, window_s: float | None = None, *, workers: int = 1, progress: bool = False
+) -> Run:
+    """Return the run of a plan; each call returns the same run. The options are those of
+    `simulate`.
+    """
     tally = Tally(plan)
     windows = list[Window]()
-    for window in plan_windows(plan, window_s, workers=workers):
-        tally.count_sightings(window)
-        windows.append(window)
+    duration_s = plan.end_ns * 1e-9
+    if progress and window_s is None:
+        window_s = duration_s / PROGRESS_STEPS
+    with shown_progress(is_shown=progress) as update:
+        for window in plan_windows(plan, window_s, workers=workers):
+            tally.count_sightings(window)
+            windows.append(window)
+            update(f"{plan.scene.name}, s", min(window.end_s, duration_s), duration_s)
     return _collected(plan, tally, windows)
 
 

@@ -1,15 +1,12 @@
 """Views of a run: as HTML for notebooks, and those that plugins offer."""
 
 from collections.abc import Mapping
-from html import escape
 from typing import Any
 
 from opir_core.host.boundary import blamed_call, check_hint
 from opir_core.host.components import RunView
 from opir_core.host.host import Host
-
-#: Rows of the table.
-_LISTED = 12
+from opir_core.notebook import html_view
 
 _HEAD = ("target", "type", "first detected by", "latency s", "detections", "reported")
 
@@ -40,22 +37,18 @@ def run_html(run: Any) -> str:
     """Return the repr of an `opir_core.Run`, a table of its first targets and, if one is installed,
     its view `map`.
     """
-    targets = run.summary["targets"]
-    head = "".join(f"<th>{name}</th>" for name in _HEAD)
-    rows = "".join(f"<tr>{_row(target)}</tr>" for target in targets[:_LISTED])
-    table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>" if targets else ""
-    more = f"<p>and {len(targets) - _LISTED} more targets</p>" if len(targets) > _LISTED else ""
+    table = html_view(run, _HEAD, [_row(target) for target in run.summary["targets"]])
     picture = (
         run_view(run, "map", "the map of a run")
         if "map" in _host_of(run, "map").names(RunView)
         else ""
     )
-    return f"<div><p>{escape(repr(run).strip('<>'))}</p>{table}{more}{picture}</div>"
+    return f"<div>{table}{picture}</div>"
 
 
-def _row(target: Mapping[str, Any]) -> str:
+def _row(target: Mapping[str, Any]) -> tuple[str, ...]:
     latency_s = target["latency_s"]
-    cells = (
+    return (
         target["target_id"],
         target["target_type"],
         target["first_sensor_id"] or "not detected",
@@ -63,4 +56,3 @@ def _row(target: Mapping[str, Any]) -> str:
         str(target["detections"]),
         target["reported_type"] or "",
     )
-    return "".join(f"<td>{escape(cell)}</td>" for cell in cells)

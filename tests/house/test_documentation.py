@@ -10,6 +10,7 @@ import sys
 from importlib import import_module
 
 import pytest
+from peer_libraries import IMPORT, missing
 from public_names import PUBLIC, is_public
 from repository import ROOT
 
@@ -68,6 +69,9 @@ def pages_with(language):
 @pytest.mark.parametrize("page", pages_with("python"))
 def test_python_blocks_run(page, folder):
     code = "\n".join(blocks(page, "python"))
+    absent = missing().intersection(IMPORT.findall(code))
+    if absent:
+        pytest.skip(f"it imports {', '.join(absent)}: pip install '.[peers]'")
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
     )

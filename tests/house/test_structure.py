@@ -23,7 +23,7 @@ LONG_FUNCTIONS = {}
 VAGUE = {"utils", "util", "helpers", "helper", "manager", "base", "common", "misc"}
 
 #: Modules that may lie flat in the core.
-FLAT = {"__init__", "__main__", "_version", "arrays", "constants", "doors", "errors"}
+FLAT = {"__init__", "__main__", "_version", "arrays", "constants", "doors", "errors", "notebook"}
 
 #: The floors of the core, from the lowest: a module imports from its own floor and from those
 #: below. `reading` is above `host`, for a scene names components.
@@ -33,6 +33,7 @@ FLOORS = (
         "doors",
         "constants",
         "errors",
+        "notebook",
         "arrays",
         "geometry",
         "scene",

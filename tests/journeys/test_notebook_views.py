@@ -10,6 +10,8 @@ from study_scene import PERIOD, SCENE
 from opir_core import Host, compile_plan, load_scene, plan_windows, simulate
 
 LONGEST = 400
+#: Letters of a view; a map is the largest.
+LARGEST_VIEW = 150_000
 SCENE_FILE = str(ROOT / "examples" / "first_light.yaml")
 
 
@@ -37,6 +39,7 @@ def results(tmp_path_factory):
         "host": Host.discover(),
         "evidence": evidence,
         "scores": impact_scores(evidence, ownership(evidence)),
+        "scorecard": run.score(),
         "study": sweep(study, folder / "study"),
         "study plots": StudyPlots(folder / "study"),
         "optimised": optimise(study, folder / "best", "min latency_s", evaluations=1),
@@ -56,22 +59,30 @@ def test_texts_are_short_and_without_an_address(results):
 
 
 @pytest.mark.slow
+def test_every_result_has_a_view_of_bounded_size(results):
+    views = {name: result._repr_html_() for name, result in results.items()}
+    assert {name for name, view in views.items() if not view.startswith("<")} == set()
+    assert {name: len(view) for name, view in views.items() if len(view) > LARGEST_VIEW} == {}
+    assert {name for name, view in views.items() if " at 0x" in view} == set()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "name",
+    ("name", "words"),
     [
-        "run",
-        "detections",
-        "truth",
-        "tracks",
-        "scores",
-        "study",
-        "optimised",
-        "comparison",
+        ("scene", "<td>DSP-1</td><td>sensor</td><td>DSP</td>"),
+        ("scene sensor", "<td>scan_period_ms</td>"),
+        ("scene target", "<td>ICBM</td>"),
+        ("plan", "<td>DSP-1</td><td>DSP</td><td>150</td>"),
+        ("sensor", "<td>scan_period_ms</td><td>200.0</td>"),
+        ("targets", "<td>T1</td><td>ICBM</td><td>10.0</td><td>260.0</td>"),
+        ("host", "<td>opir-core</td>"),
+        ("plots", "<td>nees()</td><td>Draw the NEES of the tracks"),
+        ("scorecard", "launches tracked"),
     ],
 )
-def test_results_have_a_view(results, name):
-    view = results[name]._repr_html_()
-    assert view.startswith("<")
+def test_a_view_says_what_is_in_it(results, name, words):
+    assert words in results[name]._repr_html_()
 
 
 @pytest.mark.slow

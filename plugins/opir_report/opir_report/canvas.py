@@ -16,9 +16,11 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from matplotlib.path import Path
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, LogLocator, NullFormatter
 
+from opir_core.notebook import html_view
 from opir_report.palette import GRID, INK, MUTED, PAPER, SERIES, Hue
 from opir_report.words import number_words
 
@@ -62,6 +64,12 @@ WIDTH_IN = 8.6
 PRINT_WIDTH_IN = 7.2
 
 _PLACES = re.compile(r"(-?\d+\.\d{2})\d+")
+#: Long outlines of coasts and regions: the letters and points of a path, and the codes of these.
+_OUTLINE = re.compile(r' d="([MLz\s\d.-]{2000,})"')
+_POINT = re.compile(r"([MLz])(?:\s+(-?[\d.]+) (-?[\d.]+))?")
+_CODES = {"M": Path.MOVETO, "L": Path.LINETO, "z": Path.CLOSEPOLY}
+#: How far a point of an outline may be moved, points of 1/72 inch.
+_OUTLINE_TOLERANCE = 0.2
 _GEOMETRY = re.compile(r' (?:d|x|y|width|height)="[^"]*"')
 _IDS = re.compile(
     r' id="(?:figure|axes|patch|line2d|text|xtick|ytick|matplotlib\.axis|legend|Path|Poly)[^"]*"'
@@ -85,12 +93,24 @@ def new_axes(height_in: float) -> Axes:
     return axes
 
 
-def plots_of(plots: object) -> str:
-    """Return the names of the plots that an object offers as methods."""
-    methods = vars(type(plots)).items()
-    return ", ".join(
-        f"{name}()" for name, value in methods if isfunction(value) and not name.startswith("_")
-    )
+class Plots:
+    """Plots as methods: the text of an object names them, a notebook shows what each draws."""
+
+    def __repr__(self) -> str:
+        """Return the names of the plots."""
+        return f"<{type(self).__name__}: {', '.join(self._summaries())}>"
+
+    def _repr_html_(self) -> str:
+        """Return the plots with what they draw."""
+        rows = list(self._summaries().items())
+        return html_view(self, ("plot", "draws"), rows, len(rows))
+
+    def _summaries(self) -> dict[str, str]:
+        return {
+            f"{name}()": " ".join(str(method.__doc__).partition("\n\n")[0].split())
+            for name, method in vars(type(self)).items()
+            if isfunction(method) and not name.startswith("_")
+        }
 
 
 def without_data(axes: Axes, words: str) -> Axes:
@@ -221,11 +241,27 @@ def svg_of(
 
 
 def _shortened(text: str) -> str:
-    """Return the `svg` element of a file, without unused parts and with places to 2 decimals."""
+    """Return the `svg` element of a file, without unused parts and with places to 2 decimals; long
+    outlines have no more points than their shape needs.
+    """
     text = _GLOBAL_STYLE.sub("", text)
     text = _METADATA.sub("", text[text.index("<svg") :].rstrip())
-    text = _IDS.sub("", text)
+    text = _OUTLINE.sub(_simplified, _IDS.sub("", text))
     return _GEOMETRY.sub(lambda attribute: _PLACES.sub(r"\1", attribute[0]), text)
+
+
+def _simplified(outline: re.Match[str]) -> str:
+    """Return the attribute of an outline with fewer points, to 1 decimal."""
+    points = _POINT.findall(outline[1])
+    vertices = [(float(x or "0"), float(y or "0")) for _, x, y in points]
+    path = Path(vertices, [_CODES[letter] for letter, _, _ in points])
+    path.simplify_threshold = _OUTLINE_TOLERANCE
+    segments = [
+        f"{'M' if code == Path.MOVETO else 'L'}{vertex[0]:.1f} {vertex[1]:.1f}"
+        for vertex, code in path.cleaned(simplify=True).iter_segments()
+        if code != Path.STOP
+    ]
+    return f' d="{"".join(segments)}"'
 
 
 def print_bytes(draw: Callable[[Figure], object], height_in: float, form: str) -> bytes:

@@ -1,7 +1,8 @@
 """The command `opir report` and views of runs; matplotlib is imported when one is used."""
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 from opir_core.plugin import RunView, hookimpl
@@ -11,7 +12,7 @@ _SUMMARY = "write a report of a run or a study, one HTML file with plots"
 
 @hookimpl
 def opir_run_views() -> Iterable[RunView]:
-    """Yield `plot` and `map`."""
+    """Yield `plot`, `map` and `report`."""
     yield RunView(
         name="plot",
         summary="plots of a run with matplotlib, `run.plot.map()` for instance",
@@ -21,6 +22,11 @@ def opir_run_views() -> Iterable[RunView]:
         name="map",
         summary="the map of a run's launches, an svg element for notebooks",
         build=_map_svg,
+    )
+    yield RunView(
+        name="report",
+        summary="a function that writes the report of a run, which `run.report(PATH)` calls",
+        build=_report_writer,
     )
 
 
@@ -34,6 +40,12 @@ def _map_svg(run: Any) -> str:
     from opir_report.run_plots import map_svg
 
     return map_svg(run)
+
+
+def _report_writer(run: Any) -> Callable[..., Any]:
+    from opir_report.pages.run_report import report_of
+
+    return partial(report_of, run)
 
 
 @hookimpl

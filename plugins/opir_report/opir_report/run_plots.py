@@ -8,7 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 
 from opir_core import Run
-from opir_report.canvas import STYLE, WIDTH_IN, new_axes, plots_of, svg_of, without_data
+from opir_report.canvas import STYLE, WIDTH_IN, Plots, new_axes, svg_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.plots.confidence import confidence_plot, confidences
 from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
@@ -27,17 +27,13 @@ MAP_IN = 4.6
 WORLD_IN = 4.5
 
 
-class RunPlots:
+class RunPlots(Plots):
     """The plots of a run. Each method draws into `ax`, or into a new figure of pyplot, and returns
     the axes.
     """
 
     def __init__(self, run: Run) -> None:
         self.facts = RunFacts(run)
-
-    def __repr__(self) -> str:
-        """Return the names of the plots, which are methods."""
-        return f"<RunPlots: {plots_of(self)}>"
 
     @cached_property
     def ground_tracks(self) -> FigureData:

@@ -1,5 +1,6 @@
 """A study as `opir sweep` wrote it: its definition, and a row per design and figure."""
 
+import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ RESULTS = "results.parquet"
 RUNS = "runs.parquet"
 LAUNCHES = "launches.parquet"
 SHARES = "shares.parquet"
+SENSITIVITY = "sensitivity.csv"
 #: The version of the definition that is read.
 STUDY_VERSION = 3
 #: The setting by which studies side by side differ.
@@ -41,6 +43,8 @@ class SavedStudy:
     #: A row per launch of each run, and one per required share of launches, if the folder has them.
     launches: FigureData | None = None
     shares: FigureData | None = None
+    #: Sobol indices by figure and setting, of a study of that design.
+    sensitivity: FigureData | None = None
 
     @property
     def paths(self) -> list[str]:
@@ -252,7 +256,21 @@ def read_study(path: Path) -> SavedStudy:
         _columns(parquet.read_table(folder / name)) if (folder / name).is_file() else None
         for name in (RUNS, LAUNCHES, SHARES)
     )
-    return _with_condition(SavedStudy(definition, _columns(table), runs, launches, shares))
+    sensitivity = _sensitivity(folder / SENSITIVITY)
+    return _with_condition(
+        SavedStudy(definition, _columns(table), runs, launches, shares, sensitivity)
+    )
+
+
+def _sensitivity(path: Path) -> FigureData | None:
+    """Return the Sobol indices of a study, nan for those that are not known; None without any."""
+    if not path.is_file():
+        return None
+    with path.open(encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    names = 2
+    cells = [(*row[:names], *(float(cell or "nan") for cell in row[names:])) for row in rows]
+    return FigureData.of_rows(head, cells)
 
 
 def _with_condition(study: SavedStudy) -> SavedStudy:

@@ -6,13 +6,13 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from opir_report.canvas import STYLE, WIDTH_IN, new_axes, new_layout, plots_of
+from opir_report.canvas import STYLE, WIDTH_IN, Plots, new_axes, new_layout
 from opir_report.plots.effects import difference_plot, effect_plot
 from opir_report.plots.share_curves import curves_figure
 from opir_report.saved_study import read_study
 
 
-class StudyPlots:
+class StudyPlots(Plots):
     """The plots of the study in a folder. Each method draws into `ax`, or into a new figure, and
     returns the axes.
 
@@ -21,10 +21,6 @@ class StudyPlots:
 
     def __init__(self, folder: str | Path) -> None:
         self.study = read_study(Path(folder))
-
-    def __repr__(self) -> str:
-        """Return the names of the plots, which are methods."""
-        return f"<StudyPlots: {plots_of(self)}>"
 
     def effect(self, figure: str, over: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw the mean of a figure with its 95 % interval over the path `over`, by default that

@@ -16,6 +16,7 @@ from attrs import frozen
 from opir_core import Plan, Run
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, RowArray
 from opir_core.errors import Problem, SceneError
+from opir_core.notebook import html_view
 from opir_core.output import read_run, unix_microseconds
 from opir_core.plugin import Tracks
 
@@ -47,6 +48,10 @@ class RunEvidence:
         """Return the plan with the counts, in one line."""
         rows = f"{len(self.tracks)} rows of tracks, {len(self.time_s)} detections"
         return f"<RunEvidence of {self.plan.scene.name}: {rows}>"
+
+    def _repr_html_(self) -> str:
+        """Return the first rows of tracks for a notebook."""
+        return f"<div>{html_view(self, (), [])}{self.tracks._repr_html_()}</div>"
 
     @property
     def is_launch(self) -> BoolArray:

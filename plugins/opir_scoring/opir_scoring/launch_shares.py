@@ -3,8 +3,9 @@ time.
 
 Launches of one run share its sensors, weather and random numbers, so runs are the units that are
 independent: the exact binomial interval is that of the effective number of launches (Korn and
-Graubard, Survey Methodology 24 (1998), 193). Where few runs differ from the others, their
-dependence is hardly known, and the design effect is drawn towards that of full dependence.
+Graubard, Survey Methodology 24 (1998), 193). Runs of unequal numbers of launches are worth Kish's
+number of equal ones. Where few runs differ from the others, their dependence is hardly known, and
+the design effect is drawn towards that of full dependence.
 """
 
 from collections.abc import Sequence
@@ -112,15 +113,18 @@ def _effective_launches(share: float, successes: FloatArray, trials: FloatArray)
         return launches
     if runs < 2:
         return np.nan
+    # Runs with many launches count for most of the others (Kish, Survey Sampling (1965), 425).
+    equal_runs = launches**2 / float(np.sum(np.square(trials)))
     variance = runs / (runs - 1) * np.sum(np.square(successes - share * trials)) / launches**2
     design_effect = 1.0
     if variance > 0.0:
         tail = 0.5 * (1.0 + LEVEL)
-        ratio = student.ppf(tail, launches - 1) / student.ppf(tail, runs - 1)
+        ratio = student.ppf(tail, launches - 1) / student.ppf(tail, max(equal_runs - 1.0, 1.0))
         of_launches = share * (1.0 - share) / launches
         design_effect = max(float(variance / of_launches / ratio**2), 1.0)
-    informative = min(np.count_nonzero(successes), np.count_nonzero(successes < trials))
-    dependent = _DEPENDENT_RUNS * launches / runs
+    differing = min(np.count_nonzero(successes), np.count_nonzero(successes < trials))
+    informative = differing * equal_runs / runs
+    dependent = _DEPENDENT_RUNS * launches / equal_runs
     return launches * (informative + _DEPENDENT_RUNS) / (informative * design_effect + dependent)
 
 

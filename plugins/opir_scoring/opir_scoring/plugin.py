@@ -1,9 +1,27 @@
 """The command `opir score`; what computes scores is imported when the command is given."""
 
 import argparse
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
-from opir_core.plugin import hookimpl
+from opir_core.plugin import RunView, hookimpl
+
+
+@hookimpl
+def opir_run_views() -> Iterable[RunView]:
+    """Yield `score`."""
+    yield RunView(
+        name="score",
+        summary="a function that scores the tracks of a run, which `run.score()` calls",
+        build=_scores,
+    )
+
+
+def _scores(run: Any) -> Callable[..., Any]:
+    from opir_scoring.scorecards import scorecard_of_run
+
+    return partial(scorecard_of_run, run)
 
 
 @hookimpl

@@ -1,12 +1,14 @@
 """The scorecard: a tracker's figures over runs, each with its interval, by sensor geometry."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 
-from opir_core import Plan
+from opir_core import Plan, Run
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, TargetClass
 from opir_scoring.containments import (
@@ -26,7 +28,7 @@ from opir_scoring.containments import (
     rms,
 )
 from opir_scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
-from opir_scoring.evidence import Ownership, RunEvidence, ownership
+from opir_scoring.evidence import Ownership, RunEvidence, evidence_of_run, ownership
 from opir_scoring.hypothesis_scores import HypothesisScores, hypothesis_figures, hypothesis_scores
 from opir_scoring.impacts import ImpactScores, phase_figures, phase_scores
 from opir_scoring.launch_recognition import Recognition, recognition, recognition_figures
@@ -72,6 +74,11 @@ class Scorecard:
         """Return the number of runs and figures, in one line."""
         return f"<Scorecard: {self.figures.get('runs', 0)} runs, {len(self.figures)} figures>"
 
+    def _repr_html_(self) -> str:
+        """Return the scores as a notebook shows them."""
+        text = import_module("opir_scoring.scorecard_tables").scorecard_text({"score": self})
+        return f"<pre>{escape(text)}</pre>"
+
     def as_plain(self) -> Any:
         """Return the figures for JSON, with null for unknown values."""
         return plain(self.figures)
@@ -100,6 +107,11 @@ class ScoredRun:
     detections: int
     track_updates: int
     tracking_s: float
+
+
+def scorecard_of_run(run: Run, **settings: Any) -> Scorecard:
+    """Return the scorecard of a run in memory; `settings` are those of `ScoreSettings`."""
+    return scorecard([evidence_of_run(run, run.plan)], ScoreSettings(**settings))
 
 
 def scorecard(

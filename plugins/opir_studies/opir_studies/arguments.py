@@ -10,36 +10,31 @@ from opir_core.cli import add_dead_after, add_overrides
 def _study_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the study or scene, what varies, the runs, the executor and the output."""
     parser.add_argument("study", metavar="STUDY|SCENE", help="a study (YAML), or a scene to vary")
-    parser.add_argument(
+    _repeatable(
+        parser,
         "--vary",
-        metavar="PATH=VALUES",
-        action="append",
-        default=[],
-        help="vary a setting, e.g. sensors[*].scan_period_ms=50,100,200 or tracker=imm,kepler-arc;"
+        "PATH=VALUES",
+        "vary a setting, e.g. sensors[*].scan_period_ms=50,100,200 or tracker=imm,kepler-arc;"
         " repeatable",
     )
-    parser.add_argument(
+    _repeatable(
+        parser,
         "--condition",
-        metavar="PATH=VALUES",
-        action="append",
-        default=[],
-        dest="conditions",
-        help="a setting that nobody chooses, such as epoch or cloud: each design is answered in all"
+        "PATH=VALUES",
+        "a setting that nobody chooses, such as epoch or cloud: each design is answered in all"
         " of its values, in each and in the worst; repeatable",
+        dest="conditions",
     )
     _add_common(parser)
-    parser.add_argument(
-        "--runs", metavar="N", type=int, help="runs of each design (default: the study's, or 100)"
-    )
-    parser.add_argument(
+    _number(parser, "--runs", "runs of each design (default: the study's, or 100)")
+    _repeatable(
+        parser,
         "--metric",
-        metavar="NAME",
-        action="append",
-        default=[],
-        dest="metrics",
-        help="a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or"
+        "NAME",
+        "a metric, a name or a block {NAME: settings}; repeatable (default: the study's, or"
         " latency and"
         " detection_by_time)",
+        dest="metrics",
     )
     _running_arguments(parser)
 
@@ -55,37 +50,31 @@ def _running_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--executor", metavar="NAME", help="where runs are made: processes (default), serial, dask"
     )
-    parser.add_argument(
-        "--workers", metavar="N", type=int, help="number of workers (default: the executor's)"
-    )
+    _number(parser, "--workers", "number of workers (default: the executor's)")
     parser.add_argument(
         "--until",
         metavar="FIGURE:WIDTH",
         help="stop a design when half the 95 %% interval is narrow enough: latency_s:0.5%%, or"
         " latency_s:0.2 (s); `decided`: when every required share of launches is",
     )
-    parser.add_argument(
-        "--seed", metavar="N", type=int, help="seed of the designs that are drawn (default 0)"
-    )
-    parser.add_argument(
+    _number(parser, "--seed", "seed of the designs that are drawn (default 0)")
+    _repeatable(
+        parser,
         "--show",
-        metavar="FIGURE",
-        action="append",
-        default=[],
-        help="a figure that the table and the report begin with; repeatable (default: the first of"
+        "FIGURE",
+        "a figure that the table and the report begin with; repeatable (default: the first of"
         " each metric)",
     )
-    parser.add_argument(
+    _repeatable(
+        parser,
         "--require",
-        metavar="'FIGURE >= VALUE'",
-        action="append",
-        default=[],
-        dest="requirements",
-        help="a bound of a figure's mean, with >= or <=, or a share of launches: 'region_km2 < 1000"
+        "'FIGURE >= VALUE'",
+        "a bound of a figure's mean, with >= or <=, or a share of launches: 'region_km2 < 1000"
         " within 90 s in 90 %% of launches': a line in plots, and which designs meet it; repeatable",
+        dest="requirements",
     )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
-    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    _quiet(parser)
 
 
 def sweep_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,12 +85,7 @@ def sweep_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="factorial (default), one-at-a-time, latin-hypercube or sobol (sensitivity indices)",
     )
-    parser.add_argument(
-        "--samples",
-        metavar="N",
-        type=int,
-        help="samples of a Latin hypercube or of Sobol indices (default 20)",
-    )
+    _number(parser, "--samples", "samples of a Latin hypercube or of Sobol indices (default 20)")
     parser.add_argument(
         "--shard",
         metavar="I/N",
@@ -132,13 +116,7 @@ def optimise_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="the figure whose mean is to be least or largest: 'max warning_time_s'",
     )
-    parser.add_argument(
-        "--evaluations",
-        metavar="N",
-        type=int,
-        default=100,
-        help="designs that are evaluated (default 100)",
-    )
+    _number(parser, "--evaluations", "designs that are evaluated (default 100)", default=100)
     parser.set_defaults(design=None, samples=None)
 
 
@@ -152,10 +130,10 @@ def rerun_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--out", metavar="FOLDER", help="where it goes (default: its name, with -again)"
     )
-    parser.add_argument("--workers", metavar="N", type=int, help="number of worker processes")
+    _number(parser, "--workers", "number of worker processes")
     add_dead_after(parser)
     parser.add_argument("--json", action="store_true", help="print what differs as JSON")
-    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    _quiet(parser)
 
 
 def merge_arguments(parser: argparse.ArgumentParser) -> None:
@@ -164,10 +142,10 @@ def merge_arguments(parser: argparse.ArgumentParser) -> None:
         "folders", metavar="FOLDER", nargs="+", help="the folders of `opir sweep --shard`"
     )
     parser.add_argument("-o", "--out", metavar="FOLDER", required=True, help="where the study goes")
-    parser.add_argument("--workers", metavar="N", type=int, help="number of worker processes")
+    _number(parser, "--workers", "number of worker processes")
     _report_arguments(parser)
     add_dead_after(parser)
-    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")
+    _quiet(parser)
 
 
 def compare_arguments(parser: argparse.ArgumentParser) -> None:
@@ -180,27 +158,21 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
         dest="trackers",
         help="a tracker to score, a name or a YAML block; repeatable (default: the scene's)",
     )
-    parser.add_argument(
+    _repeatable(
+        parser,
         "--vary",
-        metavar="PATH=VALUES",
-        action="append",
-        default=[],
-        help="score each tracker with each value of a setting, e.g."
+        "PATH=VALUES",
+        "score each tracker with each value of a setting, e.g."
         " tracker.association=jpda,gnn; repeatable, in all combinations",
     )
-    parser.add_argument(
-        "--runs",
-        metavar="N",
-        type=int,
-        default=20,
-        help="runs of each tracker, with consecutive seeds (default 20)",
+    _number(
+        parser, "--runs", "runs of each tracker, with consecutive seeds (default 20)", default=20
     )
-    parser.add_argument(
+    _number(
+        parser,
         "--workers",
-        metavar="N",
-        type=int,
+        "number of worker processes (default 1; timings inflate with more than one)",
         default=1,
-        help="number of worker processes (default 1; timings inflate with more than one)",
     )
     parser.add_argument(
         "--details", action="store_true", help="print all scores of each tracker too"
@@ -212,19 +184,16 @@ def compare_arguments(parser: argparse.ArgumentParser) -> None:
 def tune_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the scene, the wanted errors, the number of runs and the output format."""
     parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
-    parser.add_argument(
+    _repeatable(
+        parser,
         "--error",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        dest="errors",
-        help="an error that the run may have against the most exact settings, e.g. impact_km=1,"
+        "NAME=VALUE",
+        "an error that the run may have against the most exact settings, e.g. impact_km=1,"
         " p_d=1e-3,"
         " line_of_sight_urad=1 or latency_s=0.1; repeatable",
+        dest="errors",
     )
-    parser.add_argument(
-        "--runs", metavar="N", type=int, default=3, help="runs of each setting (default 3)"
-    )
+    _number(parser, "--runs", "runs of each setting (default 3)", default=3)
     _add_common(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -232,3 +201,21 @@ def tune_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_common(parser: argparse.ArgumentParser) -> None:
     add_overrides(parser)
     add_dead_after(parser)
+
+
+def _number(
+    parser: argparse.ArgumentParser, flag: str, words: str, default: int | None = None
+) -> None:
+    """Add a flag with a whole number."""
+    parser.add_argument(flag, metavar="N", type=int, default=default, help=words)
+
+
+def _repeatable(
+    parser: argparse.ArgumentParser, flag: str, metavar: str, words: str, dest: str | None = None
+) -> None:
+    """Add a flag that may be given several times."""
+    parser.add_argument(flag, metavar=metavar, action="append", default=[], help=words, dest=dest)
+
+
+def _quiet(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors")

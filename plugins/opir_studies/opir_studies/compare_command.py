@@ -6,8 +6,8 @@ import sys
 
 from opir_scoring import comparison_text, score_settings, scorecard_text
 
-from opir_core.cli import progress
 from opir_core.host import ended_if_stuck
+from opir_core.notebook import progress
 from opir_studies.axes import vary_argument
 from opir_studies.comparison import Comparison, compared
 from opir_studies.refusals import require_positive
@@ -18,7 +18,7 @@ def compare(arguments: argparse.Namespace) -> int:
     require_positive("--runs", arguments.runs, "runs")
     require_positive("--workers", arguments.workers, "processes")
     watched = ended_if_stuck(arguments.dead_after)
-    with watched, progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
+    with watched, progress(is_shown=sys.stderr.isatty()) as update:
         comparison = compared(
             arguments.scene,
             trackers=arguments.trackers,
@@ -28,7 +28,7 @@ def compare(arguments: argparse.Namespace) -> int:
             settings=score_settings(arguments),
             workers=arguments.workers,
             dead_after_s=arguments.dead_after,
-            on_run=on_run,
+            on_run=lambda tracker, number: update(tracker, number, arguments.runs),
         )
     text = (
         json.dumps(comparison.as_plain(), indent=2)

@@ -8,7 +8,15 @@ from attrs import evolve, frozen
 
 from opir_core.errors import Problem, SceneError, reason_of
 from opir_core.plugin import nested, number, text
-from opir_core.reading import InvalidNode, class_reader, complaints_inside, node_of_yaml, ordered
+from opir_core.reading import (
+    InvalidNode,
+    class_reader,
+    complaints_inside,
+    is_quantity,
+    node_of_yaml,
+    number_in,
+    ordered,
+)
 from opir_core.scene import file_bytes, text_of
 from opir_studies.refusals import refusal
 
@@ -34,7 +42,9 @@ class Study:
     """A study, as its file has it.
 
     `scene` is the path of a scene file or a scene as a mapping. Everything is checked by
-    `opir_studies.sweep`, before the first run.
+    `opir_studies.sweep`, before the first run. Quantities of astropy or pint in `scene`,
+    `overrides`, `vary` and `conditions` become numbers in the unit that ends the name of their
+    setting.
     """
 
     scene: Any = nested(help="path of the scene, relative to the study's file", source="")
@@ -130,6 +140,30 @@ class Study:
         default="processes",
         source="arbitrary",
     )
+
+    def __attrs_post_init__(self) -> None:
+        object.__setattr__(self, "scene", _without_units(self.scene))
+        for name in ("overrides", "vary", "conditions"):
+            values = getattr(self, name)
+            if isinstance(values, Mapping):
+                plain = {path: _without_units(value, path) for path, value in values.items()}
+                object.__setattr__(self, name, plain)
+
+
+def _without_units(value: Any, path: str = "", key: str = "") -> Any:
+    """Return values with quantities as numbers in the unit that ends the path, without one their
+    key.
+    """
+    if isinstance(value, Mapping):
+        return {name: _without_units(item, path, name) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_units(item, path, key) for item in value]
+    if not is_quantity(value):
+        return value
+    try:
+        return number_in(value, (path or key).rpartition("_")[2])
+    except ValueError as error:
+        raise refusal(path or key, str(error), "study") from error
 
 
 def read_study(path: str | Path) -> Study:

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from attrs import evolve
 from opir_core.cli import grouped, table
 from opir_core.errors import install_command
 from opir_core.host import ended_if_stuck
+from opir_core.notebook import progress
 from opir_core.reading import InvalidNode
 from opir_studies.axes import value_of_text, vary_argument
 from opir_studies.refusals import refusal, require_positive
@@ -29,7 +31,7 @@ from opir_studies.result_words import (
 from opir_studies.sharding import sweep_shard
 from opir_studies.study import SOBOL, Study, is_study, read_study
 from opir_studies.subsets import SUBSET_PATHS
-from opir_studies.sweeping import Shard, StudyProgress, sweep as result_of_sweep
+from opir_studies.sweeping import Shard, StudyProgress, shown_runs, sweep as result_of_sweep
 
 #: The most designs that are printed; all are in the files.
 _MOST_ROWS = 40
@@ -164,9 +166,9 @@ def watched_runs(
     try:
         with (
             ended_if_stuck(arguments.dead_after),
-            _shown_progress(is_shown=is_shown) as on_progress,
+            progress(is_shown=is_shown) as update,
         ):
-            yield on_progress
+            yield partial(shown_runs, update)
     except KeyboardInterrupt:
         sys.stderr.write(
             f"stopped; finished runs are kept in {folder}, and the same command continues\n"
@@ -185,30 +187,6 @@ def _shown_notes(arguments: argparse.Namespace) -> Callable[[Sequence[str]], Non
             sys.stderr.writelines(f"note: {note}\n" for note in notes)
 
     return show
-
-
-@contextmanager
-def _shown_progress(*, is_shown: bool) -> Iterator[Callable[[StudyProgress], None]]:
-    """Show a bar with the remaining time on standard error, if `is_shown`."""
-    if not is_shown:
-        yield lambda _progress: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("runs", total=None)
-        # Runs that were there before took no time now: the remaining time is that of the others.
-        yield lambda progress: bar.update(
-            task, total=progress.total - progress.found, completed=progress.done - progress.found
-        )
 
 
 def as_text(result: StudyResult) -> str:

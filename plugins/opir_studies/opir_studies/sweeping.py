@@ -8,6 +8,7 @@ from opir_scoring import NOT_SHOWN
 
 from opir_core.errors import OpirError
 from opir_core.host import DEAD_AFTER_S
+from opir_core.notebook import progress as shown_progress
 from opir_core.plugin import Executor, ExecutorContext
 from opir_studies.executors import LostTasksError
 from opir_studies.parts import PARTS, Parts, remove_unfinished
@@ -76,12 +77,13 @@ def sweep(
     dead_after_s: float = DEAD_AFTER_S,
     on_progress: Callable[[StudyProgress], None] = lambda _progress: None,
     on_notes: Callable[[Sequence[str]], None] = lambda _notes: None,
+    progress: bool = False,
 ) -> StudyResult:
     """Run a study into a folder and return its result; runs that are there already are not run
     again.
 
     `on_notes` is given what a reader must know of the scenes and requirements, before the first
-    run.
+    run. `progress` shows a bar, in a notebook's cell or on standard error.
 
     `workers` is for the study's executor; a run fails in which one call of a component lasts
     `dead_after_s`. A script with the executor `processes` needs `if __name__ == "__main__":`.
@@ -92,8 +94,14 @@ def sweep(
     on_notes(planned.notes)
     place = Path(folder)
     context = ExecutorContext(workers=workers, dead_after_s=dead_after_s)
-    state = SweepState.of(planned, place, context, on_progress)
-    counts = state.finished_run()
+    with shown_progress(is_shown=progress) as update:
+
+        def report(runs: StudyProgress) -> None:
+            on_progress(runs)
+            shown_runs(update, runs)
+
+        state = SweepState.of(planned, place, context, report)
+        counts = state.finished_run()
     result = written_result(
         planned,
         place,
@@ -101,6 +109,14 @@ def sweep(
     )
     state.require_no_failure()
     return result
+
+
+def shown_runs(update: Callable[[str, float, float], None], study: StudyProgress) -> None:
+    """Set the bar of a study by the update of `opir_core.notebook.progress`.
+
+    Runs that were there before took no time now: the remaining time is that of the others.
+    """
+    update("runs", study.done - study.found, study.total - study.found)
 
 
 @define

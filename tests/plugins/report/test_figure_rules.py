@@ -8,15 +8,22 @@ import pytest
 from figure_rules import broken_rules, drawn_complaints
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from opir_report.canvas import svg_of
 from reported_runs import report_page, study_report_page
 from scored_scene import SCENE
+from svg_texts import cut_texts, figures_in, overprints, texts_of
 from varied_studies import STUDIES, written
 
 import opir_core
 
 
 def complaints(page) -> list[str]:
-    return [line for each in page.figures() for line in drawn_complaints(each)]
+    pictures = [line for each in page.figures() for line in drawn_complaints(each)]
+    figures = figures_in(page.html(None))
+    assert len(figures) >= len(list(page.figures()))
+    assert all(texts_of(svg) for svg in figures)
+    printed_over = [pair for svg in figures for pair in overprints(svg)]
+    return [*pictures, *printed_over, *(words for svg in figures for words in cut_texts(svg))]
 
 
 @pytest.mark.slow
@@ -52,6 +59,27 @@ def test_pictures_of_a_run() -> None:
     }
     page = report_page(opir_core.simulate(opir_core.scene_from_mapping(scene)))
     assert complaints(page) == []
+
+
+@pytest.mark.parametrize(
+    ("texts", "pairs"),
+    [
+        ([(0.5, 0.5, 0), (0.52, 0.5, 0)], 1),
+        ([(0.5, 0.5, 0), (0.5, 0.6, 0)], 0),
+        ([(0.5, 0.5, 30), (0.5, 0.56, 30)], 0),
+        ([(0.5, 0.5, 30), (0.52, 0.56, -30)], 1),
+        ([(0.1, 0.5, 90), (0.1, 0.6, 90)], 1),
+    ],
+)
+def test_texts_on_each_other_are_read_from_the_file(texts, pairs: int) -> None:
+    def draw(figure):
+        for number, (x, y, angle) in enumerate(texts):
+            figure.text(x, y, f"scan period {number}", rotation=angle, rotation_mode="anchor")
+        figure.text(1.0, 0.1, "beyond")
+
+    svg = svg_of(draw, (5.0, 3.0), "texts", "texts")
+    assert len(overprints(svg)) == pairs
+    assert cut_texts(svg) == ["beyond"]
 
 
 @pytest.mark.parametrize(

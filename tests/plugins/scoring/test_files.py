@@ -102,7 +102,9 @@ def test_a_truth_of_another_launch_is_refused(runs, copied):
 @pytest.mark.slow
 def test_external_tracks_are_scored_on_request(runs, copied, tmp_path):
     rows = lines_of(runs / "one.tracks.jsonl")
-    (tmp_path / "mine.jsonl").write_text("".join(reversed(rows)))
+    # Rows in any order, but each region before the rows that refer to it.
+    rows.sort(key=lambda row: '"impact_regions":' not in row)
+    (tmp_path / "mine.jsonl").write_text("".join(rows))
     result = evidence_of_files(copied, tracks=tmp_path / "mine.jsonl").tracks
     assert np.array_equal(result.state, evidence_of_files(runs / "one.jsonl").tracks.state)
 

@@ -121,7 +121,8 @@ def test_a_study_writes_its_report(tmp_path, capsys, monkeypatch) -> None:
     )
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "note: detection: constant, since the scene describes no light"
-    assert lines[4].startswith("latency_s <= 1: met by 1 of 2 designs (50)")
+    assert lines[2].startswith("note: latency_s <= 1 is on a mean over the launches that have it")
+    assert lines[6].startswith("latency_s <= 1: met by 1 of 2 designs (50)")
     assert lines[-2:] == ["Report: page.html", "Figures: figures"]
     page = Path("page.html").read_text(encoding="utf-8")
     assert "<h1>How soon is a launch seen?</h1>" in page

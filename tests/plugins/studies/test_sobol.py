@@ -4,10 +4,12 @@ import csv
 
 import numpy as np
 import pytest
+from opir_report.pages.study_report import studies_in, study_page
 from opir_studies import Study, sweep
 from opir_studies.sobol import sobol_indices, sobol_points
 from SALib.analyze import sobol as salib
 from study_scene import PERIOD, SCENE
+from svg_texts import overprints, texts_of
 
 from opir_core.errors import SceneError
 
@@ -100,6 +102,15 @@ def test_a_study_writes_the_indices_of_its_settings(tmp_path):
     index = {row["setting"]: float(row["total"]) for row in rows}
     assert index[PERIOD] > 0.5
     assert index["sensors[0].line_of_sight_sigma_urad"] == pytest.approx(0.0, abs=1e-12)
+    page = study_page(studies_in(tmp_path))
+    (figure,) = (each for each in page.figures() if each.name == "sensitivity")
+    assert figure.data["setting"].tolist() == [PERIOD, "sensors[0].line_of_sight_sigma_urad"]
+    assert figure.data["total"].tolist() == [pytest.approx(index[PERIOD]), pytest.approx(0.0)]
+    assert "Sobol indices" in figure.caption
+    assert "scan period" in figure.svg
+    texts = [text.words for each in page.figures() for text in texts_of(each.svg)]
+    assert "300" in texts, "ticks of drawn settings are round"
+    assert [pair for each in page.figures() for pair in overprints(each.svg)] == []
 
 
 def test_more_designs_than_a_study_may_have_are_refused(tmp_path):

@@ -61,14 +61,19 @@ def _runs_text(study: SavedStudy) -> str:
     )
 
 
-def with_provenance(study: SavedStudy, section: ReportSection) -> ReportSection:
-    """Return a section whose captions end with the numbers of runs, the seeds and the version."""
+def provenance(study: SavedStudy) -> str:
+    """Return the numbers of runs, the seeds and the version of a study."""
     version = study.definition.get("versions", {}).get("opir-core", "")
-    end = f"{_runs_text(study)}{f'; opir {version}' if version else ''}."
+    runs = _runs_text(study)
+    return f"{runs[0].upper()}{runs[1:]}{f'; opir {version}' if version else ''}."
+
+
+def with_provenance(section: ReportSection, words: str) -> ReportSection:
+    """Return a section whose captions end with the provenance of what they show."""
 
     def captioned(part: ReportFigure | ReportTable) -> ReportFigure | ReportTable:
         if isinstance(part, ReportTable):
             return part
-        return evolve(part, caption=f"{part.caption.rstrip('. ')}. {end[0].upper()}{end[1:]}")
+        return evolve(part, caption=f"{part.caption.rstrip('. ')}. {words}")
 
     return evolve(section, parts=[captioned(part) for part in section.parts])

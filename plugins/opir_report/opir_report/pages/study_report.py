@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from opir_core.cli import grouped
-from opir_report.pages.citing_section import citing_section, with_provenance
+from opir_report.pages.citing_section import citing_section, provenance, with_provenance
 from opir_report.pages.files import write_page
 from opir_report.pages.method_section import method_section
 from opir_report.pages.page import ReportFigure, ReportPage, ReportSection, ReportTable
@@ -26,6 +26,7 @@ from opir_report.pages.sentences import (
 from opir_report.pages.share_section import calibration_sentences, share_answers, share_section
 from opir_report.plots.effects import difference_plot, effect_figure, effect_height_in
 from opir_report.plots.panels import SAMPLED, effect_panels
+from opir_report.plots.sensitivity import sensitivity_plot, sensitivity_rows
 from opir_report.plots.trades import (
     convergence_plot,
     convergence_rows,
@@ -51,6 +52,10 @@ _TRADE = (
 _TORNADO = (
     "How far each setting moves the mean, over the values that it has in the study; the values at"
     " the ends are written there."
+)
+_SENSITIVITY = (
+    "Share of the variance over the designs that each setting explains, alone and with all others,"
+    " with 95 % intervals (Sobol indices). A setting whose total is near 0 may be fixed."
 )
 _PATH = "The designs in the order of their evaluation."
 _CONVERGENCE = (
@@ -116,7 +121,7 @@ def study_page(study: SavedStudy) -> ReportPage:
         ),
         summary=[*calibration_sentences(study), *definition.get("notes", ()), *summary],
         sections=[
-            with_provenance(study, section)
+            with_provenance(section, provenance(study))
             for section in sections
             if section and (section.parts or section.text)
         ],
@@ -210,10 +215,21 @@ def _weight_figures(study: SavedStudy, figure: str) -> Iterator[ReportFigure]:
         draw = partial(tornado_plot, study=study, figure=figure)
         height_in = 1.0 + 0.4 * max(len(data), 1)
         yield plot_of("tornado", draw, height_in, f"{name}. {_TORNADO}", data=data)
+    yield from _sensitivity_figure(study, figure)
     data = convergence_rows(study, figure)
     if len(data) and data["runs"].max() >= 3:
         draw = partial(convergence_plot, study=study, figure=figure)
         yield plot_of("convergence", draw, 4.0, f"{name}. {_CONVERGENCE}", data=data)
+
+
+def _sensitivity_figure(study: SavedStudy, figure: str) -> Iterator[ReportFigure]:
+    """Yield the Sobol indices of a figure, if the study has any."""
+    data = sensitivity_rows(study, figure)
+    if len(data):
+        draw = partial(sensitivity_plot, study=study, figure=figure)
+        height_in = 1.2 + 0.45 * len(data)
+        words = f"{words_of(study, figure)}. {_SENSITIVITY}"
+        yield plot_of("sensitivity", draw, height_in, words, data=data)
 
 
 def _metric_section(study: SavedStudy, metric: str, figures: Sequence[str]) -> ReportSection:

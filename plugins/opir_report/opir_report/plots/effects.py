@@ -173,7 +173,7 @@ def draw_panel(axes: Axes, study: SavedStudy, panel: EffectPanel, scale: FigureS
     else:
         hues = [series_hue(number, name) for number, name in enumerate(names)]
         _draw_series(axes, panel.rows, axis, labels, hues, scale)
-    _finish(axes, study, panel.rows, axis, scale)
+    _finish(axes, study, panel, axis, scale)
     if panel.title:
         axes.set_title(panel.title)
     elif len(names) > _SERIES_SHOWN:
@@ -182,13 +182,16 @@ def draw_panel(axes: Axes, study: SavedStudy, panel: EffectPanel, scale: FigureS
 
 
 def _finish(
-    axes: Axes, study: SavedStudy, rows: FigureData, axis: EffectAxis, scale: FigureScale
+    axes: Axes, study: SavedStudy, panel: EffectPanel, axis: EffectAxis, scale: FigureScale
 ) -> None:
     """Write the labels of the axes, ticks and the lines of requirements."""
+    rows = panel.rows
     axes.set_ylabel(scale.label)
     axes.set_xlabel(axis_label(*setting_words(axis.path)) if axis.path else "")
     if axis.labels is not None:
         _mark_names(axes, axis.labels)
+    elif panel.is_sampled:  # values that were drawn are no round numbers
+        number_ticks(axes.xaxis, is_log=axis.is_log)
     else:
         mark_values(axes.xaxis, sorted(set(axis.place.tolist())))
     if scale.is_log:

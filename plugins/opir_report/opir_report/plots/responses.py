@@ -15,11 +15,14 @@ from opir_core.arrays import FloatArray
 from opir_report.canvas import legend_beside, legend_entry
 from opir_report.factorial import FactorialRuns, ranked_settings
 from opir_report.figure_data import FigureData
-from opir_report.palette import GRID, INK, MUTED, SERIES, Hue
+from opir_report.palette import GRID, INK, MUTED, PAPER, SERIES, Hue
 from opir_report.plots.effects import FigureScale, draw_panel, mark_values
 from opir_report.plots.panels import WIDE_SETTING, EffectPanel, axis_rank, is_wide
 from opir_report.saved_study import SavedStudy, level_text
 from opir_report.words import axis_label, level_value, number_words, setting_words
+
+#: Width and height of the number of a contour line, in those of its panel.
+_LABEL_SIZE = (0.12, 0.09)
 
 
 @frozen(eq=False)
@@ -205,12 +208,11 @@ def draw_contours(
     levels = np.setdiff1d(_line_levels(surface.mean, is_log=scale.is_log), limits)
     if len(levels):
         lines = axes.contour(*surface, levels=levels, colors=[SERIES[0]], linewidths=1.0)
-        axes.clabel(
-            lines, fmt=lambda value: number_words(value, 3), fontsize=8, manual=_middles(lines)
-        )
         contours.append(lines)
     axes.use_sticky_edges = False
     axes.margins(0.06)
+    if len(levels):
+        _number_lines(axes, lines)
     return contours
 
 
@@ -225,15 +227,36 @@ def _mark_settings(axes: Axes, surface: Surface, pair: tuple[str, str]) -> None:
     axes.plot(*places, color=MUTED, marker="o", markersize=4, linestyle="")
 
 
-def _middles(lines: ContourSet) -> list[tuple[float, float]]:
-    """Return the middle of each line, where its number is written."""
-    middles = []
-    for path in lines.get_paths():
-        vertices = np.asarray(path.vertices)
-        if len(vertices) > 1:
-            x, y = vertices[len(vertices) // 2 - 1 : len(vertices) // 2 + 1].mean(axis=0).tolist()
-            middles.append((x, y))
-    return middles
+def _longest_middle(pieces: Sequence[FloatArray]) -> FloatArray:
+    """Return the middle (2,) of the longest stretch of the pieces (n, 2) of a line."""
+    first = np.concatenate([piece[:-1] for piece in pieces])
+    last = np.concatenate([piece[1:] for piece in pieces])
+    longest = int(np.argmax(np.hypot(*(last - first).T)))
+    return np.asarray(0.5 * (first[longest] + last[longest]))
+
+
+def _number_lines(axes: Axes, lines: ContourSet) -> None:
+    """Write the value of each line in the middle of its longest stretch, where there is space."""
+    axes.autoscale_view()
+    to_axes = axes.transData + axes.transAxes.inverted()
+    taken = list[FloatArray]()
+    for value, path in zip(lines.levels, lines.get_paths(), strict=True):
+        pieces = [to_axes.transform(line) for line in path.to_polygons(closed_only=False)]
+        if not pieces:
+            continue
+        middle = _longest_middle(pieces)
+        if any(np.all(np.abs(middle - other) < _LABEL_SIZE) for other in taken):
+            continue
+        taken.append(middle)
+        axes.annotate(
+            number_words(value, 3),
+            tuple(to_axes.inverted().transform(middle).tolist()),
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=SERIES[0],
+            bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
+        )
 
 
 def _surface(runs: FactorialRuns, pair: tuple[str, str], divisor: float) -> Surface:

@@ -137,13 +137,13 @@ def _draw_intervals(
 
 
 def never_texts(rows: FigureData) -> list[str]:
-    """Return the share of launches of each design and condition that never come, `three GEO, day:
-    12 %`.
+    """Return the share of launches of each drawn design and condition that never come, `three GEO,
+    day: 12 %`.
     """
     texts = []
     for condition in rows.levels("condition"):
         curves = rows.at("condition", condition)
-        for name in curves.levels("design"):
+        for name in curves.levels("design")[:CURVES]:
             share = float(curves.at("design", name)["share"][-1])
             label = ", ".join(filter(None, (name, condition))) or "all"
             texts.append(f"{label}: {percent_text(1.0 - share)}")

@@ -24,7 +24,7 @@ from opir_report.figure_data import FigureData
 from opir_report.palette import INK, MUTED, SERIES, Hue, series_hue
 from opir_report.plots.effects import FigureScale, draw_requirements
 from opir_report.saved_study import SavedStudy, level_text
-from opir_report.words import level_value, setting_words
+from opir_report.words import level_value, number_words, setting_words
 
 #: Beginnings of figures that are better if they are higher; of others with a unit, less is better.
 _HIGHER = (
@@ -211,7 +211,8 @@ def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     if np.isfinite(reference):
         axes.axvline(reference, color=INK, linewidth=1.0)
     axes.set_yticks(place, [setting_words(path)[0] for path in rows["path"].tolist()])
-    axes.set_xlabel(f"{scale.label} (line: the first design)")
+    axes.set_xlabel(_tornado_label(study, figure, scale))
+    draw_requirements(axes, study, figure, scale.shown.divisor, is_along_x=True)
     if scale.is_log:
         axes.set_xscale("log")
         axes.set_xlim(0.4 * low.min(), 2.5 * high.max())
@@ -221,6 +222,16 @@ def tornado_plot(axes: Axes, study: SavedStudy, figure: str) -> Axes:
     number_ticks(axes.xaxis, is_log=scale.is_log)
     axes.grid(axis="y", visible=False)
     return axes
+
+
+def _tornado_label(study: SavedStudy, figure: str, scale: FigureScale) -> str:
+    """Return the label of the axis, which says what the lines are."""
+    required = "".join(
+        f"; dotted: required {'≥' if each['is_least'] else '≤'}"
+        f" {number_words(each['limit'] / scale.shown.divisor)}"
+        for each in study.requirements_on(figure)
+    )
+    return f"{scale.label} (line: the first design{required})"
 
 
 def _name_end(axes: Axes, rows: FigureData, row: int, end: str, point: tuple[float, float]) -> None:
