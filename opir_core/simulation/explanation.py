@@ -275,8 +275,7 @@ def _not_computed(plan: Plan) -> list[str]:
         (not plan.scene.outputs, "event encoding (no outputs)"),
         (
             not plan.scene.outputs and not has_tracks and Classification.of(plan).has_probabilities,
-            "type probabilities, types and confidences, until they are read (no output and no "
-            "tracker reads them)",
+            "type probabilities, types and confidences, until read (no output or tracker reads them)",
         ),
     )
     return [line for is_skipped, line in omitted if is_skipped]

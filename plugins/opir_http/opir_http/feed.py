@@ -153,7 +153,7 @@ class Feed:
         self.epoch_us = context.epoch_us
         self.reported_types = context.reported_types
         self._status = status
-        self._encoder = ForgeEncoder(context)
+        self._encoder = ForgeEncoder(context, has_positions=True)
         self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
