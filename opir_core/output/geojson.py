@@ -59,11 +59,11 @@ class Resolution:
         error = min(_RESOLVED * largest, 10.0 * _RESOLVED * float(radii.min(initial=np.inf)))
         if error <= 0.0:
             return cls()
-        # Around the antipode of its centre a small step on the Earth is a large one on its map.
-        if region.area_km2 >= _WIDE_KM2:
-            return cls(3, 2.0 * _STEP_DEG)
-        decimals = int(np.ceil(-np.log10(np.sqrt(2.0) * np.degrees(error))))
         step_deg = float(np.degrees(np.sqrt(16.0 * 2.0 * _RESOLVED * largest)))
+        # Around the antipode of its centre a small distance on the Earth is a large one on its map.
+        if region.area_km2 >= _WIDE_KM2:
+            return cls(_WIDE_DECIMALS, step_deg)
+        decimals = int(np.ceil(-np.log10(np.sqrt(2.0) * np.degrees(error))))
         return cls(min(max(decimals, 0), DECIMALS), max(step_deg, _STEP_DEG))
 
     def finer(self, times: int) -> "Resolution":
@@ -76,6 +76,10 @@ _REFINEMENTS = 4
 
 #: Error of positions and edges, as a share of a region's radius.
 _RESOLVED = 0.001
+
+#: Decimals of regions as wide as continents, and the steps that do around the antipode, degrees.
+_WIDE_DECIMALS = 3
+_ANTIPODE_STEP_DEG = 2.0
 
 #: Positions to 0.1 m, edges of a degree.
 FINE = Resolution()
@@ -377,7 +381,8 @@ def _refined(
     An edge that crosses the 180th meridian has a point on it, so that both sides of a cut share it.
     """
     step = np.abs(np.degrees(np.diff(ring[:, 1])))
-    divisions = np.ceil(np.minimum(step, 360.0 - step) / step_deg - 1e-6).clip(1).astype(np.int64)
+    step = np.minimum(step, 360.0 - step)
+    divisions = np.ceil(step / _steps_deg(plane, step_deg) - 1e-6).clip(1).astype(np.int64)
     edge = np.repeat(np.arange(len(divisions)), divisions)
     share = (np.arange(len(edge)) - (np.cumsum(divisions) - divisions)[edge]) / divisions[edge]
     for _ in range(
@@ -399,6 +404,17 @@ def _refined(
         plane, edge[jumps], (share[jumps], end_share[jumps]), np.sign(points[jumps, 0]), chart
     )
     return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossings, axis=0)
+
+
+def _steps_deg(plane: FloatArray, step_deg: float) -> FloatArray:
+    """Return the longest steps along the edges (n - 1,) of a ring of the map (n, 2), m: shorter
+    where a distance on the Earth is longer on the map.
+    """
+    far = np.hypot(plane[:, 0], plane[:, 1]) / EARTH_EQUATORIAL_RADIUS_M
+    stretch = np.sinc(np.maximum(far[:-1], far[1:]) / np.pi)
+    shortest_deg = min(step_deg, _ANTIPODE_STEP_DEG)
+    steps_deg: FloatArray = np.maximum(step_deg * np.sqrt(np.abs(stretch)), shortest_deg)
+    return steps_deg
 
 
 def _crossings(

@@ -5,8 +5,8 @@ import json
 from opir_testing import stub_sensor
 
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.output.events.forge import ForgeEncoder
 from opir_core.interfaces.sensors import ReportingStage
+from opir_core.output.events.forge import ForgeEncoder
 from opir_core.plugin import Band
 
 EPOCH_US = 1_775_044_800_000_000
