@@ -77,9 +77,8 @@ _REFINEMENTS = 4
 #: Error of positions and edges, as a share of a region's radius.
 _RESOLVED = 0.001
 
-#: Decimals of regions as wide as continents, and the steps that do around the antipode, degrees.
+#: Decimals of regions as wide as continents.
 _WIDE_DECIMALS = 3
-_ANTIPODE_STEP_DEG = 2.0
 
 #: Positions to 0.1 m, edges of a degree.
 FINE = Resolution()
@@ -382,7 +381,11 @@ def _refined(
     """
     step = np.abs(np.degrees(np.diff(ring[:, 1])))
     step = np.minimum(step, 360.0 - step)
-    divisions = np.ceil(step / _steps_deg(plane, step_deg) - 1e-6).clip(1).astype(np.int64)
+    # Steps are shorter where a distance on the Earth is longer on the map: around the antipode.
+    far = np.sqrt(np.add.reduce(plane * plane, axis=1)) / EARTH_EQUATORIAL_RADIUS_M
+    stretch = np.sqrt(np.abs(np.sinc(np.maximum(far[:-1], far[1:]) / np.pi)))
+    most_deg = np.maximum(step_deg * stretch, min(step_deg, 2.0 * _STEP_DEG))
+    divisions = np.ceil(step / most_deg - 1e-6).clip(1).astype(np.int64)
     edge = np.repeat(np.arange(len(divisions)), divisions)
     share = (np.arange(len(edge)) - (np.cumsum(divisions) - divisions)[edge]) / divisions[edge]
     for _ in range(
@@ -404,17 +407,6 @@ def _refined(
         plane, edge[jumps], (share[jumps], end_share[jumps]), np.sign(points[jumps, 0]), chart
     )
     return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossings, axis=0)
-
-
-def _steps_deg(plane: FloatArray, step_deg: float) -> FloatArray:
-    """Return the longest steps along the edges (n - 1,) of a ring of the map (n, 2), m: shorter
-    where a distance on the Earth is longer on the map.
-    """
-    far = np.hypot(plane[:, 0], plane[:, 1]) / EARTH_EQUATORIAL_RADIUS_M
-    stretch = np.sinc(np.maximum(far[:-1], far[1:]) / np.pi)
-    shortest_deg = min(step_deg, _ANTIPODE_STEP_DEG)
-    steps_deg: FloatArray = np.maximum(step_deg * np.sqrt(np.abs(stretch)), shortest_deg)
-    return steps_deg
 
 
 def _crossings(
