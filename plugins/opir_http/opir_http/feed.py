@@ -117,6 +117,8 @@ class Client:
         yield b": opir\n\n"
         for sent_again in self.backlog:
             yield sent_again
+            # A frame that a socket takes at once would let no other request have its turn.
+            await asyncio.sleep(0)
         while True:
             while self._frames:
                 if self.dropped > reported:
