@@ -205,6 +205,14 @@ class WorkLimits:
         source="derived: 2000 bytes per event",
         help="bytes of these events",
     )
+    false_alarms_per_s: float = number(
+        default=1e5,
+        unit="1/s",
+        minimum=1.0,
+        maximum=1e12,
+        source="derived: 10 µs an event, a second of one core",
+        help="mean false alarms of all sensors in a second of scene time",
+    )
     looks_per_cycle: float = number(
         default=4_194_304,
         minimum=1.0,

@@ -10,11 +10,16 @@ from numpy.typing import NDArray
 from opir_scoring import (
     Ownership,
     RunEvidence,
+    ScoredRun,
+    ScoreSettings,
+    StateErrors,
     evidence_of_run,
     last_rows,
     ownership,
     place_of,
     rows_in_force,
+    scored_run,
+    state_errors,
 )
 
 from opir_core import Run
@@ -25,6 +30,9 @@ from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_core.plugin import ImpactRegion, TargetClass, Tracks
 from opir_report.maps.clipping import dense
 from opir_report.palette import Hues
+
+#: Settings of the scores of a report, which shows no tests of distributions.
+SETTINGS = ScoreSettings(distribution_tests=False)
 
 
 class RunFacts:
@@ -47,6 +55,16 @@ class RunFacts:
     def owners(self) -> Ownership:
         """The target of each track."""
         return ownership(self.evidence)
+
+    @cached_property
+    def scored(self) -> ScoredRun:
+        """The scores of the run's tracks."""
+        return scored_run(self.evidence, SETTINGS, self.states)
+
+    @cached_property
+    def states(self) -> StateErrors:
+        """The errors of the states of tracks in force."""
+        return state_errors(self.evidence, self.owners)
 
     @cached_property
     def truth(self) -> list[dict[str, object]]:
