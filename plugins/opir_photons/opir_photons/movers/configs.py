@@ -11,7 +11,7 @@ _DAYLIGHT_1972 = "daylight fireball of 10 August 1972: 15 km/s, perigee 58 km, s
 _STROKES = "1174 negative flashes: Poelman et al., Nat. Hazards Earth Syst. Sci. 21 (2021), 1909"
 
 
-@with_defaults(start_s=0.0)
+@frozen(kw_only=True)
 class MoverConfig(SourceConfig):
     """What a scene may set of every source that moves over the ground: it is at its place at
     `start_s` and shines from then on.
@@ -19,6 +19,13 @@ class MoverConfig(SourceConfig):
 
     more_own_fields: ClassVar[tuple[str, ...]] = ("heading_deg", "speed_m_s")
 
+    start_s: float = number(
+        default=0.0,
+        unit="s",
+        minimum=-86_400.0,
+        help="scene time at which it is at its place, and from which it shines",
+        source="the scene's begin",
+    )
     heading_deg: float | None = number(
         default=None,
         unit="deg",

@@ -150,18 +150,19 @@ def legs_of(
     )
     legs = [leg]
     for number, config in enumerate(plan[1:]):
+        place = f"{path}.legs[{number}]"
+        if leg.config.bank_deg != 0.0 and not np.all(leg.speed_m_s > 0.0):
+            raise SceneError([Problem(place, "a turn needs a speed_m_s above 0")])
         leg = leg.next_leg(config)
         problem = _problem(legs[-1], leg)
         if problem:
-            raise SceneError([Problem(f"{path}.legs[{number}]", problem)])
+            raise SceneError([Problem(place, problem)])
         legs.append(leg)
     return legs
 
 
 def _problem(leg: Leg, following: Leg) -> str:
     """Return what is wrong with a leg, by where the next one begins; "" for nothing."""
-    if leg.config.bank_deg != 0.0 and not np.all(leg.speed_m_s > 0.0):
-        return "a turn needs a speed; what stands still cannot turn"
     if leg.config.acceleration_m_s2 != 0.0 and not np.all(following.speed_m_s > 0.0):
         slowest = float(following.speed_m_s.min())
         return f"ends at {slowest:g} m/s; shorten it or brake less"

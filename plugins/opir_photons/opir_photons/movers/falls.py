@@ -62,8 +62,7 @@ class HotNoseSignatures(Signatures):
         self, target: IndexArray, since_s: FloatArray, altitude_m: FloatArray
     ) -> FloatArray:
         """Return the temperatures (n,) of bodies, K."""
-        time_s = self.emitters["start_s"][target] + since_s
-        speed_m_s = length(*components(self.flight.state(target, time_s)[1]))
+        speed_m_s = _speeds_m_s(self.flight, target, since_s)
         density = density_kg_m3(altitude_m)
         flux = stagnation_flux_w_m2(density, speed_m_s, self.emitters["nose_radius_m"][target])
         emissivity = self.emitters["emissivity"][target]
@@ -85,7 +84,6 @@ class GrazerSignatures(Signatures):
 
     peak_w_sr: FloatArray
     power_w_m2: FloatArray
-    start_s: FloatArray
     flight: Ephemeris
 
     def intensity_w_sr(
@@ -97,8 +95,8 @@ class GrazerSignatures(Signatures):
         aspect_rad: FloatArray,
     ) -> FloatArray:
         """Return radiant intensities (n,), W/sr; the aspect does not matter."""
-        velocity = self.flight.state(target, self.start_s[target] + time_since_ignition_s)[1]
-        power = density_kg_m3(altitude_m) * length(*components(velocity)) ** 3
+        speed_m_s = _speeds_m_s(self.flight, target, time_since_ignition_s)
+        power = density_kg_m3(altitude_m) * speed_m_s**3
         return self.peak_w_sr[band][target] * power / self.power_w_m2[target]
 
     def aspect_rad(
@@ -139,12 +137,21 @@ def grazer_sources(config: GrazerConfig, context: SourceContext) -> Sources:
     end_s = np.minimum(start_s + 2.0 * half_s, np.maximum(emitters["end_s"], start_s + 1e-3))
     flight = _flight(begin_m, begin_m_s, start_s, end_s, forces)
     power = density_kg_m3(emitters["height_m"]) * speed_m_s**3
-    signatures = GrazerSignatures(grey_w_sr(emitters, context), power, start_s, flight)
+    signatures = GrazerSignatures(grey_w_sr(emitters, context), power, flight)
     return moving_sources("earth grazer", "bolide", emitters, context, flight, end_s, signatures)
 
 
 def _placed(config: ReentryConfig | GrazerConfig, context: SourceContext) -> Emitters:
     return with_headings(emitters_of(config, context, is_brief=True), context)
+
+
+def _speeds_m_s(flight: Ephemeris, target: IndexArray, since_s: FloatArray) -> FloatArray:
+    """Return speeds (n,) over the Earth, m/s, at times since flights began, at most their
+    lengths.
+    """
+    start_s = flight.start_s[target]
+    time_s = np.clip(start_s + since_s, start_s, flight.end_s[target])
+    return length(*components(flight.state(target, time_s)[1]))
 
 
 def _forces(ballistic_coefficient_kg_m2: FloatArray) -> Forces:
