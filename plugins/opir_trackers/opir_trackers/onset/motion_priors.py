@@ -127,8 +127,21 @@ class MotionLaw:
         (0.1, 60.0, ((2.0, 6.0, 3.0), (0.5, 0.5, 0.5))),
     )
 
+    #: Launches from the air: mean and standard deviation of the height, m; speed, m/s, and its
+    #: standard deviations along and across the course; means of the acceleration along it and
+    #: upwards, m/s², in a pull-up of 1 to 4 g; standard deviations of the climb, m/s, and, along,
+    #: across and upwards, of acceleration, m/s², and jerk, m/s³: the end of the pull-up.
+    air_m: _Pair = (11e3, 2e3)
+    air_speed: tuple[float, _Pair] = (240.0, (30.0, 80.0))
+    air_lift_m_s2: _Pair = (15.0, 22.0)
+    air_climb_m_s: float = 10.0
+    air_rates: tuple[tuple[float, ...], ...] = ((6.0, 2.0, 6.0), (2.0, 0.5, 2.0))
+
 
 LAW = MotionLaw()
+
+#: Courses of what flies, rad.
+_COURSES = np.arange(8) * (np.pi / 4.0)
 
 #: Edges of the intervals of the time from lift-off to the first detection, s.
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
@@ -170,7 +183,8 @@ class MotionPriors:
             *_on_ground(GROUND, 1.0, kinds, still),
             *_others(kinds),
             _drawn(BOLIDE, 1.0, *LAW.bolide)._replace(fades_s=config.bolide_s),
-            *_from_rest(1.0 - config.in_flight_share, kinds),
+            *_from_rest((1.0 - config.in_flight_share) * (1.0 - config.air_share), kinds),
+            *_from_air((1.0 - config.in_flight_share) * config.air_share),
             *_in_flight(config.in_flight_share),
         ]
         likely = [component for component in components if component.weight > 0.0]
@@ -204,24 +218,48 @@ def _others(kinds: Sequence[Ground]) -> list[_Component]:
 def _aircraft() -> list[_Component]:
     """Return the priors of each kind of aircraft, flight and course."""
     components = []
-    courses = np.arange(8) * (np.pi / 4.0)
-    height_m, height_sigma_m = LAW.aircraft_m
-    for flight, aircraft, course in product(LAW.flights, LAW.aircraft, courses):
+    for flight, aircraft, course in product(LAW.flights, LAW.aircraft, _COURSES):
         flight_share, climb_m_s, rates = flight
         share, speed_m_s, sigmas_m_s = aircraft
-        sine = np.sin(course)
-        cosine = np.cos(course)
-        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
-        mean = np.zeros((ORDERS, 3))
-        mean[0, 2] = height_m
-        mean[1] = speed_m_s * axes[0]
-        root = np.zeros((ORDERS, 3, ORDERS, 3))
-        spreads = (WIDE_M, WIDE_M, height_sigma_m), (*sigmas_m_s, climb_m_s), *rates
-        for order, sigmas in enumerate(spreads):
-            root[order, :, order] = axes * sigmas
-        weight = flight_share * share / len(courses)
-        components.append(_Component(NONE, weight, mean.ravel(), root.reshape(3 * ORDERS, -1)))
+        weight = flight_share * share / len(_COURSES)
+        spreads = (*sigmas_m_s, climb_m_s), *rates
+        ahead = speed_m_s, 0.0, 0.0
+        components.append(_on_course(NONE, weight, course, LAW.aircraft_m, ahead, spreads))
     return components
+
+
+def _from_air(share: float) -> list[_Component]:
+    """Return the priors of launches from the air, by course."""
+    speed_m_s, sigmas_m_s = LAW.air_speed
+    ahead = speed_m_s, *LAW.air_lift_m_s2
+    spreads = (*sigmas_m_s, LAW.air_climb_m_s), *LAW.air_rates
+    weight = share / len(_COURSES)
+    return [_on_course(LAUNCH, weight, course, LAW.air_m, ahead, spreads) for course in _COURSES]
+
+
+def _on_course(
+    group: int,
+    weight: float,
+    course: float,
+    height: _Pair,
+    ahead: tuple[float, float, float],
+    spreads: Sequence[tuple[float, ...]],
+) -> _Component:
+    """Return the prior of what flies on a course: mean speed, m/s, and accelerations along it and
+    upwards, m/s², and standard deviations of the rates along, across and upwards.
+    """
+    speed_m_s, along_m_s2, upwards_m_s2 = ahead
+    sine = np.sin(course)
+    cosine = np.cos(course)
+    axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
+    mean = np.zeros((ORDERS, 3))
+    mean[0, 2] = height[0]
+    mean[1] = speed_m_s * axes[0]
+    mean[2] = along_m_s2 * axes[0] + upwards_m_s2 * axes[2]
+    root = np.zeros((ORDERS, 3, ORDERS, 3))
+    for order, sigmas in enumerate(((WIDE_M, WIDE_M, height[1]), *spreads)):
+        root[order, :, order] = axes * sigmas
+    return _Component(group, weight, mean.ravel(), root.reshape(3 * ORDERS, -1))
 
 
 def _on_ground(
