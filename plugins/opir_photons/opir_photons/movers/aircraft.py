@@ -12,7 +12,7 @@ from opir_core.plugin import Signatures, SourceContext, Sources
 from opir_photons.movers.configs import AircraftConfig
 from opir_photons.movers.courses import flight_of, legs_of
 from opir_photons.movers.trajectories import moving_sources, with_headings
-from opir_photons.radiometry.emitters import emitters_of
+from opir_photons.radiometry.emitters import Emitters, emitters_of
 from opir_photons.radiometry.planck import grey_body_intensity
 from opir_photons.radiometry.sources import by_band, grey_w_sr
 
@@ -57,6 +57,18 @@ def aircraft_sources(config: AircraftConfig, context: SourceContext) -> Sources:
     legs = legs_of(emitters, config.legs, config.pull_m_s2, end_s, context.path)
     bends_s = [leg.start_s for leg in legs[1:]]
     pulls_s = [leg.start_s + leg.pull_s() for leg in legs]
+    turns_s = np.stack([*bends_s, *pulls_s], axis=1)
+    signatures = jet_signatures(config, emitters, context)
+    flight = flight_of(legs)
+    return moving_sources(
+        "aircraft", "other", emitters, context, flight, end_s, signatures, turns_s
+    )
+
+
+def jet_signatures(
+    config: AircraftConfig, emitters: Emitters, context: SourceContext
+) -> JetSignatures:
+    """Return the signatures of aircraft."""
     flames = [
         grey_body_intensity(
             config.flame_temperature_k, config.flame_area_m2, 1.0, band.lower_um, band.upper_um
@@ -64,14 +76,9 @@ def aircraft_sources(config: AircraftConfig, context: SourceContext) -> Sources:
         for band in context.bands
     ]
     burns = [leg.afterburner for leg in config.legs]
-    signatures = JetSignatures(
+    return JetSignatures(
         tailpipe_w_sr=grey_w_sr(emitters, context),
         flame_w_sr=by_band(flames, 1)[:, 0],
         switches_s=np.cumsum([leg.for_s for leg in config.legs]),
         burns=np.array([*burns, config.afterburner]),
-    )
-    turns_s = np.stack([*bends_s, *pulls_s], axis=1)
-    flight = flight_of(legs)
-    return moving_sources(
-        "aircraft", "other", emitters, context, flight, end_s, signatures, turns_s
     )

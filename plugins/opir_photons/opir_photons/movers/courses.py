@@ -49,6 +49,11 @@ class Leg:
     config: LegConfig
     pull_m_s2: float
 
+    @property
+    def end_speed_m_s(self) -> FloatArray:
+        """Speeds (n,) at the end, m/s."""
+        return self.speed_m_s + self.config.acceleration_m_s2 * self.config.for_s
+
     def pull_s(self) -> FloatArray:
         """Return how long (n,) the rate of climb takes to be that of the leg, s."""
         return np.abs(self.config.climb_m_s - self.climb_m_s) / self.pull_m_s2
@@ -69,7 +74,7 @@ class Leg:
         bearing = self.heading_rad[row] + np.arctan2(right, ahead)
         origin = (self.latitude_rad[row], self.longitude_rad[row])
         place = geodesic_direct(*origin, bearing, np.hypot(ahead, right))
-        return geodetic_to_ecef(*place, self.height_m[row] + self._rise_m(row, since_s)[0])
+        return geodetic_to_ecef(*place, self.height_m[row] + self.rise_m(row, since_s)[0])
 
     def next_leg(self, config: LegConfig) -> "Leg":
         """Return the leg that follows."""
@@ -82,13 +87,13 @@ class Leg:
         end = geodesic_direct(*origin, bearing, distance_m)
         backwards = geodesic_inverse(*end, *origin).bearing_rad
         convergence = np.where(distance_m > 0.0, backwards + np.pi - bearing, 0.0)
-        rise_m, climb_m_s = self._rise_m(row, length_s)
+        rise_m, climb_m_s = self.rise_m(row, length_s)
         return Leg(
             latitude_rad=end.latitude_rad,
             longitude_rad=end.longitude_rad,
             height_m=self.height_m + rise_m,
             heading_rad=self.heading_rad + self._turn_per_s(row) * length_s + convergence,
-            speed_m_s=self.speed_m_s + self.config.acceleration_m_s2 * length_s,
+            speed_m_s=self.end_speed_m_s,
             climb_m_s=climb_m_s,
             start_s=self.start_s + length_s,
             config=config,
@@ -113,7 +118,7 @@ class Leg:
         half = np.sin(0.5 * rate * since_s)
         return radius_m * np.sin(rate * since_s), 2.0 * radius_m * half * half
 
-    def _rise_m(self, row: RowArray, since_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def rise_m(self, row: RowArray, since_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return how much (m,) higher the vehicles are, m, and their rates of climb, m/s."""
         first = self.climb_m_s[row]
         gain = self.config.climb_m_s - first
@@ -136,40 +141,44 @@ def legs_of(
     flown_s = sum(config.for_s for config in configs)
     rest_s = max(float(np.max(end_s - emitters["start_s"], initial=0.0)) - flown_s, 1.0)
     plan = [*configs, LegConfig(for_s=rest_s)]
-    count = len(emitters)
-    leg = Leg(
+    legs = [_first_leg(emitters, plan[0], pull_m_s2)]
+    for number, config in enumerate(plan[1:]):
+        problem = _problem(legs[-1])
+        if problem:
+            raise SceneError([Problem(f"{path}.legs[{number}]", problem)])
+        legs.append(legs[-1].next_leg(config))
+    return legs
+
+
+def _first_leg(emitters: Emitters, config: LegConfig, pull_m_s2: float) -> Leg:
+    return Leg(
         latitude_rad=np.radians(emitters["lat_deg"]),
         longitude_rad=np.radians(emitters["lon_deg"]),
         height_m=emitters["height_m"],
         heading_rad=np.radians(emitters["heading_deg"]),
         speed_m_s=emitters["speed_m_s"],
-        climb_m_s=np.full(count, plan[0].climb_m_s),
+        climb_m_s=np.full(len(emitters), config.climb_m_s),
         start_s=emitters["start_s"],
-        config=plan[0],
+        config=config,
         pull_m_s2=pull_m_s2,
     )
-    legs = [leg]
-    for number, config in enumerate(plan[1:]):
-        place = f"{path}.legs[{number}]"
-        if leg.config.bank_deg != 0.0 and not np.all(leg.speed_m_s > 0.0):
-            raise SceneError([Problem(place, "a turn needs a speed_m_s above 0")])
-        leg = leg.next_leg(config)
-        problem = _problem(legs[-1], leg)
-        if problem:
-            raise SceneError([Problem(place, problem)])
-        legs.append(leg)
-    return legs
 
 
-def _problem(leg: Leg, following: Leg) -> str:
-    """Return what is wrong with a leg, by where the next one begins; "" for nothing."""
-    if leg.config.acceleration_m_s2 != 0.0 and not np.all(following.speed_m_s > 0.0):
-        slowest = float(following.speed_m_s.min())
+def _problem(leg: Leg) -> str:
+    """Return what is wrong with a leg; "" for nothing."""
+    if leg.config.bank_deg != 0.0 and not np.all(leg.speed_m_s > 0.0):
+        return "a turn needs a speed_m_s above 0"
+    slowest = float(leg.end_speed_m_s.min(initial=np.inf))
+    if leg.config.acceleration_m_s2 != 0.0 and slowest <= 0.0:
         return f"ends at {slowest:g} m/s; shorten it or brake less"
-    lowest = float(following.height_m.min(initial=0.0))
+    rise_m, _ = leg.rise_m(
+        np.arange(len(leg.height_m)), np.full(len(leg.height_m), leg.config.for_s)
+    )
+    height_m = leg.height_m + rise_m
+    lowest = float(height_m.min(initial=0.0))
     if lowest < -500.0:
         return f"ends at a height of {lowest:.0f} m; shorten it or descend less"
-    highest = float(following.height_m.max(initial=0.0))
+    highest = float(height_m.max(initial=0.0))
     if highest > 150e3:
         return f"ends at a height of {highest:.0f} m; shorten it or climb less"
     return ""

@@ -24,11 +24,11 @@ from opir_core.flight import (
 from opir_core.geometry import components, ecef_to_eci_state, eci_to_ecef_state, length
 from opir_core.plugin import Band, Signatures, SourceContext, Sources
 from opir_photons.movers.configs import GrazerConfig, ReentryConfig
-from opir_photons.movers.trajectories import directions, moving_sources, with_headings
+from opir_photons.movers.trajectories import moving_sources, with_headings
 from opir_photons.radiometry.emitters import Emitters, emitters_of
 from opir_photons.radiometry.heating import equilibrium_temperature_k, stagnation_flux_w_m2
 from opir_photons.radiometry.planck import grey_body_intensity
-from opir_photons.radiometry.sources import grey_w_sr, starts_m
+from opir_photons.radiometry.sources import directions, grey_w_sr, starts_m
 
 #: How far the polynomials may be from the integrated flights, m.
 _TOLERANCE_M = 0.1

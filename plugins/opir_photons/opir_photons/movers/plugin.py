@@ -18,9 +18,47 @@ from opir_photons.movers.configs import (
     TrainConfig,
 )
 
+#: Name, summary and configuration of each model, and the function that builds it, with its module.
+_MODELS = (
+    ("ships", "ships that steam straight on; grey funnels", ShipConfig, "courses.ship_sources"),
+    ("trains", "trains that run straight on; grey exhausts", TrainConfig, "courses.train_sources"),
+    (
+        "fire_fronts",
+        "fronts of fire that creep over the ground; flat grey bodies",
+        FireFrontConfig,
+        "courses.fire_front_sources",
+    ),
+    (
+        "balloons",
+        "balloons that drift with the wind in the sunlight",
+        BalloonConfig,
+        "balloons.balloon_sources",
+    ),
+    (
+        "aircraft",
+        "aircraft that climb, turn and speed up leg by leg, with and without afterburner",
+        AircraftConfig,
+        "aircraft.aircraft_sources",
+    ),
+    (
+        "reentries",
+        "bodies that enter the air unpowered, slowed by drag, as hot as it makes them",
+        ReentryConfig,
+        "falls.reentry_sources",
+    ),
+    ("grazers", "meteors that graze the air and leave it", GrazerConfig, "falls.grazer_sources"),
+    (
+        "storms",
+        "thunderstorms: flashes of lightning at random times, of random strokes and energies",
+        StormConfig,
+        "storms.storm_sources",
+    ),
+)
 
-def _built_by(module: str, function: str) -> Callable[..., Any]:
+
+def _built_by(place: str) -> Callable[..., Any]:
     """Return a `build` that imports its module of this package when it is called."""
+    module, _, function = place.partition(".")
 
     def build(config: Any, context: Any) -> Any:
         return getattr(import_module(f"opir_photons.movers.{module}"), function)(config, context)
@@ -31,51 +69,5 @@ def _built_by(module: str, function: str) -> Callable[..., Any]:
 @hookimpl
 def opir_source_models() -> Iterable[SourceModel]:
     """Yield what moves over the ground, what falls through the air, and lightning."""
-    yield SourceModel(
-        name="ships",
-        summary="ships that steam straight on; funnels as grey bodies",
-        config=ShipConfig,
-        build=_built_by("courses", "ship_sources"),
-    )
-    yield SourceModel(
-        name="trains",
-        summary="trains that run straight on; exhausts as grey bodies",
-        config=TrainConfig,
-        build=_built_by("courses", "train_sources"),
-    )
-    yield SourceModel(
-        name="fire_fronts",
-        summary="fronts of fire that creep over the ground; flat grey bodies",
-        config=FireFrontConfig,
-        build=_built_by("courses", "fire_front_sources"),
-    )
-    yield SourceModel(
-        name="balloons",
-        summary="balloons that drift with the wind in the sunlight",
-        config=BalloonConfig,
-        build=_built_by("balloons", "balloon_sources"),
-    )
-    yield SourceModel(
-        name="aircraft",
-        summary="aircraft that climb, turn and speed up leg by leg, with and without afterburner",
-        config=AircraftConfig,
-        build=_built_by("aircraft", "aircraft_sources"),
-    )
-    yield SourceModel(
-        name="reentries",
-        summary="bodies that enter the air unpowered, slowed by drag, as hot as it makes them",
-        config=ReentryConfig,
-        build=_built_by("falls", "reentry_sources"),
-    )
-    yield SourceModel(
-        name="grazers",
-        summary="meteors that graze the air and leave it",
-        config=GrazerConfig,
-        build=_built_by("falls", "grazer_sources"),
-    )
-    yield SourceModel(
-        name="storms",
-        summary="thunderstorms: flashes of lightning at random times, of random strokes and energies",
-        config=StormConfig,
-        build=_built_by("storms", "storm_sources"),
-    )
+    for name, summary, config, place in _MODELS:
+        yield SourceModel(name=name, summary=summary, config=config, build=_built_by(place))

@@ -14,7 +14,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError
-from opir_core.geometry import geodesic_direct
+from opir_core.geometry import LatitudeLongitude, geodesic_direct
 from opir_core.plugin import EMITTER_TYPES, SourceContext, Sources
 from opir_photons.movers.configs import StormConfig
 from opir_photons.radiometry.emitters import (
@@ -94,10 +94,7 @@ def _flashes_of(
     start_s = _starts_s(config, storm, draw)
     count = len(start_s)
     strokes = _strokes(config, draw, count)
-    distance_m = storm["radius_m"] * np.sqrt(draw.even("distance", count))
-    bearing = 2.0 * np.pi * draw.even("bearing", count)
-    latitude, longitude = np.radians([storm["lat_deg"], storm["lon_deg"]])
-    place = geodesic_direct(latitude, longitude, bearing, distance_m)
+    place = _places(storm, draw, count)
     rise_m = (storm["top_m"] - storm["bottom_m"]) * draw.even("height", count)
     scale = np.exp(config.energy_log_sigma * draw.normal("energy", count))
     return {
@@ -111,6 +108,14 @@ def _flashes_of(
         "energy_j": storm["energy_j"] * scale * strokes,
         "temperature_k": np.full(count, storm["temperature_k"]),
     }
+
+
+def _places(storm: Mapping[str, float], draw: "_Draws", count: int) -> LatitudeLongitude:
+    """Return places (count,) even over the disc of a storm."""
+    distance_m = storm["radius_m"] * np.sqrt(draw.even("distance", count))
+    bearing = 2.0 * np.pi * draw.even("bearing", count)
+    latitude, longitude = np.radians([storm["lat_deg"], storm["lon_deg"]])
+    return geodesic_direct(latitude, longitude, bearing, distance_m)
 
 
 @frozen
@@ -180,6 +185,12 @@ def _sources(flashes: Emitters, context: SourceContext) -> Sources:
         velocity_ecef_m_s=np.zeros_like(position_m),
         emitters_truth=truth,
     )
+    signatures = GreySignatures(_intensities_w_sr(flashes, context))
+    return EmitterSources(tuple(str(row["id"]) for row in truth), trajectories, signatures)
+
+
+def _intensities_w_sr(flashes: Emitters, context: SourceContext) -> FloatArray:
+    """Return intensities (bands, n) of flashes whose energy is that in the measured band."""
     measured = band_radiance(flashes["temperature_k"], *_MEASURED_UM)
     shining_s = flashes["end_s"] - flashes["start_s"]
     power_w_sr = flashes["energy_j"] / (4.0 * np.pi * shining_s)
@@ -189,5 +200,4 @@ def _sources(flashes: Emitters, context: SourceContext) -> Sources:
         / measured
         for band in context.bands
     ]
-    signatures = GreySignatures(by_band(light, len(flashes)))
-    return EmitterSources(tuple(str(row["id"]) for row in truth), trajectories, signatures)
+    return by_band(light, len(flashes))

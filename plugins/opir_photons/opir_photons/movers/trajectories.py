@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight import Ephemeris
-from opir_core.geometry import local_axes
 from opir_core.plugin import EMITTER_TYPES, Signatures, SourceContext, Sources, Trajectories
 from opir_photons.radiometry.emitters import Emitters, uniforms
 from opir_photons.radiometry.sources import EmitterSources, truth_of
@@ -85,16 +84,3 @@ def with_headings(emitters: Emitters, context: SourceContext) -> Emitters:
     drawn_deg = 360.0 * uniforms(context, "heading", len(emitters))
     known_deg = np.where(np.isnan(heading_deg), drawn_deg, heading_deg)
     return Emitters({**emitters.columns, "heading_deg": known_deg})
-
-
-def directions(
-    position_m: FloatArray, heading_deg: FloatArray, descent_deg: FloatArray
-) -> FloatArray:
-    """Return unit vectors (n, 3), ECEF, at positions (n, 3), by heading and descent."""
-    east, north, up = (local_axes(position_m)[:, axis] for axis in range(3))
-    descent = np.radians(descent_deg)
-    heading = np.radians(heading_deg)
-    level = np.cos(descent)
-    along_east = (level * np.sin(heading))[:, None] * east
-    along_north = (level * np.cos(heading))[:, None] * north
-    return along_east + along_north - np.sin(descent)[:, None] * up

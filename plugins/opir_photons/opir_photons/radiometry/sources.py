@@ -235,17 +235,20 @@ def bolide_sources(config: BolideConfig, context: SourceContext) -> Sources:
     """Return bolides: flashes that move straight down through the air."""
     emitters = emitters_of(config, context, is_brief=True)
     start_m = starts_m(emitters)
-    velocity_m_s = _directions(emitters, start_m) * emitters["speed_m_s"][:, None]
+    way = directions(start_m, emitters["heading_deg"], emitters["descent_deg"])
+    velocity_m_s = way * emitters["speed_m_s"][:, None]
     trajectories = _trajectories("bolide", emitters, context, start_m, velocity_m_s)
     signatures = GreySignatures(grey_w_sr(emitters, context), flash_s=emitters["flash_s"])
     return _sources(trajectories, signatures)
 
 
-def _directions(emitters: Emitters, start_m: FloatArray) -> FloatArray:
-    """Return the directions (n, 3) of bolides, by heading and descent."""
-    axes = local_axes(start_m)
-    descent = np.radians(emitters["descent_deg"])
-    heading = np.radians(emitters["heading_deg"])
+def directions(
+    position_m: FloatArray, heading_deg: FloatArray, descent_deg: FloatArray
+) -> FloatArray:
+    """Return unit vectors (n, 3), ECEF, at positions (n, 3), by heading and descent."""
+    axes = local_axes(position_m)
+    descent = np.radians(descent_deg)
+    heading = np.radians(heading_deg)
     level = np.cos(descent)
     east = (level * np.sin(heading))[:, None]
     north = (level * np.cos(heading))[:, None]
