@@ -161,11 +161,15 @@ def rows_of(options):
         yield {**row_of(kind, run), "processor_s": time.process_time() - began_s}
 
 
+def claims_of(tracks):
+    """Return P(launch) at the ticks of each track."""
+    numbers = np.unique(tracks.track)
+    return [tracks.probability_launch[tracks.track == number] for number in numbers]
+
+
 def row_of(kind, run):
     """Return the figures of a run."""
-    tracks = run.tracks
-    numbers = np.unique(tracks.track)
-    claims = [tracks.probability_launch[tracks.track == number] for number in numbers]
+    claims = claims_of(run.tracks)
     above = [np.count_nonzero(claim > LAUNCHED) for claim in claims]
     false = sum(count > 0 for count in above)
     _, low, high = proportion(false, max(len(claims), 1))

@@ -20,9 +20,9 @@ from opir_core.interfaces.trajectories import Trajectories
 from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:
-    from opir_core.builtin.air_launch_targets import AirLaunch
     from opir_core.builtin.target_models import ClassConfig, GlideConfig, GravityTurnConfig
     from opir_core.flight.aiming import Aim
+    from opir_core.flight.air_launch import AirLaunch
     from opir_core.flight.forces import ForceModel
     from opir_core.flight.glide import GlideFlight
     from opir_core.flight.orbit_insertion import Insertion
