@@ -2,7 +2,9 @@
 classifiers that are not told of them.
 """
 
+import numpy as np
 import pytest
+from opir_photons.radiometry import solar_irradiance
 
 import opir_core as opir
 from opir_core.errors import OpirError
@@ -116,3 +118,49 @@ def test_a_constant_probability_of_detection_is_refused_for_them():
     )
     assert "source type ship" in message
     assert "detection: snr" in message
+
+
+def test_the_busy_sky_has_every_kind_and_says_so():
+    sky = opir.load_scene("examples/busy_sky.yaml", overrides=["duration_s=20", "tracker=none"])
+    rows = opir.simulate(sky).summary["sources"]
+    seen = {row["source_type"] for row in rows if row["detections"] > 0}
+    assert seen >= {"aircraft", "re-entry", "earth grazer", "lightning", "fire", "fire front"}
+    assert {row["source_type"] for row in rows} - seen <= {"bolide"}
+
+
+def test_emitters_of_a_block_do_not_depend_on_its_others():
+    one = opir.compile_plan(scene({"model": "storms", "at": [HERE], "flashes_per_minute": 60.0}))
+    places = [HERE, {"lat_deg": -10.0, "lon_deg": 30.0}]
+    two = opir.compile_plan(scene({"model": "storms", "at": places, "flashes_per_minute": 60.0}))
+    flashes = one.targets.truth()
+    assert len(flashes) < len(two.targets.truth())
+    assert list(two.targets.truth()[: len(flashes)]) == list(flashes)
+
+
+def test_a_block_without_emitters_is_no_error():
+    nowhere = {
+        "region": {"south_deg": 0.0, "north_deg": 1.0, "west_deg": 0.0, "east_deg": 1.0},
+        "per_million_km2": 0.0,
+    }
+    models = ("ships", "aircraft", "balloons", "reentries", "grazers", "storms")
+    empty = scene(*({"model": model, "field": nowhere} for model in models))
+    assert opir.simulate(empty).summary["sources"] == []
+
+
+def test_balloons_shine_in_the_sun_and_not_in_the_shadow_of_the_earth():
+    block = {"model": "balloons", "at": [{"lat_deg": 0.0, "lon_deg": 40.0}]}
+    lights = []
+    for hour in (9, 21):
+        lit = scene(block, epoch=f"2026-03-20T{hour:02d}:20:00Z")
+        source = opir.compile_plan(lit).sources[0]
+        row = np.zeros(1, np.int32)
+        place = source.trajectories.position_ecef_m(row, np.ones(1))
+        up = place / np.linalg.norm(place)
+        aspect = source.signatures.aspect_rad(row, np.ones(1), up)
+        columns = (np.ones(1), np.full(1, 30e3), aspect)
+        lights.append(float(source.signatures.intensity_w_sr(0, row, *columns)[0]))
+    # Full phase at noon: 2/3 of the albedo over pi times the irradiance and the cross-section.
+    band = opir.compile_plan(lit).sensors[0].bands[0]
+    sunlight = float(solar_irradiance(band.lower_um, band.upper_um))
+    assert lights[0] - lights[1] == pytest.approx(2 / (3 * np.pi) * sunlight * 900.0, rel=0.03)
+    assert lights[1] < 1e-3 * lights[0]
