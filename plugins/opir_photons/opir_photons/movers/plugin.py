@@ -32,7 +32,7 @@ _MODELS = (
         "balloons",
         "balloons that drift with the wind in the sunlight",
         BalloonConfig,
-        "balloons.balloon_sources",
+        "sunlit.balloon_sources",
     ),
     (
         "aircraft",
