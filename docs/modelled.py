@@ -97,7 +97,7 @@ PARTS = (
         "Not estimated. Signal too low near 2.7 and 4.3 µm",
     ),
     Part(
-        "Aircraft, ships, trains, balloons, fire fronts",
+        "Aircraft, ships, trains, balloons, satellites, fire fronts",
         "notional",
         "[courses](moving-sources.md) over the ellipsoid in closed form; grey tailpipes, flames,"
         " funnels and spheres in sunlight",

@@ -1,5 +1,5 @@
 """Sources that move against closed forms, another integrator and published statistics: turns, climbs
-and courses of aircraft, falls through the air, intervals, strokes and durations of lightning.
+and courses of aircraft, falls through the air, orbits, intervals, strokes and durations of lightning.
 """
 
 import numpy as np
@@ -11,12 +11,14 @@ from opir_photons.movers.configs import (
     GrazerConfig,
     LegConfig,
     ReentryConfig,
+    SatelliteConfig,
     ShipConfig,
     StormConfig,
 )
 from opir_photons.movers.courses import ship_sources
 from opir_photons.movers.falls import grazer_sources, reentry_sources
 from opir_photons.movers.storms import storm_sources
+from opir_photons.movers.sunlit import satellite_sources
 from opir_photons.radiometry import band_radiance
 from pyproj import Geod, Transformer
 from scipy.integrate import solve_ivp
@@ -217,6 +219,33 @@ def test_a_grazer_is_lowest_and_brightest_at_its_perigee_and_leaves():
     assert light.argmax() == 50
     assert light[50] == pytest.approx(30.0 * float(band_radiance(4500.0, 2.5, 3.0)), rel=1e-3)
     assert light[0] < 0.2 * light[50]
+
+
+def test_a_satellite_goes_round_as_kepler_says_and_into_the_shadow():
+    place = {"lat_deg": 0.0, "lon_deg": 20.0, "heading_deg": 90.0, "height_m": 600e3}
+    sources = satellite_sources(SatelliteConfig(at=(place,)), context(duration_s=5800.0))
+    radius_m = 6_378_137.0 + 600e3
+    period_s = 2.0 * np.pi * np.sqrt(radius_m**3 / 3.986004418e14)
+    times_s = np.linspace(0.0, 0.98 * period_s, 50)
+    rows = np.zeros(len(times_s), np.int32)
+    positions = sources.trajectories.position_ecef_m(rows, times_s)
+    radii_m = np.linalg.norm(positions, axis=1)
+    # At the equator J2 pulls 0.13 % more: the orbit dips by two parts in a thousand and a half.
+    assert radii_m == pytest.approx(radius_m, rel=3e-3)
+    assert positions[:, 2] == pytest.approx(0.0, abs=1.0)
+    turned = np.unwrap(np.arctan2(positions[:, 1], positions[:, 0])) - np.radians(20.0)
+    expected = (2.0 * np.pi / period_s - EARTH_RATE) * times_s
+    assert turned == pytest.approx(expected, abs=0.03)
+    to_sensor = positions / radii_m[:, None]
+    aspect = sources.signatures.aspect_rad(rows, times_s, to_sensor)
+    columns = (rows, times_s, np.full(len(rows), 600e3), aspect)
+    light = sources.signatures.intensity_w_sr(0, *columns)
+    own = 0.8 * 10.0 * float(band_radiance(300.0, 2.5, 3.0))
+    dark = light < 1.0001 * own
+    # The Earth hides the Sun for twice the arcsine of R/r of a turn, within the plane's tilt.
+    share = np.arcsin(6_378_137.0 / radius_m) / np.pi
+    assert dark.mean() == pytest.approx(share, abs=0.05)
+    assert light[~dark].max() > 100.0 * own
 
 
 @pytest.fixture(scope="module")

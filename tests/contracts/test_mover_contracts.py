@@ -29,6 +29,11 @@ class TestBalloons(SourceContract):
     settings: ClassVar[Mapping[str, Any]] = {"at": PLACES}
 
 
+class TestSatellites(SourceContract):
+    name = "satellites"
+    settings: ClassVar[Mapping[str, Any]] = {"at": PLACES}
+
+
 class TestAircraft(SourceContract):
     name = "aircraft"
     settings: ClassVar[Mapping[str, Any]] = {

@@ -82,6 +82,55 @@ class BalloonConfig(MoverConfig):
 
 
 @frozen(kw_only=True)
+class SatelliteConfig(PlacedConfig):
+    """What a scene may set of `satellites`: at `start_s` they are over their places, on circular
+    orbits; spheres of a cross-section `area_m2`.
+    """
+
+    more_own_fields = ("heading_deg", "albedo")
+
+    field: PlacesConfig | None = nested(
+        default=None, help="satellites over random places", source="no default: at, csv or field"
+    )
+    start_s: float = number(
+        default=0.0,
+        unit="s",
+        minimum=-86_400.0,
+        help="scene time at which it is over its place, and from which it shines",
+        source="the scene's begin",
+    )
+    end_s: float | None = number(
+        default=None,
+        unit="s",
+        help="scene time to which it shines",
+        source="none: beyond the scene's end",
+    )
+    height_m: float = number(
+        default=550e3,
+        unit="m",
+        minimum=150e3,
+        maximum=1e8,
+        help="height above the ellipsoid at its place",
+    )
+    heading_deg: float | None = number(
+        default=None,
+        unit="deg",
+        minimum=0.0,
+        maximum=360.0,
+        help="direction of motion in inertial space, from north over east",
+        source="none: random, each its own",
+    )
+    area_m2: float = number(default=10.0, unit="m2", above=0.0, maximum=1e5, help="cross-section")
+    albedo: float = number(
+        default=0.3, minimum=0.0, maximum=1.0, help="share of the sunlight that it reflects"
+    )
+    temperature_k: float = number(
+        default=300.0, unit="K", above=0.0, maximum=1000.0, help="temperature of its surface"
+    )
+    emissivity: float = number(default=0.8, above=0.0, maximum=1.0, help="emissivity")
+
+
+@frozen(kw_only=True)
 class LegConfig:
     """One leg of a flight: straight with an acceleration, or a level or climbing turn; after the
     last leg the aircraft flies straight and level.

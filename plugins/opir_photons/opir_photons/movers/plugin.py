@@ -13,6 +13,7 @@ from opir_photons.movers.configs import (
     FireFrontConfig,
     GrazerConfig,
     ReentryConfig,
+    SatelliteConfig,
     ShipConfig,
     StormConfig,
     TrainConfig,
@@ -33,6 +34,12 @@ _MODELS = (
         "balloons that drift with the wind in the sunlight",
         BalloonConfig,
         "sunlit.balloon_sources",
+    ),
+    (
+        "satellites",
+        "satellites on circular orbits in the sunlight",
+        SatelliteConfig,
+        "sunlit.satellite_sources",
     ),
     (
         "aircraft",
