@@ -180,6 +180,21 @@ def test_a_body_falls_as_another_integrator_says():
     assert np.linalg.norm(flown.y[3:, -1]) < 5000.0
 
 
+def test_a_spent_stage_climbs_to_the_height_of_its_energy_before_it_falls():
+    place = {**HERE[0], "heading_deg": 0.0, "height_m": 80e3, "speed_m_s": 1500.0}
+    config = ReentryConfig(at=(place,), descent_deg=-50.0, ballistic_coefficient_kg_m2=1e5)
+    sources = reentry_sources(config, context(duration_s=500.0))
+    times_s = np.linspace(0.0, float(sources.trajectories.burnout_s[0]) - 0.01, 2000)
+    height = track(sources, times_s)[2]
+    # Up to the sphere's second order: v² sin² / 2 of the pull of gravity less that of the curve.
+    radius = 6_378_137.0 + 80e3
+    across = 1500.0 * np.cos(np.radians(50.0))
+    pull = 3.986004418e14 / radius**2 - across**2 / radius
+    rise = (1500.0 * np.sin(np.radians(50.0))) ** 2 / (2.0 * pull)
+    assert height.max() - 80e3 == pytest.approx(rise, rel=0.02)
+    assert height[-1] == pytest.approx(15e3, abs=100.0)
+
+
 def test_a_falling_body_is_as_hot_as_the_air_makes_it():
     config = ReentryConfig(at=({**HERE[0], "heading_deg": 90.0},))
     sources = reentry_sources(config, context(duration_s=900.0))

@@ -229,9 +229,9 @@ class ReentryConfig(SourceConfig):
     descent_deg: float = number(
         default=1.5,
         unit="deg",
-        minimum=0.0,
+        minimum=-90.0,
         maximum=90.0,
-        help="angle of the way below the horizontal",
+        help="angle of the way below the horizontal; a spent stage that still climbs has one below 0",
     )
     heading_deg: float | None = number(
         default=None,

@@ -68,7 +68,7 @@ def jet(*legs, **changes):
             },
             ["sources[0]", "at most 20000", "lower flashes_per_minute"],
         ),
-        ({"model": "reentries", "at": [{**HERE, "descent_deg": -4.0}]}, ["descent_deg"]),
+        ({"model": "reentries", "at": [{**HERE, "descent_deg": -94.0}]}, ["descent_deg"]),
         ({"model": "grazers", "at": [{**HERE, "speed_m_s": 4e3}]}, ["speed_m_s"]),
     ],
 )
