@@ -7,7 +7,7 @@ from attrs import frozen
 from opir_core.plugin import cited, flag, nested, number, with_defaults
 from opir_photons.radiometry.source_configs import PlacedConfig, PlacesConfig, SourceConfig
 
-_DAYLIGHT_1972 = "daylight fireball of 10 August 1972: 15 km/s, perigee 58 km, seen for 101 s"
+_DAYLIGHT_1972 = "daylight fireball of 10 August 1972: 15 km/s, perigee 57 km, 100 s in the air"
 _STROKES = "1174 negative flashes: Poelman et al., Nat. Hazards Earth Syst. Sci. 21 (2021), 1909"
 
 
@@ -266,7 +266,7 @@ class ReentryConfig(SourceConfig):
 
 @with_defaults(
     start_s=0.0,
-    height_m=cited(58e3, _DAYLIGHT_1972),
+    height_m=cited(57e3, _DAYLIGHT_1972),
     temperature_k=4500.0,
     emissivity=1.0,
     area_m2=30.0,
@@ -296,7 +296,7 @@ class GrazerConfig(SourceConfig):
         source="none: random, each its own",
     )
     shining_s: float = number(
-        default=101.0,
+        default=100.0,
         unit="s",
         above=0.0,
         maximum=600.0,
