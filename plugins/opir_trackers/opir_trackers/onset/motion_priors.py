@@ -84,6 +84,19 @@ class MotionLaw:
     tilted_m_s2: float = 10.0
     unsteady_m_s3: float = 0.5
 
+    #: Launches from the air: mean and standard deviation of the height, m; mean speed, m/s, and
+    #: accelerations along the course and upwards, m/s², in a pull-up of 1 to 4 g; standard deviations
+    #: along and across the course and upwards of velocity, acceleration and jerk, m/s³: the end of the
+    #: pull-up.
+    air_m: _Pair = (11e3, 3e3)
+    air_m_s: float = 240.0
+    air_pull_m_s2: _Pair = (15.0, 22.0)
+    air_sigmas: tuple[tuple[float, ...], ...] = (
+        (30.0, 80.0, 10.0),
+        (6.0, 2.0, 6.0),
+        (2.0, 0.5, 2.0),
+    )
+
     #: Bolides. CNEOS: brightest at 35.2 km [22-61], entered at 17.3 km/s [11.8-30.2], in any
     #: direction.
     bolide: _Spread = ((40e3, 20e3), (11e3, 11e3), (3e3, 3e3), (3e3, 3e3))
@@ -127,21 +140,8 @@ class MotionLaw:
         (0.1, 60.0, ((2.0, 6.0, 3.0), (0.5, 0.5, 0.5))),
     )
 
-    #: Launches from the air: mean and standard deviation of the height, m; speed, m/s, and its
-    #: standard deviations along and across the course; means of the acceleration along it and
-    #: upwards, m/s², in a pull-up of 1 to 4 g; standard deviations of the climb, m/s, and, along,
-    #: across and upwards, of acceleration, m/s², and jerk, m/s³: the end of the pull-up.
-    air_m: _Pair = (11e3, 2e3)
-    air_speed: tuple[float, _Pair] = (240.0, (30.0, 80.0))
-    air_lift_m_s2: _Pair = (15.0, 22.0)
-    air_climb_m_s: float = 10.0
-    air_rates: tuple[tuple[float, ...], ...] = ((6.0, 2.0, 6.0), (2.0, 0.5, 2.0))
-
 
 LAW = MotionLaw()
-
-#: Courses of what flies, rad.
-_COURSES = np.arange(8) * (np.pi / 4.0)
 
 #: Edges of the intervals of the time from lift-off to the first detection, s.
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
@@ -218,48 +218,24 @@ def _others(kinds: Sequence[Ground]) -> list[_Component]:
 def _aircraft() -> list[_Component]:
     """Return the priors of each kind of aircraft, flight and course."""
     components = []
-    for flight, aircraft, course in product(LAW.flights, LAW.aircraft, _COURSES):
+    courses = np.arange(8) * (np.pi / 4.0)
+    height_m, height_sigma_m = LAW.aircraft_m
+    for flight, aircraft, course in product(LAW.flights, LAW.aircraft, courses):
         flight_share, climb_m_s, rates = flight
         share, speed_m_s, sigmas_m_s = aircraft
-        weight = flight_share * share / len(_COURSES)
-        spreads = (*sigmas_m_s, climb_m_s), *rates
-        ahead = speed_m_s, 0.0, 0.0
-        components.append(_on_course(NONE, weight, course, LAW.aircraft_m, ahead, spreads))
+        sine = np.sin(course)
+        cosine = np.cos(course)
+        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
+        mean = np.zeros((ORDERS, 3))
+        mean[0, 2] = height_m
+        mean[1] = speed_m_s * axes[0]
+        root = np.zeros((ORDERS, 3, ORDERS, 3))
+        spreads = (WIDE_M, WIDE_M, height_sigma_m), (*sigmas_m_s, climb_m_s), *rates
+        for order, sigmas in enumerate(spreads):
+            root[order, :, order] = axes * sigmas
+        weight = flight_share * share / len(courses)
+        components.append(_Component(NONE, weight, mean.ravel(), root.reshape(3 * ORDERS, -1)))
     return components
-
-
-def _from_air(share: float) -> list[_Component]:
-    """Return the priors of launches from the air, by course."""
-    speed_m_s, sigmas_m_s = LAW.air_speed
-    ahead = speed_m_s, *LAW.air_lift_m_s2
-    spreads = (*sigmas_m_s, LAW.air_climb_m_s), *LAW.air_rates
-    weight = share / len(_COURSES)
-    return [_on_course(LAUNCH, weight, course, LAW.air_m, ahead, spreads) for course in _COURSES]
-
-
-def _on_course(
-    group: int,
-    weight: float,
-    course: float,
-    height: _Pair,
-    ahead: tuple[float, float, float],
-    spreads: Sequence[tuple[float, ...]],
-) -> _Component:
-    """Return the prior of what flies on a course: mean speed, m/s, and accelerations along it and
-    upwards, m/s², and standard deviations of the rates along, across and upwards.
-    """
-    speed_m_s, along_m_s2, upwards_m_s2 = ahead
-    sine = np.sin(course)
-    cosine = np.cos(course)
-    axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
-    mean = np.zeros((ORDERS, 3))
-    mean[0, 2] = height[0]
-    mean[1] = speed_m_s * axes[0]
-    mean[2] = along_m_s2 * axes[0] + upwards_m_s2 * axes[2]
-    root = np.zeros((ORDERS, 3, ORDERS, 3))
-    for order, sigmas in enumerate(((WIDE_M, WIDE_M, height[1]), *spreads)):
-        root[order, :, order] = axes * sigmas
-    return _Component(group, weight, mean.ravel(), root.reshape(3 * ORDERS, -1))
 
 
 def _on_ground(
@@ -323,6 +299,27 @@ def _in_flight(share: float) -> list[_Component]:
         root[:3, :2] = np.array([WIDE_M, aside_m_s, LAW.tilted_m_s2])[:, None]
         mean[:3, 2], root[:3, 2] = np.array(upwards).T
         components.append(_Component(LAUNCH, weight, mean.ravel(), np.diag(root.ravel())))
+    return components
+
+
+def _from_air(share: float) -> list[_Component]:
+    """Return the priors of launches from the air, by course."""
+    along_m_s2, upwards_m_s2 = LAW.air_pull_m_s2
+    height_m, height_sigma_m = LAW.air_m
+    rates = np.array(
+        [(0.0, 0.0, height_m), (LAW.air_m_s, 0.0, 0.0), (along_m_s2, 0.0, upwards_m_s2)]
+    )
+    sigmas = ((WIDE_M, WIDE_M, height_sigma_m), *LAW.air_sigmas)
+    components = []
+    courses = np.arange(8) * (np.pi / 4.0)
+    for sine, cosine in zip(np.sin(courses), np.cos(courses), strict=True):
+        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
+        mean = np.append(rates @ axes, np.zeros(3))
+        root = np.zeros((ORDERS, 3, ORDERS, 3))
+        for order, sigma in enumerate(sigmas):
+            root[order, :, order] = axes * sigma
+        weight = share / len(courses)
+        components.append(_Component(LAUNCH, weight, mean, root.reshape(3 * ORDERS, -1)))
     return components
 
 
