@@ -247,7 +247,10 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
     "target-models": (
         "opir_core.builtin.target_models",
-        frozenset(("opir_target_models", name) for name in ("gravity-turn", "orbit", "glide")),
+        frozenset(
+            ("opir_target_models", name)
+            for name in ("gravity-turn", "orbit", "glide", "air-launch")
+        ),
     ),
     "scanner": (
         "opir_core.builtin.scanner",

@@ -1,6 +1,7 @@
 """The contexts of components: the second argument of `build`, after the configuration."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -15,7 +16,7 @@ from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.records import Window
 from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.hypotheses import Hypothesis, core_hypotheses
-from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
+from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES, TARGET_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class
 
 if TYPE_CHECKING:
@@ -99,11 +100,21 @@ class ModelContext:
         """Return the distinct classes of the emitters, in order of occurrence, and the number (n,)
         of each one's.
         """
-        names = self.class_names or tuple(
-            EMITTER_TYPES[code] for code in self.target_type_code.tolist()
-        )
+        names = self._names()
         number = {name: place for place, name in enumerate(dict.fromkeys(names))}
         return tuple(number), np.array([number[name] for name in names], dtype=np.int32)
+
+    def launched_classes(self) -> frozenset[str]:
+        """Return the names of the target classes of launches, without the types of other hot
+        sources.
+        """
+        is_launch = (self.target_type_code < len(TARGET_TYPES)).tolist()
+        return frozenset(compress(self._names(), is_launch))
+
+    def _names(self) -> tuple[str, ...]:
+        return self.class_names or tuple(
+            EMITTER_TYPES[code] for code in self.target_type_code.tolist()
+        )
 
 
 @frozen(kw_only=True)

@@ -541,7 +541,14 @@ def _joined(
     ids = [target.id for target in scene.targets]
     trajectories = [*launches]
     places = [*rows]
-    for source in sources:
+    classes = {name for launched in launches for name in launched.class_names}
+    for source, block in zip(sources, scene.sources, strict=True):
+        taken = sorted(classes.intersection(source.trajectories.class_names))
+        if taken:
+            raise ModelError(
+                f"{block.model.path}: {taken[0]} is a kind of source here and the class of a"
+                " target: give the class another name"
+            )
         places.append(range(len(ids), len(ids) + len(source.ids)))
         ids += source.ids
         trajectories.append(source.trajectories)

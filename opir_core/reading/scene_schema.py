@@ -171,7 +171,9 @@ class SceneFile:
     )
     targets: Node | None = nested(help="launches", default=None, source="")
     sources: Node | None = nested(
-        help="emitters other than targets: fires, flares, glints, bolides", default=None, source=""
+        help="emitters other than targets: fires, aircraft, lightning and more",
+        default=None,
+        source="",
     )
     detection: Node | None = nested(**_chosen("detection model", "detection"))
     classification: Node | None = nested(**_chosen("classifier", "classification"))

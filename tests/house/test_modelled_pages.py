@@ -9,7 +9,8 @@ from typing import get_type_hints
 
 import pytest
 from attrs import fields, has
-from opir_photons.radiometry.source_configs import SourceConfig
+from opir_photons.movers.configs import MoverConfig
+from opir_photons.radiometry.source_configs import PlacedConfig, SourceConfig
 from repository import ROOT
 
 from opir_core.builtin.configs import PlaceConfig
@@ -25,7 +26,7 @@ from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 PAGES = ROOT / "docs" / "explanation"
 LABELS = {"computed", "tabulated", "notional"}
-PHOTONS = ("classification", "detection", "imagers", "radiometry")
+PHOTONS = ("classification", "detection", "imagers", "movers", "radiometry")
 PLUGINS = (
     *(
         "dsp",
@@ -44,7 +45,15 @@ PLUGINS = (
     ),
 )
 #: What others are made of: no scene names them.
-BASES = {PlaceConfig, PointedSensorConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
+BASES = {
+    MoverConfig,
+    PlaceConfig,
+    PlacedConfig,
+    PointedSensorConfig,
+    RadiometerConfig,
+    ScanningSensorConfig,
+    SourceConfig,
+}
 
 
 def settable():
