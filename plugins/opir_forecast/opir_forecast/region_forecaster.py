@@ -79,14 +79,14 @@ class RegionForecaster(Forecaster):
     def _renew(self, estimates: BoostEstimates, time_s: float) -> None:
         """Renew the forecasts of launches that are due, and drop those of what is none any more."""
         latest = self._latest
-        due = np.flatnonzero(estimates.is_launch & self._are_due(estimates, time_s))
-        others = np.flatnonzero(~estimates.is_launch & np.isfinite(latest.made_s))
-        if not len(due) + len(others):
+        due = (estimates.is_launch & self._are_due(estimates, time_s)).nonzero()[0]
+        others = (~estimates.is_launch & np.isfinite(latest.made_s)).nonzero()[0]
+        if not due.size + others.size:
             return
         # Reported tracks hold the columns of the tick before.
         latest = latest.take(np.arange(len(latest)))
         latest.overwrite(others, self._nothing(estimates.track[others]))
-        for start in range(0, len(due), LAW.block):
+        for start in range(0, due.size, LAW.block):
             rows = due[start : start + LAW.block]
             latest.overwrite(rows, self._renewed(estimates.take(rows), rows, time_s))
         self._latest = latest

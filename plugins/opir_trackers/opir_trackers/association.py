@@ -118,11 +118,7 @@ def associate_nearest(
 
 def hard_association(pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArray) -> NearestLines:
     """Return an association of the chosen pairs, with probability 1."""
-    assigned = (
-        pairs
-        if np.count_nonzero(is_chosen) == len(is_chosen)
-        else pairs.take(is_chosen.nonzero()[0])
-    )
+    assigned = pairs.take(is_chosen.nonzero()[0]) if False in is_chosen else pairs
     owner = unassigned(len(lines.scan))
     owner[assigned.line] = assigned.track
     return NearestLines(owner, assigned)

@@ -356,7 +356,7 @@ class BurnModes:
         that ends is mixed into the steady burn.
         """
         mean, root, share = burns
-        if share[:, 2].any():
+        if share[:, 2].nonzero()[0].size:
             self._end_free(burns, step_s)
         _settle_stages(burns)
         begins = share[:, 0] * -expm1(-step_s / stage.every_s)
@@ -428,7 +428,7 @@ def carried(motion: Dynamics, state: Gaussian, step_s: FloatArray) -> Gaussian:
 def moments(burns: Burns) -> Gaussian:
     """Return the moments of burns."""
     mean, root, share = burns
-    count = np.count_nonzero(share[:, 2])
+    count = share[:, 2].nonzero()[0].size
     if count in (0, len(share)):
         size = 3 if count else 2
         means = mean[:, :size].swapaxes(0, 1)

@@ -345,10 +345,9 @@ class ImmFilter:
     ) -> PredictedMeasurements:
         """Return the predictions about the estimates' time, by the likelier mode of each track."""
         coasts = estimates.weight[:, 1] > estimates.weight[:, 0]
-        count = np.count_nonzero(coasts)
-        if not count:
+        if True not in coasts:
             return PredictedMeasurements(time_s, *_path(self.boost, estimates.boost))
-        if count == len(coasts):
+        if False not in coasts:
             return PredictedMeasurements(time_s, *_path(self.coast, estimates.coast))
         derivative = np.empty((len(estimates), 5, 3))
         root = np.empty((len(estimates), BOOST, BOOST))
@@ -366,7 +365,7 @@ class ImmFilter:
         are_open = estimates.weight[:, 1:] >= least
         boost_mean = estimates.boost_mean[:, :COAST]
         boost_side = square_root.inverse_root(estimates.boost_root)[:, :COAST]
-        if not are_open.any():
+        if True not in are_open:
             return boost_mean, square_root.gram(boost_side)
         weight = np.where(are_open, estimates.weight, [1.0, 0.0])
         boost = weight[:, :1]

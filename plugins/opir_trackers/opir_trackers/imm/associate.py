@@ -83,7 +83,7 @@ def track_numbers(models: TrackingModels, state: TrackerState, lines: LinesOfSig
     prediction = predict(models, state, state.time_s + models.config.cadence_s, lines)
     eligible = models.confirmed(state)
     pairs = prediction.pairs
-    if not eligible.all():
+    if False in eligible:
         pairs = pairs.take(eligible[pairs.track].nonzero()[0])
     owner = models.parts.associator.labels(
         _problem(models, state, prediction, lines.of_instants(), pairs), eligible

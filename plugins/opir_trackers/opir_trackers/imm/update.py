@@ -102,7 +102,7 @@ def _relit_motion(
     What shines there again may be another source: two flashes would make one fast motion.
     """
     motion = state.table.motion
-    if motion.is_decided.all():
+    if False not in motion.is_decided:
         return motion
     count = len(state.table)
     owned = owner >= 0
@@ -145,7 +145,7 @@ def _updated(
     was_silent = (silence_s > prediction.span_s)[pairs.track]
     rows = (~was_silent).nonzero()[0]
     means = merged(pairs.take(rows), association.sensor[rows], prediction.path)
-    if was_silent.any():
+    if True in was_silent:
         means = GatedPairs.concatenate([means, pairs.take(was_silent.nonzero()[0])])
     posterior = _filtered(models, prediction, hard_measurements(means))
     rate = _with_all_looks(posterior.detection_rate, association, means.track, prediction.end_s)
@@ -196,7 +196,7 @@ def _with_outliers(
     gate = models.config.gate_sigma
     share = fractions.share
     suspects = _suspects(association, share)
-    if not suspects.size and not (share > FEW).any():
+    if not suspects.size and True not in (share > FEW):
         return posterior, None
     outliers = clean_log_likelihood(assigned, fractions, gate)
     if not suspects.size:
@@ -280,6 +280,6 @@ def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedP
 def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
     """Return the assigned pairs of tracks none of whose lines is in another's gate."""
     shared = np.bincount(pairs.line)[pairs.line] > 1 if len(pairs) else np.zeros(0, dtype=np.bool_)
-    if not shared.any():
+    if True not in shared:
         return assigned
     return assigned.take((~np.isin(assigned.track, pairs.track[shared])).nonzero()[0])
