@@ -64,8 +64,17 @@ class RegionForecaster(Forecaster):
         self._renew(estimates, time_s)
         latest = self._latest
         end = track_ends(latest, time_s, estimates.silent_s > LAW.longest_gap_s)
-        columns = {name: getattr(latest, name) for name in names_of(LaunchForecasts)}
-        return LaunchForecasts(**columns | {"probability_burning": estimates.burning, "end": end})
+        impact = latest.impact, latest.impact_covariance, latest.impact_sigmas
+        return LaunchForecasts(
+            latest.given_launch,
+            *impact,
+            latest.impact_regions,
+            estimates.burning,
+            latest.probability_relights,
+            latest.probability_comes_down,
+            latest.in_orbit,
+            end,
+        )
 
     def _nothing(self, number: IntArray) -> LatestForecasts:
         """Return what is said of tracks without a forecast: the prior of hypotheses."""

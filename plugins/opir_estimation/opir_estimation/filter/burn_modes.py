@@ -13,12 +13,11 @@ looks that neither of the others explains, until it is improbable.
 
 from collections.abc import Callable, Sequence
 from math import expm1
-from typing import Any
 
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_estimation import square_root
 from opir_estimation.directions import dot, matvec
 from opir_estimation.filter.dynamics import Dynamics
@@ -157,7 +156,7 @@ class FreeBurn:
         identity = np.broadcast_to(np.eye(size), begun.root.shape)
         return Gaussian(begun.mean, square_root.time_update(begun.root, identity, noise))
 
-    def surprises(self, prior: Gaussian, burn: Gaussian) -> Any:
+    def surprises(self, prior: Gaussian, burn: Gaussian) -> BoolArray:
         """Whether looks surprise (n,): squared innovations of positions in standard deviations, χ²
         of 3 degrees of freedom at most.
 
@@ -167,8 +166,7 @@ class FreeBurn:
         step = (burn.mean - prior.mean)[:, :3]
         least = LAW.least_learnt * prior_covariance
         learnt = prior_covariance - _position_covariance(burn) + least
-        whitened: Any = np.linalg.solve(learnt, step[:, :, None])[:, :, 0]
-        return dot(step, whitened) > self.surprise
+        return dot(step, square_root.solved(learnt, step)) > self.surprise
 
 
 def _position_covariance(burn: Gaussian) -> FloatArray:
@@ -271,7 +269,8 @@ class BurnModes:
         """
         if self.stage is None:
             return [Mode(self.motion, *boost)]
-        modes = [Mode(self.motion, *burns.part(number)) for number in (0, 1)]
+        mean, root, _ = burns
+        modes = [Mode(self.motion, mean[:, number], root[:, number]) for number in (0, 1)]
         if self.free is not None and burns.share[0, 2] > 0.0:
             modes.append(Mode(self.free.motion, *burns.part(2)))
         return modes

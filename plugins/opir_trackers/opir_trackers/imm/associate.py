@@ -4,7 +4,7 @@ import numpy as np
 from opir_estimation import GatedPairs, LinesOfSight
 
 from opir_core.arrays import IntArray
-from opir_trackers.association import unassigned
+from opir_trackers.association import NearestLines, unassigned
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import SlicePrediction, predict
 from opir_trackers.imm.state import TrackerState
@@ -24,7 +24,7 @@ def associate(
             memory=state.memory,
         )
     parts = models.parts
-    problem = _problem(models, state, prediction, lines, prediction.pairs)
+    problem = _problem(models, state, prediction, lines, prediction.pairs, prediction.nearest)
     association = parts.associator.associate(problem)
     _require_owners(models, association.owner, state, lines)
     return association
@@ -54,8 +54,11 @@ def _problem(
     prediction: SlicePrediction,
     lines: LinesOfSight,
     pairs: GatedPairs,
+    nearest: NearestLines | None,
 ) -> AssociationProblem:
-    """Return the association of lines with the tracks that are predicted, by some pairs."""
+    """Return the association of lines with the tracks that are predicted, by some pairs, whose
+    `nearest` assignment may be known.
+    """
     table = state.table
     return AssociationProblem(
         lines=lines,
@@ -67,6 +70,7 @@ def _problem(
         end_s=prediction.end_s,
         span_s=prediction.span_s,
         memory=state.memory,
+        known_nearest=nearest,
     )
 
 
@@ -83,10 +87,12 @@ def track_numbers(models: TrackingModels, state: TrackerState, lines: LinesOfSig
     prediction = predict(models, state, state.time_s + models.config.cadence_s, lines)
     eligible = models.confirmed(state)
     pairs = prediction.pairs
+    nearest = prediction.nearest
     if False in eligible:
         pairs = pairs.take(eligible[pairs.track].nonzero()[0])
+        nearest = None
     owner = models.parts.associator.labels(
-        _problem(models, state, prediction, lines.of_instants(), pairs), eligible
+        _problem(models, state, prediction, lines.of_instants(), pairs, nearest), eligible
     )
     _require_owners(models, owner, state, lines)
     return np.where(owner < 0, -1, number[owner])

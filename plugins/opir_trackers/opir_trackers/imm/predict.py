@@ -15,6 +15,7 @@ from opir_estimation import (
     Registration,
 )
 
+from opir_trackers.association import NearestLines, lone_lines
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.state import TrackerState, TrackTable
 
@@ -23,8 +24,9 @@ class SlicePrediction(NamedTuple):
     """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are
     those in the slice, `pairs` those within gates.
 
-    `watched` is how long tracks were looked at in it, None for throughout. Without tracks or lines
-    no measurements are predicted.
+    `watched` is how long tracks were looked at in it, None for throughout. `nearest` is the
+    assignment of the lines, and of those of each instant, where it is unambiguous. Without tracks
+    or lines no measurements are predicted.
     """
 
     estimates: ModeEstimates
@@ -34,6 +36,7 @@ class SlicePrediction(NamedTuple):
     end_s: float
     span_s: float
     watched: LookTimes | None = None
+    nearest: NearestLines | None = None
 
 
 def predict(
@@ -68,7 +71,8 @@ def _predicted(
             bias_covariance=registration.gate_covariance(state, table.seen, vantages)
         )
     pairs = models.gated_pairs(path, lines, span_s)
-    return SlicePrediction(estimates, path, pairs, lines, *times)
+    lone = lone_lines(pairs, lines, models.association)
+    return SlicePrediction(estimates, path, pairs, lines, *times, lone)
 
 
 _NO_PATH = PredictedMeasurements(0.0, np.empty((0, 5, 3)), np.empty((0, BOOST, BOOST)))

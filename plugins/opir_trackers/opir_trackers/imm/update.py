@@ -56,9 +56,8 @@ def update(
     estimates = models.filter.with_open_coast(
         estimates, prediction.estimates, table.estimates, prediction.span_s
     )
-    table = table.with_estimates(estimates)
-    if outliers is not None:
-        table = table.changed(outliers=outliers)
+    log = table.outliers if outliers is None else outliers
+    table = table.changed(estimates=estimates, outliers=log)
     next_state = state._replace(time_s=prediction.end_s, table=table, memory=association.memory)
     if not lines.scan.size:
         return next_state
@@ -240,7 +239,7 @@ def _registered(
 
     Tracks that share a line with others do not count.
     """
-    is_due = state.registration.is_due(state.time_s, len(state.table))
+    is_due = state.registration.is_due(state.time_s, state.table.number.size)
     if not is_due and not state.registration.has_outliers:
         return state
     assigned = _unshared(association.single, prediction.pairs)
