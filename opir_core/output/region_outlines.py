@@ -77,39 +77,42 @@ def _corners(points: FloatArray, tolerance_m: float) -> list[int]:
     and V. Gonzalez, Pattern Recognition 12, 1980).
     """
     x, y = np.concatenate([points, points[:1]]).T.tolist()
-    last = len(points)
     corners = [0]
-    while corners[-1] < last:
-        corner = corners[-1]
-        east, north = x[corner], y[corner]
-        middle = 0.0
-        farthest_m = 0.0
-        low, high = -2.0 * pi, 2.0 * pi
-        stop = corner + 1
-        for place in range(corner + 1, last + 1):
-            across, up = x[place] - east, y[place] - north
-            distance_m = hypot(across, up)
-            if distance_m <= tolerance_m:
-                continue
-            direction = atan2(up, across)
-            if low == -2.0 * pi:
-                middle = direction
-            turn = remainder(direction - middle, 2.0 * pi)
-            # A line that turned back would leave its farthest point off the side.
-            if distance_m >= farthest_m:
-                farthest_m = distance_m
-                if low <= turn <= high:
-                    stop = place
-            half_width = asin(tolerance_m / distance_m)
-            # Comparisons take half the time of `max` and `min`.
-            if turn - half_width > low:
-                low = turn - half_width
-            if turn + half_width < high:
-                high = turn + half_width
-            if low > high:
-                break
-        corners.append(stop)
+    while corners[-1] < len(points):
+        corners.append(_next_corner(x, y, corners[-1], tolerance_m))
     return corners
+
+
+def _next_corner(x: list[float], y: list[float], corner: int, tolerance_m: float) -> int:
+    """Return the corner after another one of a line with points (n,) x and y."""
+    east, north = x[corner], y[corner]
+    middle = 0.0
+    farthest_m = 0.0
+    low, high = -2.0 * pi, 2.0 * pi
+    stop = corner + 1
+    for place in range(corner + 1, len(x)):
+        across, up = x[place] - east, y[place] - north
+        distance_m = hypot(across, up)
+        if distance_m <= tolerance_m:
+            continue
+        direction = atan2(up, across)
+        if low == -2.0 * pi:
+            middle = direction
+        turn = remainder(direction - middle, 2.0 * pi)
+        # A line that turned back would leave its farthest point off the side.
+        if distance_m >= farthest_m:
+            farthest_m = distance_m
+            if low <= turn <= high:
+                stop = place
+        half_width = asin(tolerance_m / distance_m)
+        # Comparisons take half the time of `max` and `min`.
+        if turn - half_width > low:
+            low = turn - half_width
+        if turn + half_width < high:
+            high = turn + half_width
+        if low > high:
+            break
+    return stop
 
 
 def _area_m2(ring: FloatArray) -> float:
