@@ -52,7 +52,8 @@ _PARTS = (
         "jpda",
         "associators.jpda",
         "joint_associator",
-        "lines that several tracks may have move each by the probability of its label",
+        "joint probabilistic data association: a line within the gates of several tracks updates"
+        " each, weighted by the probability that it is that track's",
     ),
     (
         "association",
