@@ -121,7 +121,7 @@ class StageHistory(Columns):
         steady = burning & (staging < LAW.steady) & is_recent
         history = history._with_burn(steady, force, estimates, tick_s)
         burnout_s = tick_s - np.maximum(silent_s - pause_s, 0.0)
-        return history._dark_since((~burning & ~history.is_dark).nonzero()[0], burnout_s)
+        return history._dark_since(~burning & ~history.is_dark, burnout_s)
 
     def _with_hot_ends(
         self, burning: BoolArray, staging: FloatArray, force: FloatArray
@@ -142,16 +142,17 @@ class StageHistory(Columns):
             self.ignition_s,
             self.ignition_sigma_s,
             self.dark_since_s,
-            force=np.where(steady, force, self.force),
-            growth=np.where(steady, estimates.burn_mean[:, 0, 9], self.growth),
-            steady_s=np.where(steady, tick_s, self.steady_s),
-            staging=estimates.burn_share[:, 1],
-            free_odds=np.maximum(self.free_odds, free_odds),
+            np.where(steady, force, self.force),
+            np.where(steady, estimates.burn_mean[:, 0, 9], self.growth),
+            np.where(steady, tick_s, self.steady_s),
+            estimates.burn_share[:, 1],
+            np.maximum(self.free_odds, free_odds),
         )
 
-    def _dark_since(self, rows: IntArray, time_s: FloatArray) -> "StageHistory":
-        """Return the histories with the last stages of some rows over since times (n,)."""
-        if not len(rows):
+    def _dark_since(self, ended: BoolArray, time_s: FloatArray) -> "StageHistory":
+        """Return the histories with the last stages of some over since times (n,)."""
+        rows = ended.nonzero()[0]
+        if not rows.size:
             return self
         since_s = self.dark_since_s.copy()
         since_s[rows] = time_s[rows]
@@ -172,9 +173,17 @@ class StageHistory(Columns):
 
     def _with_ignitions(self, time_s: FloatArray, sigma_s: FloatArray) -> "StageHistory":
         """Return the histories with the last ignitions at times (n,), with their errors."""
-        burns = self.dark_since_s, self.force, self.growth, self.steady_s
         return StageHistory(
-            self.number, self.logs, time_s, sigma_s, *burns, self.staging, self.free_odds
+            self.number,
+            self.logs,
+            time_s,
+            sigma_s,
+            self.dark_since_s,
+            self.force,
+            self.growth,
+            self.steady_s,
+            self.staging,
+            self.free_odds,
         )
 
     def _ignited(self, rows: IntArray, time_s: Any, sigma_s: float) -> "StageHistory":
@@ -213,7 +222,7 @@ class StageHistory(Columns):
     def as_burning(self) -> "StageHistory":
         """Return the histories if the last stage still burns."""
         dark = np.flatnonzero(self.is_dark)
-        if not len(dark):
+        if not dark.size:
             return self
         logs = self.logs.copy()
         logs[dark, self.done[dark] - 1] = np.nan
@@ -232,7 +241,7 @@ class StageHistory(Columns):
         """Return the histories if the last stage is over, since a time (n,) if it was thought to
         burn.
         """
-        return self._dark_since(np.flatnonzero(~self.is_dark), tick_s - dark_s)
+        return self._dark_since(~self.is_dark, tick_s - dark_s)
 
 
 def _stage_figures(

@@ -52,8 +52,7 @@ _PARTS = (
         "jpda",
         "associators.jpda",
         "joint_associator",
-        "joint probabilistic data association: a line within the gates of several tracks updates"
-        " each, weighted by the probability that it is that track's",
+        "joint probabilistic data association: shared lines update each track by their probability",
     ),
     (
         "association",

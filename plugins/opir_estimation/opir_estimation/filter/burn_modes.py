@@ -428,10 +428,16 @@ def moments(burns: Burns) -> Gaussian:
     """Return the moments of burns."""
     mean, root, share = burns
     count = share[:, 2].nonzero()[0].size
-    if count in (0, len(share)):
-        size = 3 if count else 2
-        means = mean[:, :size].swapaxes(0, 1)
-        return moment_matched(share[:, :size], means, root[:, :size].swapaxes(0, 1))
+    if 0 < count < share.shape[0]:
+        return _moments_by_kind(burns)
+    size = 3 if count else 2
+    means = mean[:, :size].swapaxes(0, 1)
+    return moment_matched(share[:, :size], means, root[:, :size].swapaxes(0, 1))
+
+
+def _moments_by_kind(burns: Burns) -> Gaussian:
+    """Return the moments of burns, of which only some have a free part."""
+    mean, root, _ = burns
     matched = Gaussian(np.empty_like(mean[:, 0]), np.empty_like(root[:, 0]))
     for mask in (burns.are_free, ~burns.are_free):
         rows = mask.nonzero()[0]

@@ -1,10 +1,10 @@
 """Associate: the track of each line of a slice, by the associator."""
 
 import numpy as np
-from opir_estimation import GatedPairs, LinesOfSight
+from opir_estimation import LinesOfSight
 
 from opir_core.arrays import IntArray
-from opir_trackers.association import NearestLines, unassigned
+from opir_trackers.association import unassigned
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import SlicePrediction, predict
 from opir_trackers.imm.state import TrackerState
@@ -24,8 +24,7 @@ def associate(
             memory=state.memory,
         )
     parts = models.parts
-    problem = _problem(models, state, prediction, lines, prediction.pairs, prediction.nearest)
-    association = parts.associator.associate(problem)
+    association = parts.associator.associate(_problem(models, state, prediction))
     _require_owners(models, association.owner, state, lines)
     return association
 
@@ -49,20 +48,13 @@ def _require_owners(
 
 
 def _problem(
-    models: TrackingModels,
-    state: TrackerState,
-    prediction: SlicePrediction,
-    lines: LinesOfSight,
-    pairs: GatedPairs,
-    nearest: NearestLines | None,
+    models: TrackingModels, state: TrackerState, prediction: SlicePrediction
 ) -> AssociationProblem:
-    """Return the association of lines with the tracks that are predicted, by some pairs, whose
-    `nearest` assignment may be known.
-    """
+    """Return the association of lines with the tracks that are predicted."""
     table = state.table
     return AssociationProblem(
-        lines=lines,
-        pairs=pairs,
+        lines=prediction.lines,
+        pairs=prediction.pairs,
         number=table.number,
         path=prediction.path,
         reports=table.reports,
@@ -70,7 +62,7 @@ def _problem(
         end_s=prediction.end_s,
         span_s=prediction.span_s,
         memory=state.memory,
-        known_nearest=nearest,
+        known_nearest=prediction.nearest,
     )
 
 
@@ -86,13 +78,10 @@ def track_numbers(models: TrackingModels, state: TrackerState, lines: LinesOfSig
     lines = models.corrected(state.registration, lines)
     prediction = predict(models, state, state.time_s + models.config.cadence_s, lines)
     eligible = models.confirmed(state)
-    pairs = prediction.pairs
-    nearest = prediction.nearest
+    prediction = prediction._replace(lines=lines.of_instants())
     if False in eligible:
-        pairs = pairs.take(eligible[pairs.track].nonzero()[0])
-        nearest = None
-    owner = models.parts.associator.labels(
-        _problem(models, state, prediction, lines.of_instants(), pairs, nearest), eligible
-    )
+        rows = eligible[prediction.pairs.track].nonzero()[0]
+        prediction = prediction._replace(pairs=prediction.pairs.take(rows), nearest=None)
+    owner = models.parts.associator.labels(_problem(models, state, prediction), eligible)
     _require_owners(models, owner, state, lines)
     return np.where(owner < 0, -1, number[owner])

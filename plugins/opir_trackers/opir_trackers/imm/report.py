@@ -64,19 +64,13 @@ def tracks_of(
     (n,) have no launch point and no impact.
     """
     table = reported.table
-    count = table.number.size
-    state, covariance = earth_fixed(reported.mean, reported.covariance, reported.time_s)
-    launch, launch_covariance = _launches(table, launched)
     return Tracks(
-        tick_s=np.array([reported.time_s] * count),
-        track=table.number,
-        state=state,
-        state_covariance=covariance,
-        state_sigmas=_unknown(count, 3),
-        launch=launch,
-        launch_covariance=launch_covariance,
-        impact=forecasts.impact,
-        impact_covariance=forecasts.impact_covariance,
+        np.array([reported.time_s] * table.number.size),
+        table.number,
+        *earth_fixed(reported.mean, reported.covariance, reported.time_s),
+        *_launches(table, launched),
+        forecasts.impact,
+        forecasts.impact_covariance,
         impact_sigmas=forecasts.impact_sigmas,
         impact_regions=forecasts.impact_regions,
         probability_burning=forecasts.probability_burning,
@@ -107,7 +101,7 @@ def with_glides(tracks: Tracks, estimates: ModeEstimates, share: FloatArray) -> 
     share = share * estimates.weight[:, 1]
     # A less probable glide does not count.
     rows = (share > 0.01).nonzero()[0]
-    if not len(rows):
+    if not rows.size:
         return tracks
     gliding = glided(
         tracks.state[rows], tracks.state_covariance[rows], estimates.detection_rate[rows, 2]
@@ -137,12 +131,6 @@ def mixed_with(
     mixed = weight * alternative[1] + (1.0 - weight) * covariance[rows] + spread
     covariance[rows] = 0.5 * (mixed + mixed.transpose(0, 2, 1))
     return state, covariance
-
-
-def _unknown(*shape: int) -> FloatArray:
-    nothing = np.empty(shape)
-    nothing.fill(np.nan)
-    return nothing
 
 
 def type_log_likelihoods(sensors: Sequence[Sensor]) -> FloatArray:

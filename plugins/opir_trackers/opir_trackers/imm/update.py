@@ -107,7 +107,7 @@ def _relit_motion(
     owned = owner >= 0
     first_s = group_minima(owner[owned], time_s[owned], count)
     rows = (~motion.is_decided & _were_dark(models, state.table, first_s)).nonzero()[0]
-    if not len(rows):
+    if not rows.size:
         return motion
     position_m = state.table.estimates.likelier_position_m[rows]
     begun = MotionStatistics.fresh(position_m, state.time_s, first_s[rows], models.groups.prior)
