@@ -21,7 +21,12 @@ from opir_core.flight import Forces
 from opir_core.host import described_error
 from opir_core.interfaces import PartMaker, PluginPart
 from opir_core.plugin import Host, TrackerContext, TrackerPart
-from opir_trackers.association import AssociationModel, NearestLines, associate_nearest
+from opir_trackers.association import (
+    AssociationModel,
+    NearestLines,
+    associate_nearest,
+    scan_groups,
+)
 from opir_trackers.imm.state import SharedDetections, TrackTable
 from opir_trackers.initiation import Initiation
 
@@ -103,14 +108,14 @@ class AssociationProblem:
         return associate_nearest(self.pairs, self.lines, self.model)
 
     @property
-    def seen(self) -> BoolArray:
-        """Which sensors have seen which track, (n, sensors)."""
-        return self.reports >= 0
-
-    @property
     def log_ratio(self) -> FloatArray:
         """The log likelihood ratio (k,) of each pair to a miss and a false alarm."""
         return self.model.log_ratio(self.pairs, self.lines)
+
+    @property
+    def scan_group(self) -> IntArray:
+        """The number (k,) of each pair's track, sensor and scan: one line at most in each."""
+        return scan_groups(self.pairs, self.lines)
 
 
 def _sensors_of_pairs(association: "Association") -> IndexArray:

@@ -32,11 +32,12 @@ class JointAssociator(Associator):
         """Return the association of a slice's lines with the predicted tracks."""
         nearest = problem.nearest
         lines = problem.lines
+        certain = Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
         if not nearest.is_ambiguous:
-            return Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
+            return certain
         doubtful = ambiguous_tracks(problem.pairs, lines)
         if not doubtful.size:
-            return Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
+            return certain
         is_doubtful = np.isin(problem.pairs.track, doubtful)
         lone = nearest.assigned
         lone = lone.take(np.flatnonzero(~np.isin(lone.track, doubtful)))
