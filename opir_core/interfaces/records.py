@@ -34,7 +34,13 @@ def _computed(column: Callable[[Any], Any]) -> Any:
 
 def _unknown(*shape: int) -> Any:
     """Return the default of a column of tracks: nan (n, *shape)."""
-    return _computed(lambda tracks: np.full((len(tracks.tick_s), *shape), np.nan))
+
+    def nothing(tracks: Any) -> FloatArray:
+        column = np.empty((len(tracks.tick_s), *shape))
+        column.fill(np.nan)
+        return column
+
+    return _computed(nothing)
 
 
 def _no_regions(tracks: "Tracks") -> ObjectArray:

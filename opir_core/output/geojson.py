@@ -403,10 +403,13 @@ def _refined(
         share = np.insert(share, wide + 1, 0.5 * (share + end_share)[wide])
     is_jump = (turn > 180.0) & (np.abs(points[:, 0]) < 180.0)
     jumps = np.flatnonzero(is_jump)
+    closed = np.concatenate([points, points[:1]])
+    if not jumps.size:
+        return closed
     crossings = _crossings(
         plane, edge[jumps], (share[jumps], end_share[jumps]), np.sign(points[jumps, 0]), chart
     )
-    return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossings, axis=0)
+    return np.insert(closed, jumps + 1, crossings, axis=0)
 
 
 def _crossings(
@@ -439,7 +442,7 @@ def _crossed(
     division_shares = np.linspace(0.0, 1.0, _PARTS + 1)
     repeated_edge = np.repeat(edge, _PARTS)
     row = np.arange(len(edge))
-    for _ in range(_DIVISIONS if len(edge) else 0):
+    for _ in range(_DIVISIONS):
         ends = low[:, None] + (high - low)[:, None] * division_shares
         longitude = _along(plane, repeated_edge, ends[:, 1:].ravel(), chart)[:, 0]
         is_over = np.sign(longitude).reshape(-1, _PARTS) != side[:, None]

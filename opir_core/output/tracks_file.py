@@ -33,7 +33,7 @@ _NUMBERS = (
 )
 
 #: Tracks in a block, as regions take memory while they are text.
-_BLOCK_ROWS = 4_096
+_BLOCK_ROWS = 512
 
 
 class TracksFile(LinesFile):

@@ -119,7 +119,7 @@ class SingleSensor:
         Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
         is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
-        if not is_single.any():
+        if True not in is_single:
             return is_single
         interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
         estimates = table.estimates
