@@ -152,7 +152,7 @@ def _young(models: TrackingModels, state: TrackerState, rows: IntArray) -> _Youn
         path=models.path(estimates, state.time_s),
         first_s=emission_s(table.first_s, range_m, models.light_time),
         visible=visible,
-        at_once=delays_at_once(models.period_s, models.association.detection_probability, visible),
+        at_once=delays_at_once(models.unreported, visible),
         biased=None if shared is None else shared[:, :3, :3],
     )
 
