@@ -32,7 +32,7 @@ def burn_ends(stages: VehicleStages, steering: Steering) -> FloatArray:
     velocity; nan below.
     """
     unguided = np.full(len(steering), np.nan)
-    boost = PlanarBoost(stages, steering, unguided, unguided)
+    boost = PlanarBoost(stages, steering, unguided, np.stack([unguided] * 3))
     over_s = boost.over_s
     state = boost.at_rest()
     ends = np.full_like(state, np.nan)

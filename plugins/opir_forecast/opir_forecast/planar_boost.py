@@ -45,15 +45,15 @@ def drawn_stages(
 class PlanarBoost:
     """Vehicles (n,): their stages and steering.
 
-    Those with an `orbit_m` (n,), not nan, climb along a path that tilts by `tilt_rad` (n,) up to
-    the height at which guidance begins, are steered to the height of an orbit from there on, and
-    cut off at its speed. States (4, n) are x forwards and y up from the Earth's centre, and velocity.
+    Those with an `orbit_m` (n,), not nan, follow a program up to a height, are steered to the
+    height of an orbit from there on, and cut off at its speed; `program` (3, n) are that height,
+    m, and angle, rad, and power of the program (`_through_air`). States (4, n) are x forwards and y up from the Earth's centre, and velocity.
     """
 
     stages: VehicleStages
     steering: Steering
     orbit_m: FloatArray
-    tilt_rad: FloatArray
+    program: FloatArray
 
     @cached_property
     def starts_s(self) -> FloatArray:
@@ -122,10 +122,11 @@ class PlanarBoost:
         """Return thrust directions (2, m) of launchers, and which are as fast as their orbit."""
         unit, cut_off = self._to_orbit(state, time_s, size, rows)
         height = np.hypot(*state[:2]) - RADIUS_M
-        in_air = np.flatnonzero(height < LAW.guided_m)
+        guided_m, *tilt = self.program[:, rows]
+        in_air = np.flatnonzero(height < guided_m)
         if len(in_air):
-            tilt = self.tilt_rad[rows[in_air]]
-            unit[:, in_air] = _through_air(state[:, in_air], height[in_air], size[in_air], tilt)
+            angle, power = (column[in_air] for column in tilt)
+            unit[:, in_air] = _through_air(state[:, in_air], size[in_air], angle, power)
         return unit, cut_off
 
     def _to_orbit(
@@ -153,23 +154,23 @@ class PlanarBoost:
 
 
 def _through_air(
-    state: FloatArray, height_m: FloatArray, size: FloatArray, tilt_rad: FloatArray
+    state: FloatArray, size: FloatArray, last_rad: FloatArray, power: FloatArray
 ) -> FloatArray:
-    """Return thrust directions (2, n) with which the path tilts as the root of the height, to
-    angles from the vertical (n,) where guidance begins.
+    """Return thrust directions (2, n) of launchers whose path tilts by powers (n,) of the height, to
+    angles from the vertical (n,) at the height of a first cut-off.
 
-    With an even force that is a tilt that grows evenly with time. The thrust leads the velocity by
-    what bends the path more than gravity does.
+    The root of the height is, with an even force, a tilt that grows evenly with time. The thrust
+    leads the velocity by what bends the path more than gravity does.
     """
     x, y, u, v = state
     radius = np.hypot(x, y)
     speed = np.maximum(np.hypot(u, v), 1.0)
-    height = np.maximum(height_m, 1.0)
-    program = tilt_rad * np.sqrt(height / LAW.guided_m)
+    height = np.maximum(radius - RADIUS_M, 1.0)
+    program = last_rad * (height / LAW.tilted_m) ** power
     climb = np.clip((u * x + v * y) / (radius * speed), -1.0, 1.0)
-    tilt = np.arccos(climb)
-    rate = 0.5 * program / height * speed * climb + (program - tilt) / LAW.tilt_s
-    bend = speed * rate - MU / radius**2 * np.sin(tilt)
+    angle = np.arccos(climb)
+    rate = power * program / height * speed * climb + (program - angle) / LAW.tilt_s
+    bend = speed * rate - MU / radius**2 * np.sin(angle)
     sine = np.clip(bend / np.maximum(size, 1.0), -LAW.attack_sine, LAW.attack_sine)
     return _turned_down(u / speed, v / speed, np.arcsin(sine))
 
