@@ -209,7 +209,8 @@ def _report_lines(plan: Plan) -> Iterator[str]:
             for sensor, rule in zip(plan.sensors, rules.tolist(), strict=True)
             if rule == [needed, scans]
         ]
-        yield f"{', '.join(ids)}: a line once {needed} of {scans} looks detect (detection:" f" {plan.scene.detection.name})"
+        rule_text = f"{needed} of {scans} looks detect (detection: {plan.scene.detection.name})"
+        yield f"{', '.join(ids)}: a line once {rule_text}"
 
 
 def _head_text(path: str, plan: Plan, reader: FileReader, detections: Detections) -> str:
