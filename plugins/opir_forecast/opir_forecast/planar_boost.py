@@ -47,7 +47,8 @@ class PlanarBoost:
 
     Those with an `orbit_m` (n,), not nan, follow a program up to a height, are steered to the
     height of an orbit from there on, and cut off at its speed; `program` (3, n) are that height,
-    m, and angle, rad, and power of the program (`_through_air`). States (4, n) are x forwards and y up from the Earth's centre, and velocity.
+    m, and angle, rad, and power of the program (`_through_air`). States (4, n) are x forwards and y
+    up from the Earth's centre, and velocity.
     """
 
     stages: VehicleStages
