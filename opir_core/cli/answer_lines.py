@@ -159,8 +159,8 @@ def _flight(track: Row | None) -> Iterator[str]:
 def point_text(point: Row | None) -> str:
     """Return `34.73 N 120.57 W at 10.0 ± 2.0 s (0.1 km)`, or `-` for a point that is not estimated.
 
-    Times have their 95 % interval. The figure is the 95 % semi-major axis, the area of the 95 % region, or the σ of the paper's
-    law.
+    Times have their 95 % interval. The figure is the 95 % semi-major axis, the area of the 95 %
+    region, or the σ of the paper's law.
     """
     return (
         "-"
