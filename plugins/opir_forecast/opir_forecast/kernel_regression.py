@@ -35,10 +35,13 @@ def hidden_moments(
         weight = _kernel_weights(difference, factor * scale, noise, log_prior)
     if 1.0 / np.sum(weight * weight) < LAW.fewest:
         return None
+    # A kernel that has to be wide says that the law errs as much: that is noise of the look, and no
+    # variance to remove (Wilkinson, Stat. Appl. Genet. Mol. Biol. 12, 2013).
+    narrow = (LAW.narrow * scale) ** 2
+    noise = noise + np.diag((factor * scale) ** 2 - narrow)
     # Draws weighted by the noise N and a kernel W lack just a look with the covariance
     # (N⁻¹ - (N + W)⁻¹)⁻¹ = N + N W⁻¹ N.
-    width = factor * scale
-    return _regressed(difference, hidden, weight, noise + (noise / (width * width)) @ noise)
+    return _regressed(difference, hidden, weight, noise + (noise / narrow) @ noise)
 
 
 def _kernel_weights(
