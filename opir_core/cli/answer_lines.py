@@ -21,8 +21,6 @@ _PROBABLE = 0.5
 _MINOR = 0.05
 #: From this area on, km², that of Asia, a region says nothing of where.
 _USELESS_KM2 = 4.46e7
-#: Half of an interval that contains 95 %, in standard deviations.
-_SIGMAS_95 = 1.96
 #: Below this half-width, s, times have a decimal.
 _WHOLE_S = 10.0
 #: Effective samples below which a region is called thin.
@@ -171,10 +169,9 @@ def point_text(point: Row | None) -> str:
 
 def _time_text(point: Row) -> str:
     """Return ` at 10.0 ± 2.0 s`, the 95 % interval of a point's time; "" for one without."""
-    sigma_s = point["time_sigma_s"]
-    if sigma_s is None or _is_useless(point):
+    half_s = point["time_95_s"]
+    if half_s is None or _is_useless(point):
         return ""
-    half_s = _SIGMAS_95 * sigma_s
     decimals = 1 if half_s < _WHOLE_S else 0
     return f" at {point['time_s']:.{decimals}f} ± {max(half_s, 0.1):.{decimals}f} s"
 
@@ -189,7 +186,8 @@ def place_text(point: Row) -> str:
     point the impact is if its region is wide.
     """
     if _is_useless(point):
-        return "no useful region"
+        reason = point["reason"]
+        return "no useful region" if reason is None else f"no useful region, as {reason}"
     reach = point.get("from_launch")
     if reach is not None:
         return _reach_text(reach)

@@ -17,6 +17,12 @@ from opir_core.scene.scene import REPORTED_TYPES
 #: The area of Europe, km²: of a wider region no point says where it is.
 WIDE_KM2 = 1e7
 
+#: Half of an interval that contains 95 % of a normal distribution, in standard deviations.
+SIGMAS_95 = 1.96
+
+#: What is at least as probable is said.
+_PROBABLE = 0.5
+
 
 class LatestTracks:
     """The last row of each track of a run, window by window; `hypotheses` are the names of the
@@ -70,7 +76,7 @@ class LatestTracks:
             "reported_type": REPORTED_TYPES[int(np.nanargmax(chance))] if is_typed else None,
             "type_probability": float(np.nanmax(chance)) if is_typed else None,
             "launch": _point(
-                latest.launch[place], latest.launch_covariance[place, 2, 2], launch_km
+                latest.launch[place], float(latest.launch_covariance[place, 2, 2]), launch_km
             ),
             "impact": _impact(latest, place, impact_km),
         }
@@ -98,13 +104,13 @@ def _semi_major_km(tracks: Tracks, point: str) -> list[float]:
 
 def _impact(latest: Tracks, place: int, semi_major_km: float) -> Mapping[str, Any] | None:
     """Return a predicted impact point, how it was predicted, and its 95 % regions, the most
-    probable condition first; of a wide one, where it is from the launch point.
+    probable condition first; of a wide one, where it is from the launch point, and why.
 
     The paper's law states no containment: its σ is `sigma_km`, and there is no semi-major axis.
     """
     method = IMPACT_METHODS[latest.impact_method[place]]
     is_paper = method == "paper"
-    variance_s2 = latest.impact_covariance[place, 2, 2]
+    variance_s2 = float(latest.impact_covariance[place, 2, 2])
     point = _point(latest.impact[place], variance_s2, np.nan if is_paper else semi_major_km)
     if point is None:
         return None
@@ -125,14 +131,15 @@ def _impact(latest: Tracks, place: int, semi_major_km: float) -> Mapping[str, An
         "region_95_km2": regions[0]["area_95_km2"] if regions else None,
         "regions": regions,
         "from_launch": _from_launch(outer[0], latest.launch[place]) if is_wide else None,
+        "reason": _reason(latest, place, outer[0]) if is_wide else None,
         "method": method,
         "sigma_km": 1e-3 * variance_m2**0.5 if is_paper and 0.0 <= variance_m2 < np.inf else None,
     }
 
 
 def _point(place: Any, variance_s2: float, semi_major_km: float) -> Mapping[str, Any] | None:
-    """Return a point (latitude, longitude, time) in degrees and seconds, or None if it is not
-    estimated.
+    """Return a point (latitude, longitude, time) in degrees and seconds, with the half-widths of
+    its 95 % intervals, or None if it is not estimated.
     """
     if not np.isfinite(place).all():
         return None
@@ -141,9 +148,22 @@ def _point(place: Any, variance_s2: float, semi_major_km: float) -> Mapping[str,
         "lat_deg": latitude_deg,
         "lon_deg": (longitude_deg + 180.0) % 360.0 - 180.0,
         "time_s": float(place[2]),
-        "time_sigma_s": float(variance_s2) ** 0.5 if 0.0 <= variance_s2 < np.inf else None,
+        "time_95_s": SIGMAS_95 * variance_s2**0.5 if 0.0 <= variance_s2 < np.inf else None,
         "semi_major_95_km": semi_major_km if np.isfinite(semi_major_km) else None,
     }
+
+
+def _reason(latest: Tracks, place: int, region: ImpactRegion) -> str | None:
+    """Return in words why a region is wide, None if nothing says it."""
+    if region.condition == "relights":
+        return "it may burn again"
+    if latest.probability_burning[place] >= _PROBABLE:
+        return "the burn goes on"
+    spread = latest.state_covariance[place, 3:, 3:]
+    if not np.isfinite(spread).all():
+        return None
+    half_km_s = 1e-3 * SIGMAS_95 * float(np.linalg.eigvalsh(spread)[-1]) ** 0.5
+    return f"the velocity is known to {half_km_s:.1f} km/s"
 
 
 def _from_launch(region: ImpactRegion, launch: FloatArray) -> Mapping[str, Any] | None:

@@ -184,10 +184,17 @@ def test_a_wide_region_is_somewhere_and_a_useless_one_no_place() -> None:
     assert reach["bearings_deg"] == pytest.approx([246.0, 288.0], abs=3.0)
     (cells,) = track_table({"tracks": tracks})[1]
     assert " ± " in cells[-2]
-    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97), stub_regions(9.0, 167.7, 6000.0)))
-    assert line.endswith(
-        "from 34.73 N 120.57 W (0.1 km) with no useful region (95 % in 100 000 000 km2)"
-    )
+    useless = stub_regions(9.0, 167.7, 6000.0)
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97), useless, probability_burning=0.9))
+    words = "from 34.73 N 120.57 W (0.1 km) with no useful region, as the burn goes on (95 % in "
+    assert words in line
+    again = stub_regions(9.0, 167.7, 6000.0, condition="relights", probability=0.6)
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97), again))
+    assert "with no useful region, as it may burn again (relights 0.60: 95 % in" in line
+    covariance = np.diag([1e6, 1e6, 1e6, 1e2, 1e2, 1e6])
+    sure = {"probability_burning": 0.1, "state_covariance": covariance}
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97), useless, **sure))
+    assert "with no useful region, as the velocity is known to 2.0 km/s (95 % in" in line
 
 
 @pytest.mark.parametrize(
