@@ -139,8 +139,10 @@ class TrackerContext:
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light
     is instantaneous. `hypotheses` are what a hot object may be, in the order of
     `Tracks.hypothesis_probability`. `false_alarms_per_scan` (sensors,) is the mean number of false
-    alarms in a scan of the whole field of regard, None where it is unknown. `parts` are the parts
-    that the scene chose, by the keys of the tracker's block.
+    alarms in a scan of the whole field of regard, None where it is unknown. `confirmation`
+    (sensors,) are M and N of sensors that report a source once M of their last N looks detected it,
+    None where each detection is reported with the probability that the sensor states. `parts` are
+    the parts that the scene chose, by the keys of the tracker's block.
     """
 
     sensors: tuple[Sensor, ...]
@@ -150,6 +152,7 @@ class TrackerContext:
     light_time: bool = True
     hypotheses: tuple[Hypothesis, ...] = field(factory=core_hypotheses)
     false_alarms_per_scan: tuple[float, ...] | None = None
+    confirmation: tuple[tuple[int, int], ...] | None = None
     parts: Mapping[str, PartMaker] = field(factory=dict, eq=False)
 
 

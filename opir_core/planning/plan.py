@@ -417,6 +417,7 @@ def _tracker_context(
 ) -> TrackerContext:
     """Return the context of a scene's trackers."""
     rates = detection.rate_per_scan
+    rules = detection.confirmation
     return TrackerContext(
         sensors=sensors_of_trackers(sensors, scene.classification, host),
         epoch_us=scene.epoch_us,
@@ -425,6 +426,7 @@ def _tracker_context(
         light_time=scene.light_time,
         hypotheses=offered_hypotheses(host),
         false_alarms_per_scan=(0.0,) * len(sensors) if rates is None else tuple(map(float, rates)),
+        confirmation=None if rules is None else tuple(map(tuple, rules.tolist())),
         parts={key: _part_maker(host, choice) for key, choice in scene.tracker.parts.items()},
     )
 
