@@ -159,7 +159,9 @@ def test_posteriors_follow_bayes_rule() -> None:
 def test_noise_has_the_detections_that_confirm() -> None:
     # Events of which noise alone is as bright, 1e4 times as often as launches.
     bank = known_bank(rates=rates(noise=float(np.log(1e4))))
-    log = known_classifier(make_banks=lambda: (bank,)).log_posterior(sightings([12.0] * 3, 4.0, [2, 3, 5]))
+    log = known_classifier(make_banks=lambda: (bank,)).log_posterior(
+        sightings([12.0] * 3, 4.0, [2, 3, 5])
+    )
     odds = np.diff(log[:, NOISE] - log[:, SRBM])
     # Each further detection makes noise e^12 times less likely; counts of launches hardly change.
     assert odds == pytest.approx([-12.0, -24.0], abs=0.2)
