@@ -60,9 +60,9 @@ class Resolution:
         if error <= 0.0:
             return cls()
         step_deg = float(np.degrees(np.sqrt(16.0 * 2.0 * _RESOLVED * largest)))
-        # Around the antipode of its centre a small distance on the Earth is a large one on its map.
+        # Around the antipode of its centre a small distance on Earth is a large one on its map.
         if region.area_km2 >= _WIDE_KM2:
-            return cls(_WIDE_DECIMALS, step_deg)
+            return cls(3, step_deg)
         decimals = int(np.ceil(-np.log10(np.sqrt(2.0) * np.degrees(error))))
         return cls(min(max(decimals, 0), DECIMALS), max(step_deg, _STEP_DEG))
 
@@ -76,9 +76,6 @@ _REFINEMENTS = 4
 
 #: Error of positions and edges, as a share of a region's radius.
 _RESOLVED = 0.001
-
-#: Decimals of regions as wide as continents.
-_WIDE_DECIMALS = 3
 
 #: Positions to 0.1 m, edges of a degree.
 FINE = Resolution()
@@ -379,13 +376,7 @@ def _refined(
 
     An edge that crosses the 180th meridian has a point on it, so that both sides of a cut share it.
     """
-    step = np.abs(np.degrees(np.diff(ring[:, 1])))
-    step = np.minimum(step, 360.0 - step)
-    # Steps are shorter where a distance on the Earth is longer on the map: around the antipode.
-    far = np.sqrt(np.add.reduce(plane * plane, axis=1)) / EARTH_EQUATORIAL_RADIUS_M
-    stretch = np.sqrt(np.abs(np.sinc(np.maximum(far[:-1], far[1:]) / np.pi)))
-    most_deg = np.maximum(step_deg * stretch, min(step_deg, 2.0 * _STEP_DEG))
-    divisions = np.ceil(step / most_deg - 1e-6).clip(1).astype(np.int64)
+    divisions = _divisions(ring, plane, step_deg)
     edge = np.repeat(np.arange(len(divisions)), divisions)
     share = (np.arange(len(edge)) - (np.cumsum(divisions) - divisions)[edge]) / divisions[edge]
     for _ in range(
@@ -410,6 +401,15 @@ def _refined(
         plane, edge[jumps], (share[jumps], end_share[jumps]), np.sign(points[jumps, 0]), chart
     )
     return np.insert(closed, jumps + 1, crossings, axis=0)
+
+
+def _divisions(ring: FloatArray, plane: FloatArray, step_deg: float) -> IntArray:
+    """Return into how many steps the edges (n - 1,) of a closed ring are divided."""
+    step = np.abs(np.degrees(np.diff(ring[:, 1])))
+    far = np.sqrt(np.add.reduce(plane * plane, axis=1)) / EARTH_EQUATORIAL_RADIUS_M
+    stretch = np.sqrt(np.abs(np.sinc(np.maximum(far[:-1], far[1:]) / np.pi)))
+    most_deg = np.maximum(step_deg * stretch, min(step_deg, 2.0 * _STEP_DEG))
+    return np.ceil(np.minimum(step, 360.0 - step) / most_deg - 1e-6).clip(1).astype(np.int64)
 
 
 def _crossings(

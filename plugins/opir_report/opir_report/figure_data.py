@@ -62,24 +62,28 @@ def _arrow(pyarrow: Any, column: np.ndarray[Any, Any]) -> Any:
     kind = column.dtype.kind
     if kind in "iuf":
         wide = np.ascontiguousarray(column, dtype=np.float64 if kind == "f" else np.int64)
-        buffers = [None, pyarrow.py_buffer(wide)]
-        return pyarrow.Array.from_buffers(pyarrow.from_numpy_dtype(wide.dtype), len(wide), buffers)
+        return _array(pyarrow, pyarrow.from_numpy_dtype(wide.dtype), wide, None, wide)
     if kind == "b":
-        buffers = [None, _bits(pyarrow, column)]
-        return pyarrow.Array.from_buffers(pyarrow.bool_(), len(column), buffers)
+        return _array(pyarrow, pyarrow.bool_(), column, None, _bits(column))
     values = column.tolist()
     if not all(value is None or isinstance(value, str) for value in values) or not any(values):
         return pyarrow.array(values)
+    return _texts(pyarrow, values)
+
+
+def _texts(pyarrow: Any, values: Sequence[str | None]) -> Any:
     known = np.array([value is not None for value in values])
     encoded = [(value or "").encode() for value in values]
-    ends = pyarrow.py_buffer(np.cumsum([0, *map(len, encoded)], dtype=np.int32))
-    buffers = [
-        None if known.all() else _bits(pyarrow, known),
-        ends,
-        pyarrow.py_buffer(b"".join(encoded)),
-    ]
-    return pyarrow.Array.from_buffers(pyarrow.string(), len(encoded), buffers)
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    validity = None if known.all() else _bits(known)
+    return _array(pyarrow, pyarrow.string(), values, validity, ends, b"".join(encoded))
 
 
-def _bits(pyarrow: Any, column: Any) -> Any:
-    return pyarrow.py_buffer(np.packbits(column, bitorder="little"))
+def _array(pyarrow: Any, kind: Any, values: Any, *buffers: Any) -> Any:
+    """Return an array of as many values in buffers, the first of which says which are known."""
+    wrapped = [None if buffer is None else pyarrow.py_buffer(buffer) for buffer in buffers]
+    return pyarrow.Array.from_buffers(kind, len(values), wrapped)
+
+
+def _bits(column: Any) -> Any:
+    return np.packbits(column, bitorder="little")

@@ -24,8 +24,8 @@ class StateErrors(Columns):
 
     `since_s` counts from the target's ignition, `seen_s` from its first detection; errors and
     bounds are in m and m/s; `nees` has six degrees of freedom and includes the reported radii of
-    the state ellipsoids (`on_normal_scale`). The bounds are for a known thrust, the free ones for
-    an unknown one (`opir_scoring.bound`). `impact_m` is the error of the impact predicted at the
+    the state ellipsoids. The bounds are for a known thrust, the free ones for an unknown one.
+    `impact_m` is the error of the impact predicted at the
     tick, along the ground. The energies are energy scores of position and velocity
     (`energy_scores`), with the reported radii too.
     """
