@@ -26,6 +26,9 @@ from opir_core.plugin import ImpactRegion, TargetClass, Tracks
 from opir_report.maps.clipping import dense
 from opir_report.palette import Hues
 
+#: The area of a region, km², a hundredth of the Earth, above which maps leave it out.
+WIDE_KM2 = 5e6
+
 
 class RunFacts:
     """A run with the data that plots derive from it, each computed once."""
@@ -135,10 +138,14 @@ def containment_rings(tracks: Tracks, row: int) -> dict[float, Containment]:
     }
 
 
-def largest_rings(tracks: Tracks, row: int) -> list[FloatArray]:
-    """Return the rings of the largest impact region of an estimate."""
+def mapped_rings(tracks: Tracks, row: int) -> list[FloatArray] | None:
+    """Return the rings of the largest impact region of an estimate; None for a region of over
+    `WIDE_KM2`, which would cover a map and say nothing of where.
+    """
     regions = list(containment_rings(tracks, row).values())
-    return regions[-1].rings if regions else []
+    if not regions:
+        return []
+    return regions[-1].rings if regions[-1].area_km2 <= WIDE_KM2 else None
 
 
 def _region(region: ImpactRegion) -> Containment:
