@@ -42,7 +42,6 @@ class RaidEvent(msgspec.Struct, gc=False):
     impact_point: None
     confidence: float
     schema_version: str
-    reported_at: str
     track_id: None
     azimuth_deg: float
     elevation_deg: float
@@ -50,9 +49,6 @@ class RaidEvent(msgspec.Struct, gc=False):
     bands: list[str]
     snr: float | None
     sensor_position_ecef_m: list[float]
-    latitude_deg: None
-    longitude_deg: None
-    altitude_m: None
 
 
 def encoded(encoder, windows):

@@ -53,8 +53,9 @@ knee?
 Each setting is varied alone and compared with its most exact level, with the same seed. Scenes:
 {scenes}. {duration} s, two SBIRS-GEO with focal planes, in air, with J2 to J4 and drag, spectral
 types and `imm`. Times are processor time of whole processes. Beside others, an error of 0 is drawn
-at 0.3 times the least of them. `leave out …` changes the physics, for the focal plane to
-`focal_plane: null` and `nei_w_m2: 1e-12`: {left_out}.{not_run}
+at 0.3 times the least of them. `leave out …` changes the physics, to `atmosphere: clear`,
+`background: none`, and for the focal plane `focal_plane: null` and `nei_w_m2: 1e-12`; the setting
+`tracker` has `tracker: kepler-arc` too: {left_out}.{not_run}
 
 All defaults against the most exact settings:
 

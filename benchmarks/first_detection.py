@@ -57,7 +57,7 @@ in steps of 10 s after the start that is drawn once a run.
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
 
 NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP. What delays a first report, each
-cause switched off by itself under a clear sky:
+cause switched off by itself under a clear sky, as `atmosphere: clear` and `background: none` do:
 
 - **Cloud.** No plume is detected below a deck: with one up to 10 km the others are reported from
   there; {cloudy} % of the SRBM by DSP. Half cover is drawn once in a run.

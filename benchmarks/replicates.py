@@ -58,11 +58,11 @@ worker grows by {grown:.1f} MiB.
 
 {table}
 
-DSP looks every 200 ms without light, every 10 s with it; SBIRS-GEO looks every 100 ms, and the
-default classifier, which works from measured irradiances, weighs each detection. `classification:
-paper` draws the type from a confusion matrix: what the default costs is the row above it. A
-million is the processor time of a run times a million: this page runs fewer. The first run of a
-worker, which compiles the scene and trains the classifier, is not counted: it takes {start}.
+DSP looks every 200 ms without light, every 10 s with it; SBIRS-GEO looks every 100 ms. The latency
+that is asked for reads no types: the default classifier, which works from measured irradiances,
+computes none. `classification: paper` draws the type from a confusion matrix. A million is the
+processor time of a run times a million: this page runs fewer. The first run of a worker, which
+compiles the scene, is not counted: it takes {start}.
 Memory is the peak of a worker after each quarter of its runs.
 
 ## Error against the number of runs

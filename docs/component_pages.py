@@ -19,7 +19,7 @@ _FEW = 6
 #: A setting that so many components of a kind, and half of them, have is listed once for all.
 _MANY = 3
 
-PHOTONS = ("classification", "detection", "imagers", "radiometry")
+PHOTONS = ("classification", "detection", "imagers", "movers", "radiometry")
 PLUGINS = [
     *PHOTONS,
     "dsp",

@@ -97,6 +97,30 @@ PARTS = (
         "Not estimated. Signal too low near 2.7 and 4.3 µm",
     ),
     Part(
+        "Aircraft, ships, trains, balloons, satellites, fire fronts",
+        "notional",
+        "[courses](moving-sources.md) over the ellipsoid in closed form; grey tailpipes, flames,"
+        " funnels and spheres in sunlight",
+        "skin; the gas behind dry engines; sunlight on aircraft; how fire spreads",
+        "Not estimated; light within an order of magnitude",
+    ),
+    Part(
+        "Bodies that enter the air, meteors that graze it",
+        "computed",
+        "[free fall](moving-sources.md) with J2 and drag; stagnation heating of a nose; sizes"
+        " notional",
+        "break-up, ablation, glowing air and wakes",
+        "Real re-entries are brighter where they break up, at 70 to 80 km",
+    ),
+    Part(
+        "Lightning",
+        "computed",
+        "[flashes](moving-sources.md) with published rates, strokes, durations and energies; one"
+        " temperature, notional",
+        "pulses of half a millisecond; absorption in clouds; lines; the path of a flash",
+        "Energies in the optical are published; near 2.7 µm clouds take most of them: too bright",
+    ),
+    Part(
         "Sun glint",
         "computed",
         "Cox and Munk slope statistics, Fresnel reflectance, the Sun as a black disc, the scene's"

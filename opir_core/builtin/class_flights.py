@@ -22,6 +22,7 @@ from opir_core.scene.target_classes import BoostProfile, TargetClass
 if TYPE_CHECKING:
     from opir_core.builtin.target_models import ClassConfig, GlideConfig, GravityTurnConfig
     from opir_core.flight.aiming import Aim
+    from opir_core.flight.air_launch import AirLaunch
     from opir_core.flight.forces import ForceModel
     from opir_core.flight.glide import GlideFlight
     from opir_core.flight.orbit_insertion import Insertion
@@ -170,7 +171,7 @@ def aims_of(
 
 def class_flights(
     record: Callable[..., Trajectories],
-    flight: "Aim | GlideFlight | Insertion",
+    flight: "Aim | AirLaunch | GlideFlight | Insertion",
     configs: "Sequence[ClassConfig]",
     context: TargetContext,
     coast: Callable[[], Ephemeris],

@@ -16,7 +16,7 @@ from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.detection_models import RandomDraws
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.interfaces.sensors import Sensor
-from opir_core.scene.scene import SOURCE_TYPES, UNKNOWN_TYPE
+from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
@@ -89,10 +89,9 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
     # Other sources are UNKNOWN: their draw lies above the thresholds of the types before, and
     # below those after.
     thresholds[:, :, UNKNOWN_TYPE:] = 1.0
+    classes = context.launched_classes()
     launched = [
-        (place, context.target_class(name))
-        for place, name in enumerate(names)
-        if name not in SOURCE_TYPES
+        (place, context.target_class(name)) for place, name in enumerate(names) if name in classes
     ]
     for number, sensor in enumerate(context.sensors):
         matrix = {**sensor.confusion, **config.matrices.get(sensor.type, {})}
@@ -110,7 +109,8 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
 def true_type(_config: NoConfig, context: ModelContext) -> Classifier:
     """Return the classifier `always`."""
     names, class_number = context.emitter_classes()
-    right = ["UNKNOWN" if name in SOURCE_TYPES else _reportable(name, context) for name in names]
+    launched = context.launched_classes()
+    right = [_reportable(name, context) if name in launched else "UNKNOWN" for name in names]
     codes = np.array([context.reported_types.index(name) for name in right], dtype=np.uint8)
     return TrueType(codes[class_number])
 

@@ -13,7 +13,7 @@ from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.detection_models import DetectionProbability, Measured, RandomDraws
 from opir_core.interfaces.records import Exposures
 from opir_core.interfaces.sensors import Sensor
-from opir_core.scene.scene import MAXIMUM_BANDS, SOURCE_TYPES
+from opir_core.scene.scene import MAXIMUM_BANDS
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import is_probability
 
@@ -70,7 +70,7 @@ def constant_detection(config: ConstantConfig, context: ModelContext) -> Detecti
     Raises `ModelError` where a sensor has no probability for a class that the scene launches.
     """
     names, class_number = context.emitter_classes()
-    _refuse_sources(names)
+    _refuse_sources(names, context)
     classes = [context.target_class(name) for name in names]
     rows = [[_probability(sensor, kind) for kind in classes] for sensor in context.sensors]
     table = np.array(rows, dtype=np.float64).reshape(len(context.sensors), len(classes))
@@ -99,8 +99,9 @@ def _present(codes: ByteArray) -> list[int]:
     return np.flatnonzero(np.bincount(codes)).tolist()
 
 
-def _refuse_sources(needed: Sequence[str]) -> None:
-    unknown = [name for name in needed if name in SOURCE_TYPES]
+def _refuse_sources(needed: Sequence[str], context: ModelContext) -> None:
+    launched = context.launched_classes()
+    unknown = [name for name in needed if name not in launched]
     if unknown:
         raise ModelError(
             f"detection: constant has no probability of detection for the source type {unknown[0]}:"

@@ -1,4 +1,4 @@
-"""The target models `gravity-turn`, `orbit` and `glide`: a plugin of their own, imported for scenes
+"""The target models `gravity-turn`, `orbit`, `glide` and `air-launch`: a plugin of their own, imported for scenes
 that name one.
 """
 
@@ -170,13 +170,83 @@ class GravityTurnConfig:
     ballistic_coefficient_kg_m2: float | None = drag("in free flight")
 
 
+@frozen(kw_only=True)
+class AirConfig(LaunchConfig):
+    """Where, how high and when a target ignites in the air."""
+
+    height_m: float = number(
+        default=11_000.0,
+        unit="m",
+        minimum=0.0,
+        maximum=30_000.0,
+        help="height above the WGS 84 ellipsoid",
+    )
+
+
+@frozen(kw_only=True)
+class AirLaunchConfig:
+    """What a scene may set of a target of the model `air-launch`."""
+
+    type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
+    launch: AirConfig = nested(help="point and time of ignition, in level flight")
+    heading_deg: float = number(
+        unit="deg",
+        minimum=0.0,
+        maximum=360.0,
+        help="direction of flight over the rotating Earth, clockwise from true north",
+    )
+    speed_m_s: float = number(
+        default=240.0,
+        unit="m/s",
+        minimum=10.0,
+        maximum=1500.0,
+        help="speed at ignition, relative to the Earth",
+    )
+    climb_deg: float = number(
+        default=45.0,
+        unit="deg",
+        minimum=5.0,
+        maximum=85.0,
+        help="flight path angle above the horizontal after the pull-up",
+    )
+    pull_m_s2: float = number(
+        default=30.0,
+        unit="m/s²",
+        minimum=1.0,
+        maximum=300.0,
+        help="acceleration across the course as the pull-up begins",
+    )
+    burn_time_s: float | None = number(
+        default=None,
+        unit="s",
+        minimum=5.0,
+        maximum=1000.0,
+        help="burn time; default: that of the class's first profile",
+    )
+    speed_gain_m_s: float | None = number(
+        default=None,
+        unit="m/s",
+        minimum=100.0,
+        maximum=7500.0,
+        help="speed gained in the burn; default: the burnout speed of the class's first profile",
+    )
+    ballistic_coefficient_kg_m2: float | None = drag("in free flight")
+
+
 #: The settings of a target that flies as its class does.
-ClassConfig = BallisticConfig | InsertionConfig | GlideConfig | GravityTurnConfig
+ClassConfig = BallisticConfig | InsertionConfig | GlideConfig | GravityTurnConfig | AirLaunchConfig
 
 
 @hookimpl
 def opir_target_models() -> Iterable[TargetModel]:
-    """Yield `gravity-turn`, `orbit` and `glide`."""
+    """Yield `gravity-turn`, `orbit`, `glide` and `air-launch`."""
+    yield TargetModel(
+        name="air-launch",
+        summary="ignition in level flight at a height and a speed, a pull-up, boost as a class's,"
+        " then free flight",
+        config=AirLaunchConfig,
+        build=built_by("air_launch_targets", "air_launch_targets"),
+    )
     yield TargetModel(
         name="gravity-turn",
         summary="a gravity turn of one to several burns with dark gaps, aimed by kick and cut-off,"

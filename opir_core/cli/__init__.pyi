@@ -19,6 +19,7 @@ from opir_core.cli.scene_arguments import (
     scene_of as scene_of,
 )
 from opir_core.cli.terminal import (
+    ending_signals as ending_signals,
     grouped as grouped,
     prints_on_standard_error as prints_on_standard_error,
     probability_text as probability_text,

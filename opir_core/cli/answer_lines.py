@@ -6,6 +6,7 @@ truth.
 """
 
 from collections.abc import Iterator, Mapping
+from math import ceil, floor, log10
 from typing import Any
 
 from opir_core.cli.terminal import grouped, listed, probability_text
@@ -18,6 +19,10 @@ _WHOLE_KM2 = 10.0
 _PROBABLE = 0.5
 #: Below it the probability that a target reaches orbit, or comes down, is not printed.
 _MINOR = 0.05
+#: From this area on, km², that of Asia, a region says nothing of where.
+_USELESS_KM2 = 4.46e7
+#: Below this half-width, s, times have a decimal.
+_WHOLE_S = 10.0
 #: Effective samples below which a region is called thin.
 _THIN = 100.0
 
@@ -136,13 +141,13 @@ def _flight(track: Row | None) -> Iterator[str]:
     law = ", the paper's law, without containment"
     points = (("from", track["launch"]), ("to", track["impact"]))
     places = [
-        f"{words} {place_text(point)}{spread_text(point, law)}"
+        f"{'with' if _is_useless(point) else words} {place_text(point)}{spread_text(point, law)}"
         for words, point in points
         if point is not None
     ]
     if falls is not None and falls < _PROBABLE:
         yield from (
-            f"should it come down, {place}" if place.startswith("to ") else place
+            place if place.startswith("from ") else f"should it come down, {place}"
             for place in places
         )
     elif places:
@@ -150,26 +155,64 @@ def _flight(track: Row | None) -> Iterator[str]:
 
 
 def point_text(point: Row | None) -> str:
-    """Return `34.73 N 120.57 W at 10.0 s (0.1 km)`, or `-` for a point that is not estimated.
+    """Return `34.73 N 120.57 W at 10.0 ± 2.0 s (0.1 km)`, or `-` for a point that is not estimated.
 
-    The figure is the 95 % semi-major axis, the area of the 95 % region, or the σ of the paper's
-    law.
+    Times have their 95 % interval. The figure is the 95 % semi-major axis, the area of the 95 %
+    region, or the σ of the paper's law.
     """
     return (
         "-"
         if point is None
-        else f"{place_text(point)} at {point['time_s']:.1f} s{spread_text(point, most=1)}"
+        else f"{place_text(point)}{_time_text(point)}{spread_text(point, most=1)}"
     )
 
 
+def _time_text(point: Row) -> str:
+    """Return ` at 10.0 ± 2.0 s`, the 95 % interval of a point's time; "" for one without."""
+    half_s = point["time_95_s"]
+    if half_s is None or _is_useless(point):
+        return ""
+    decimals = 1 if half_s < _WHOLE_S else 0
+    return f" at {point['time_s']:.{decimals}f} ± {max(half_s, 0.1):.{decimals}f} s"
+
+
+def _is_useless(point: Row) -> bool:
+    """Return whether the region of a point says nothing of where."""
+    return (point.get("region_95_km2") or 0.0) > _USELESS_KM2
+
+
 def place_text(point: Row) -> str:
-    """Return latitude and longitude, `34.73 N 120.57 W`."""
+    """Return latitude and longitude, `34.73 N 120.57 W`, or between which distances from the launch
+    point the impact is if its region is wide.
+    """
+    if _is_useless(point):
+        reason = point["reason"]
+        return "no useful region" if reason is None else f"no useful region, as {reason}"
+    reach = point.get("from_launch")
+    if reach is not None:
+        return _reach_text(reach)
     lat_deg = point["lat_deg"]
     lon_deg = point["lon_deg"]
     return (
         f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f}"
         f" {'E' if lon_deg >= 0.0 else 'W'}"
     )
+
+
+def _reach_text(reach: Row) -> str:
+    """Return `somewhere between 1 200 and 9 800 km away, bearing 250 to 330 deg`, rounded outwards
+    to two digits.
+    """
+    least, most = (_rounded(reach[key], up) for key, up in (("least_km", False), ("most_km", True)))
+    bearings = reach["bearings_deg"]
+    edges = "" if bearings is None else f", bearing {bearings[0]:.0f} to {bearings[1]:.0f} deg"
+    return f"somewhere between {grouped(least)} and {grouped(most)} km away{edges}"
+
+
+def _rounded(value: float, up: bool) -> int:
+    """Return a number rounded down or up to two digits."""
+    unit = 10.0 ** max(floor(log10(max(value, 1.0))) - 1, 0)
+    return int(unit * (ceil if up else floor)(value / unit))
 
 
 def spread_text(point: Row, law: str = "", most: int | None = None) -> str:

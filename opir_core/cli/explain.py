@@ -69,9 +69,11 @@ def _as_text(plan: Mapping[str, Any]) -> str:
             _head(plan),
             *filter(None, tables),
             *_report_order(**plan["tracking"]),
-            *_assumed(plan["sensors_assumed"]),
+            *_lines("the tracker begins with", plan["sensors_assumed"]),
             *_hypothesis_table(plan["hypotheses"]),
             *map(expectation_text, plan["expected_launches"]),
+            *_lines("sensors fail", plan["faults"]),
+            *_lines("a look of these counts only where the sensor is pointed", plan["directed"]),
             *(
                 f"{name} knows the true types of targets: its reports are no test of discrimination"
                 for name in plan["truth_users"]
@@ -103,8 +105,9 @@ def _report_order(order: str, lag_s: float | None) -> list[str]:
     return [f"tracking in the order of report, {lag_s:.3f} s after the ticks"]
 
 
-def _assumed(sensors: Sequence[str]) -> list[str]:
-    return ["\n".join(["the tracker begins with", *sensors])] if sensors else []
+def _lines(head: str, lines: Sequence[str]) -> list[str]:
+    """Return a paragraph of a head and lines; nothing without lines."""
+    return ["\n".join([head, *lines])] if lines else []
 
 
 def _hypothesis_table(groups: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -18,7 +18,13 @@ from typing import Any
 from attrs import asdict
 
 from opir_core.cli.scene_arguments import add_dead_after, add_scene_arguments, plan_of, scene_of
-from opir_core.cli.terminal import grouped, listed, prints_on_standard_error, table
+from opir_core.cli.terminal import (
+    ending_signals,
+    grouped,
+    listed,
+    prints_on_standard_error,
+    table,
+)
 from opir_core.errors import Problem, SceneError
 from opir_core.host.boundary import PluginErrors
 from opir_core.host.host import Host
@@ -59,6 +65,11 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--truth", metavar="PATH", help=where_truth)
     parser.add_argument(
         "--tracks", metavar="PATH", help="write the tracks here (default: beside the events)"
+    )
+    parser.add_argument(
+        "--commands",
+        metavar="PATH",
+        help="write the director's commands here (default: beside the events)",
     )
     parser.add_argument(
         "--manifest",
@@ -112,18 +123,22 @@ def _simulated(arguments: argparse.Namespace) -> tuple[Scene, RunOutcome, dict[s
         if plan.make_tracker().cadence_s is None
         else _beside(events, arguments.tracks, ".tracks.jsonl")
     )
+    commands = (
+        None if scene.director is None else _beside(events, arguments.commands, ".commands.jsonl")
+    )
     manifest = _beside(events, arguments.manifest, ".manifest.json")
-    files = {"truth": truth, "tracks": tracks, "manifest": manifest}
+    files = {"truth": truth, "tracks": tracks, "commands": commands, "manifest": manifest}
     _require_own_paths(arguments, scene, files)
     if not arguments.quiet:
         for warning in plan_warnings(plan):
             warn(warning)
     is_shown = not arguments.quiet and sys.stderr.isatty()
-    with _ended_by_sigterm(), progress(is_shown=is_shown) as update:
+    with _ended_by_signals(), progress(is_shown=is_shown) as update:
         outcome = deliver(
             plan,
             truth_path=truth,
             tracks_path=tracks,
+            commands_path=commands,
             manifest_path=manifest,
             made_up=[path for kind, path in files.items() if getattr(arguments, kind) is None],
             on_window=(lambda window: update(scene.name, window.end_s, scene.duration_s))
@@ -150,9 +165,9 @@ def _add_reasons(plan: Plan, summary: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end the run as Ctrl-C does, so that temporary files are removed, and then end the
-    process.
+def _ended_by_signals() -> Iterator[None]:
+    """Let SIGTERM, and SIGHUP of a closed terminal, end the run as Ctrl-C does, so that temporary
+    files are removed, and then end the process.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -163,13 +178,14 @@ def _ended_by_sigterm() -> Iterator[None]:
         arrived.append(number)
         raise KeyboardInterrupt
 
-    handler = signal.signal(signal.SIGTERM, end)
+    former = {number: signal.signal(number, end) for number in ending_signals()}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, handler)
+        for number, handler in former.items():
+            signal.signal(number, handler)
         if arrived:
-            os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), arrived[0])
 
 
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:

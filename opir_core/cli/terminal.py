@@ -4,12 +4,23 @@ file.
 
 import io
 import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from threading import Event, Thread
 from time import monotonic
 from typing import Any
+
+
+def ending_signals() -> list[signal.Signals]:
+    """Return the signals that end a program in order: SIGTERM, and SIGHUP where it is not ignored,
+    as under nohup.
+    """
+    hangup: signal.Signals | None = getattr(signal, "SIGHUP", None)  # Windows has none
+    if hangup is None or signal.getsignal(hangup) == signal.SIG_IGN:
+        return [signal.SIGTERM]
+    return [signal.SIGTERM, hangup]
 
 
 def table(

@@ -32,6 +32,9 @@ from opir_core.flight.forces import (
     Forces as Forces,
     forces_of as forces_of,
 )
+from opir_core.flight.free_flight import (
+    free_flight_ephemeris as free_flight_ephemeris,
+)
 from opir_core.flight.gravity_and_drag import (
     Gravity as Gravity,
     height_and_up as height_and_up,

@@ -9,13 +9,13 @@ Flights become ephemerides in ECEF, from ignition to impact.
 """
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
 from opir_core.flight.boost import Ascent, BoostPath, LaunchSite, ascent, boost_path, launch_site
 from opir_core.flight.ephemeris import Ephemeris
@@ -349,7 +349,27 @@ def _flight_path_angle_rad(range_m: FloatArray, profiles: Sequence[BoostProfile]
     return reference_rad + 0.25 * (reference_m - range_m) / mean_radius_m
 
 
-def boost_ephemeris(path: BoostPath, tolerance_m: float = 0.01) -> Ephemeris:
+class BoostMotion(Protocol):
+    """The boosts of n targets: states in ECEF at scene times between ignition and burnout, and the
+    times (n, k) at which the course is not smooth.
+    """
+
+    @property
+    def ignition_s(self) -> FloatArray:
+        """Scene times of ignition, (n,) s."""
+
+    @property
+    def burnout_s(self) -> FloatArray:
+        """Scene times of burnout, (n,) s."""
+
+    def state(self, target: RowArray, time_s: FloatArray) -> FloatPair:
+        """Return positions, m, and velocities, m/s (m, 3), of targets (m,) at times (m,)."""
+
+    def breakpoints_s(self) -> FloatArray:
+        """Return the times (n, k) at which the course is not smooth."""
+
+
+def boost_ephemeris(path: BoostMotion, tolerance_m: float = 0.01) -> Ephemeris:
     """Return the ECEF ephemeris of the boost of n targets, ignition to burnout, to a tolerance in
     m.
     """

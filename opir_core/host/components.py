@@ -171,6 +171,15 @@ class TrackerPart(Component):
     state_size: int | None = None
 
 
+class DirectorModel(Component):
+    """`build(config, context) -> Director`: where sensors with a narrow field look, decided during
+    a run.
+    """
+
+    hook = "opir_directors"
+    kind = "director"
+
+
 class TargetModel(Component):
     """`build(configs, context) -> Trajectories`: the trajectories of all targets of the model."""
 
@@ -349,6 +358,7 @@ CATALOGUE: Mapping[str, type[Component] | type[Constellation] | type[TargetClass
         ClassifierModel,
         TrackerModel,
         TrackerPart,
+        DirectorModel,
         TargetModel,
         TargetClass,
         SignatureModel,

@@ -247,11 +247,18 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
     "target-models": (
         "opir_core.builtin.target_models",
-        frozenset(("opir_target_models", name) for name in ("gravity-turn", "orbit", "glide")),
+        frozenset(
+            ("opir_target_models", name)
+            for name in ("gravity-turn", "orbit", "glide", "air-launch")
+        ),
     ),
     "scanner": (
         "opir_core.builtin.scanner",
-        frozenset({("opir_sensor_models", "generic-scanner")}),
+        frozenset(("opir_sensor_models", f"generic-{name}") for name in ("scanner", "pointed")),
+    ),
+    "directors": (
+        "opir_core.builtin.directors",
+        frozenset({("opir_directors", "round-robin"), ("opir_directors", "cue")}),
     ),
     "target-classes": (
         "opir_core.builtin.target_classes",

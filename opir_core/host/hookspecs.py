@@ -167,6 +167,25 @@ class CatalogueHooks:
         """
 
     @hookspec
+    def opir_directors(self) -> Iterable[c.DirectorModel]:  # type: ignore[empty-body]
+        """Yield directors: what has arrived, to commands for sensors with a narrow field. Chosen
+        with `director: NAME`.
+
+        >>> from opir_core.plugin import Command, Director, DirectorModel, Host, hookimpl
+        >>> class Poleward(Director):
+        ...     interval_s = 60.0
+        ...     def commands(self, situation):
+        ...         pole_m = [0.0, 0.0, 6.4e6]
+        ...         return [Command(sensor=sensor.id, position_ecef_m=pole_m) for sensor in situation.sensors]
+        >>> class Plugin:
+        ...     @hookimpl
+        ...     def opir_directors(self):
+        ...         yield DirectorModel(name="poleward", summary="poleward", build=lambda config, context: Poleward())
+        >>> Host.of(Plugin()).component(DirectorModel, "poleward").build(None, None).interval_s
+        60.0
+        """
+
+    @hookspec
     def opir_target_models(self) -> Iterable[c.TargetModel]:  # type: ignore[empty-body]
         """Yield target models: launches to trajectories and plumes. Chosen with `model: NAME` in a
         target's block.

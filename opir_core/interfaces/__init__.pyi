@@ -10,6 +10,9 @@ from opir_core.interfaces.contract import (
     PluginPart as PluginPart,
     has_own as has_own,
 )
+from opir_core.interfaces.directors import (
+    command_fault as command_fault,
+)
 from opir_core.interfaces.impact_regions import (
     IMPACT_CONDITIONS as IMPACT_CONDITIONS,
 )

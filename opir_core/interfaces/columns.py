@@ -148,15 +148,17 @@ class Columns:
 
     def __repr__(self) -> str:
         """Return the number of rows and the columns, with the shape of a row where it is not one
-        number.
+        number; deferred columns stay so.
         """
-        columns = {name: getattr(self, name) for name in names_of(type(self))}
+        blank = self.take(slice(0, 0))
+        columns = {name: getattr(blank, name) for name in names_of(type(self))}
         names = [
             f"{name}{list(column.shape[1:]) if np.ndim(column) > 1 else ''}"
             for name, column in columns.items()
             if column is not None
         ]
-        rows = next((len(column) for column in columns.values() if column is not None), 0)
+        present = self._present(self.deferred).values()
+        rows = next((len(column) for column in present if column is not None), 0)
         text = ", ".join(names)
         if len(text) > LONGEST_REPR:
             shown = text[:LONGEST_REPR].rpartition(", ")[0]
@@ -165,10 +167,11 @@ class Columns:
 
     def _repr_html_(self) -> str:
         """Return the first rows of the columns of one number a row, for a notebook."""
+        shown = self.take(slice(ROWS_SHOWN))
         columns = {
-            name: column[:ROWS_SHOWN].tolist()
+            name: column.tolist()
             for name in names_of(type(self))
-            if isinstance(column := getattr(self, name), np.ndarray) and column.ndim == 1
+            if isinstance(column := getattr(shown, name), np.ndarray) and column.ndim == 1
         }
         return html_view(self, list(columns), list(zip(*columns.values(), strict=True)), len(self))
 

@@ -1,6 +1,7 @@
 """The contexts of components: the second argument of `build`, after the configuration."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -15,7 +16,7 @@ from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.records import Window
 from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.hypotheses import Hypothesis, core_hypotheses
-from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
+from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES, TARGET_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class
 
 if TYPE_CHECKING:
@@ -99,11 +100,21 @@ class ModelContext:
         """Return the distinct classes of the emitters, in order of occurrence, and the number (n,)
         of each one's.
         """
-        names = self.class_names or tuple(
-            EMITTER_TYPES[code] for code in self.target_type_code.tolist()
-        )
+        names = self._names()
         number = {name: place for place, name in enumerate(dict.fromkeys(names))}
         return tuple(number), np.array([number[name] for name in names], dtype=np.int32)
+
+    def launched_classes(self) -> frozenset[str]:
+        """Return the names of the target classes of launches, without the types of other hot
+        sources.
+        """
+        is_launch = (self.target_type_code < len(TARGET_TYPES)).tolist()
+        return frozenset(compress(self._names(), is_launch))
+
+    def _names(self) -> tuple[str, ...]:
+        return self.class_names or tuple(
+            EMITTER_TYPES[code] for code in self.target_type_code.tolist()
+        )
 
 
 @frozen(kw_only=True)
@@ -128,8 +139,10 @@ class TrackerContext:
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light
     is instantaneous. `hypotheses` are what a hot object may be, in the order of
     `Tracks.hypothesis_probability`. `false_alarms_per_scan` (sensors,) is the mean number of false
-    alarms in a scan of the whole field of regard, None where it is unknown. `parts` are the parts
-    that the scene chose, by the keys of the tracker's block.
+    alarms in a scan of the whole field of regard, None where it is unknown. `confirmation`
+    (sensors,) are M and N of sensors that report a source once M of their last N looks detected it,
+    None where each detection is reported with the probability that the sensor states. `parts` are
+    the parts that the scene chose, by the keys of the tracker's block.
     """
 
     sensors: tuple[Sensor, ...]
@@ -139,6 +152,7 @@ class TrackerContext:
     light_time: bool = True
     hypotheses: tuple[Hypothesis, ...] = field(factory=core_hypotheses)
     false_alarms_per_scan: tuple[float, ...] | None = None
+    confirmation: tuple[tuple[int, int], ...] | None = None
     parts: Mapping[str, PartMaker] = field(factory=dict, eq=False)
 
 

@@ -168,12 +168,13 @@ class Signatures(PluginPart):
 
 
 class Sources(PluginPart):
-    """Emitters other than targets, made by one block of a scene's `sources`: fires, flares,
-    glints, bolides.
+    """Emitters other than targets, made by one block of a scene's `sources`: fires, aircraft,
+    lightning.
 
     The engine adds them to the targets as further rows; `trajectories.type_code` are codes into
-    `opir_core.plugin.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine,
-    which may begin before the scene does.
+    `opir_core.plugin.EMITTER_TYPES` of the types that they resemble, `trajectories.class_names`
+    their own kinds, where these have other names; `trajectories.ignition_s` and `burnout_s` say
+    when they shine, which may begin before the scene does.
 
     >>> class NoFires(Sources):
     ...     ids = ()

@@ -4,7 +4,7 @@ Arrays are read-only in records that leave the engine.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
@@ -34,7 +34,13 @@ def _computed(column: Callable[[Any], Any]) -> Any:
 
 def _unknown(*shape: int) -> Any:
     """Return the default of a column of tracks: nan (n, *shape)."""
-    return _computed(lambda tracks: np.full((len(tracks.tick_s), *shape), np.nan))
+
+    def nothing(tracks: Any) -> FloatArray:
+        column = np.empty((len(tracks.tick_s), *shape))
+        column.fill(np.nan)
+        return column
+
+    return _computed(nothing)
 
 
 def _no_regions(tracks: "Tracks") -> ObjectArray:
@@ -318,13 +324,29 @@ class Tracks(Columns):
     is_brief: BoolArray = field(default=_computed(lambda rows: np.full(len(rows.track), False)))
 
 
+class CommandRecord(NamedTuple):
+    """What became of a command that was given at `time_s`.
+
+    The sensor leaves its former direction at `start_s` and looks in the new one from `from_s` on.
+    `refusal` is why it did not take the command, "" if it did; then both times are nan.
+    """
+
+    time_s: float
+    sensor: str
+    track: int
+    reason: str
+    start_s: float
+    from_s: float
+    refusal: str = ""
+
+
 @frozen(eq=False, repr=False)
 class Window:
     """The results of a slice of scene time [start_s, end_s).
 
     `detections` are those reported in the window, `truth` has their rows; `tracks` are the rows of
     the ticks in the window; `estimates` those to which `detections.estimate` refers. `health` is
-    what the tracker has found of the sensors, if it says so.
+    what the tracker has found of the sensors, if it says so. `commands` are those of its director.
     """
 
     start_s: float
@@ -335,6 +357,7 @@ class Window:
     tracks: Tracks
     estimates: Tracks
     health: SensorHealth | None = None
+    commands: tuple[CommandRecord, ...] = ()
 
     def __repr__(self) -> str:
         """Return the window in one line."""

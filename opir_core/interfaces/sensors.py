@@ -1,7 +1,7 @@
 """Sensors, and what they consist of: bands, radiometer, orbit, scan, reporting stages."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from attrs import field, frozen
@@ -116,6 +116,21 @@ class ReportingStage:
     sigma_s: float = 0.0
 
 
+class Pointing(NamedTuple):
+    """The narrow field of a sensor that is pointed: it looks in no other direction.
+
+    `delay_s` after a command it turns at `slew_rad_s`, and looks again after `settle_s` if the new
+    direction was outside of the field. Without a command it is pointed at `at_ecef_m` (3,), None
+    for nadir.
+    """
+
+    half_angle_rad: float
+    slew_rad_s: float
+    settle_s: float = 0.0
+    delay_s: float = 0.0
+    at_ecef_m: tuple[float, float, float] | None = None
+
+
 @frozen(eq=False, kw_only=True)
 class Sensor:
     """A sensor, built by a sensor model from a scene's block.
@@ -135,7 +150,8 @@ class Sensor:
     follows its looks by the sum of the latencies of `reporting`; without stages, at once.
 
     `watched_s` are the spans of scene time in which it looks, in order; None for all of it. That
-    nothing was detected outside of them says nothing.
+    nothing was detected outside of them says nothing. A sensor with `pointing` looks only where it
+    is pointed, which its field of regard bounds.
     """
 
     id: str
@@ -157,6 +173,7 @@ class Sensor:
     radiometer: Radiometer | None = None
     reporting: tuple[ReportingStage, ...] = ()
     watched_s: Spans | None = None
+    pointing: Pointing | None = None
     settings: Mapping[str, Any] = field(factory=dict)
 
     def __repr__(self) -> str:

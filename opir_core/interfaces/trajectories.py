@@ -34,8 +34,8 @@ class Trajectories(PluginPart):
 
     @required
     def type_code(self) -> ByteArray:
-        """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class
-        resembles; required.
+        """Codes (n,) into `EMITTER_TYPES`: the missile type that a target's class resembles, the
+        type that another source's kind resembles; required.
         """
 
     @required
@@ -79,8 +79,8 @@ class Trajectories(PluginPart):
 
     @optional
     def class_names(self) -> Sequence[str]:
-        """Names of the target classes, one per target; the missile types, unless the classes are
-        finer.
+        """Names of the target classes, or kinds of other sources, one per target; those of
+        `type_code`, unless they are finer.
         """
         return [EMITTER_TYPES[code] for code in self.type_code.tolist()]
 

@@ -20,7 +20,8 @@ from opir_core.output.events.encoder_input import detection_count, track_count
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.output.sink_thread import Counter
 from opir_core.output.transaction import OutputFiles
-from opir_core.planning.plan import Plan, built
+from opir_core.planning.built_parts import built
+from opir_core.planning.plan import Plan
 from opir_core.scene.scene import Choice
 from opir_core.simulation.manifest import run_manifest
 from opir_core.simulation.run import plan_windows
@@ -78,6 +79,7 @@ def deliver(
     *,
     truth_path: Path | None = None,
     tracks_path: Path | None = None,
+    commands_path: Path | None = None,
     manifest_path: Path | None = None,
     made_up: Collection[Path | None] = (),
     on_window: Callable[[Window], None] | None = None,
@@ -98,7 +100,8 @@ def deliver(
     one of the files; for the sinks, `RunOutcome.raise_for_failures` does.
     """
     tally = Tally(plan)
-    shared = None if workers == 1 else _shared(plan, workers, needs_columns=on_window is not None)
+    is_shared = workers != 1 and plan.has_independent_windows
+    shared = _shared(plan, workers, needs_columns=on_window is not None) if is_shared else None
     windows = tally.over(windows or (plan_windows(plan) if shared is None else shared.windows()))
     files = OutputFiles(manifest_path, is_made_up=manifest_path in made_up)
     try:
@@ -107,9 +110,10 @@ def deliver(
         with ExitStack() as closing:
             for sink in sinks.values():
                 closing.callback(sink.close)
-            if truth_path is not None or tracks_path is not None:
+            paths = truth_path, tracks_path, commands_path
+            if any(path is not None for path in paths):
                 place = partial(_placed, files, made_up)
-                windows = _recorded(plan, windows, place, truth_path, tracks_path, shared)
+                windows = _recorded(plan, windows, place, *paths, shared)
             closing.pop_all()
         if shared is not None:
             sinks = {path: shared.sink(path, sink) for path, sink in sinks.items()}
@@ -134,9 +138,7 @@ def _outcome(
 ) -> RunOutcome:
     """Put the files of a run in place, unless one of them failed, and return the outcome."""
     if files.parts:  # a run without files has no text, and needs no renderer
-        from opir_core.output.events.rendering import chosen_renderer
-
-        manifest["renderer"], _ = chosen_renderer(plan.host)
+        manifest["renderer"], _ = _renderer(plan.host)
     if any(is_staged[sink.name] for sink in report.failures):
         incomplete = tuple(files.parts)
         files.keep()
@@ -156,9 +158,10 @@ def _recorded(
     place: Callable[..., Path],
     truth_path: Path | None,
     tracks_path: Path | None,
+    commands_path: Path | None,
     shared: "SharedOutput | None",
 ) -> Iterator[Window]:
-    """Yield windows after their truth and tracks are written to files."""
+    """Yield windows after their truth, tracks and commands are written to files."""
     with ExitStack() as opened:
         truth = None
         if truth_path is not None:
@@ -172,11 +175,19 @@ def _recorded(
 
             at = place(tracks_path, only_appends=True, kind="tracks")
             tracks = opened.enter_context(TracksFile(at, plan.hypothesis_names))
+        commands = None
+        if commands_path is not None:
+            from opir_core.output.run_files import CommandsFile
+
+            at = place(commands_path, only_appends=True, kind="commands")
+            commands = opened.enter_context(CommandsFile(at))
         for window in windows:
             if truth is not None:
                 truth.write(window)
             if tracks is not None:
                 tracks.write(window.tracks)
+            if commands is not None:
+                commands.write(window)
             yield window
 
 
@@ -280,13 +291,18 @@ def _encoder_model(plan: Plan, choice: Choice) -> EventEncoder:
     )
 
 
-def _encoder(plan: Plan, choice: Choice) -> Encoder:
-    """Return the encoder of an output."""
+def _renderer(host: Host) -> tuple[Any, Any]:
+    """Return the name of the renderer that is used, and the renderer."""
     from opir_core.output.events.rendering import chosen_renderer
 
+    return chosen_renderer(host)
+
+
+def _encoder(plan: Plan, choice: Choice) -> Encoder:
+    """Return the encoder of an output."""
     component = _encoder_model(plan, choice)
     encoder_choice = Choice(component.hook, component.name, None, f"{choice.path}.encoder")
-    _, render = chosen_renderer(plan.host)
+    _, render = _renderer(plan.host)
     owner = partial(owner_text, plan.host, encoder_choice)
     context = evolve(_origin(plan), render=render)
     encoder = Encoder.adopt(built(plan.host, encoder_choice, context, component.config()), owner)

@@ -59,11 +59,11 @@ class Resolution:
         error = min(_RESOLVED * largest, 10.0 * _RESOLVED * float(radii.min(initial=np.inf)))
         if error <= 0.0:
             return cls()
-        # Around the antipode of its centre a small step on the Earth is a large one on its map.
-        if region.area_km2 >= _WIDE_KM2:
-            return cls(3, 2.0 * _STEP_DEG)
-        decimals = int(np.ceil(-np.log10(np.sqrt(2.0) * np.degrees(error))))
         step_deg = float(np.degrees(np.sqrt(16.0 * 2.0 * _RESOLVED * largest)))
+        # Around the antipode of its centre a small distance on the Earth is a large one on its map.
+        if region.area_km2 >= _WIDE_KM2:
+            return cls(_WIDE_DECIMALS, step_deg)
+        decimals = int(np.ceil(-np.log10(np.sqrt(2.0) * np.degrees(error))))
         return cls(min(max(decimals, 0), DECIMALS), max(step_deg, _STEP_DEG))
 
     def finer(self, times: int) -> "Resolution":
@@ -76,6 +76,9 @@ _REFINEMENTS = 4
 
 #: Error of positions and edges, as a share of a region's radius.
 _RESOLVED = 0.001
+
+#: Decimals of regions as wide as continents.
+_WIDE_DECIMALS = 3
 
 #: Positions to 0.1 m, edges of a degree.
 FINE = Resolution()
@@ -377,7 +380,12 @@ def _refined(
     An edge that crosses the 180th meridian has a point on it, so that both sides of a cut share it.
     """
     step = np.abs(np.degrees(np.diff(ring[:, 1])))
-    divisions = np.ceil(np.minimum(step, 360.0 - step) / step_deg - 1e-6).clip(1).astype(np.int64)
+    step = np.minimum(step, 360.0 - step)
+    # Steps are shorter where a distance on the Earth is longer on the map: around the antipode.
+    far = np.sqrt(np.add.reduce(plane * plane, axis=1)) / EARTH_EQUATORIAL_RADIUS_M
+    stretch = np.sqrt(np.abs(np.sinc(np.maximum(far[:-1], far[1:]) / np.pi)))
+    most_deg = np.maximum(step_deg * stretch, min(step_deg, 2.0 * _STEP_DEG))
+    divisions = np.ceil(step / most_deg - 1e-6).clip(1).astype(np.int64)
     edge = np.repeat(np.arange(len(divisions)), divisions)
     share = (np.arange(len(edge)) - (np.cumsum(divisions) - divisions)[edge]) / divisions[edge]
     for _ in range(
@@ -395,10 +403,13 @@ def _refined(
         share = np.insert(share, wide + 1, 0.5 * (share + end_share)[wide])
     is_jump = (turn > 180.0) & (np.abs(points[:, 0]) < 180.0)
     jumps = np.flatnonzero(is_jump)
+    closed = np.concatenate([points, points[:1]])
+    if not jumps.size:
+        return closed
     crossings = _crossings(
         plane, edge[jumps], (share[jumps], end_share[jumps]), np.sign(points[jumps, 0]), chart
     )
-    return np.insert(np.concatenate([points, points[:1]]), jumps + 1, crossings, axis=0)
+    return np.insert(closed, jumps + 1, crossings, axis=0)
 
 
 def _crossings(
@@ -431,7 +442,7 @@ def _crossed(
     division_shares = np.linspace(0.0, 1.0, _PARTS + 1)
     repeated_edge = np.repeat(edge, _PARTS)
     row = np.arange(len(edge))
-    for _ in range(_DIVISIONS if len(edge) else 0):
+    for _ in range(_DIVISIONS):
         ends = low[:, None] + (high - low)[:, None] * division_shares
         longitude = _along(plane, repeated_edge, ends[:, 1:].ravel(), chart)[:, 0]
         is_over = np.sign(longitude).reshape(-1, _PARTS) != side[:, None]

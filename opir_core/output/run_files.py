@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from opir_core.errors import Problem, SceneError, reason_of, unwritable
-from opir_core.interfaces.records import Window
+from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.rendering import Decimal, Ids, Looked, chosen_renderer
 from opir_core.output.transaction import FILES_KEY
@@ -120,6 +120,25 @@ class TruthFile(LinesFile):
                     b"}\n",
                 ],
             )
+
+
+class CommandsFile(LinesFile):
+    """Writes what became of a director's commands, one to a line; use it as a context."""
+
+    _kind = "the commands file"
+
+    def write(self, window: Window) -> None:
+        """Write the commands of a window."""
+        self._write([_command_row(record) for record in window.commands])
+
+
+def _command_row(record: CommandRecord) -> Mapping[str, Any]:
+    """Return the keys and values of a command's line."""
+    values = record._asdict()
+    track = None if record.track < 0 else record.track
+    ids = {"sensor_id": values.pop("sensor"), "track_id": track}
+    del values["track"]
+    return {"time_s": values.pop("time_s"), **ids, **values}
 
 
 def invalid_file(path: Path, where: str, message: str) -> SceneError:

@@ -1,9 +1,10 @@
 """A run read back from its files: events (forge and its kin), truth, tracks and manifest.
 
-Files round: times are to a microsecond, angles to 1e-9 degree, sensor positions to a millimetre.
+Files round: times are to a microsecond, angles to 1e-7 degree, sensor positions to 0.1 m.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ _BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS)
 _LONGEST_US = (1 << 63) // 1_000
 
 
-class _TruthLine(msgspec.Struct):
+class _TruthLine(msgspec.Struct, gc=False):
     """A line of the truth; records other than detections have other keys."""
 
     record: str
@@ -60,7 +61,7 @@ class _TruthLine(msgspec.Struct):
     probability: float | None = None
 
 
-class _Event(msgspec.Struct):
+class _Event(msgspec.Struct, gc=False):
     detection_id: str
     timestamp: str
     sensor_id: str
@@ -307,8 +308,8 @@ class _Columns:
 
     def _bands(self, sensor: IndexArray) -> ByteArray:
         rows = zip(sensor.tolist(), self._values("bands"), strict=True)
-        masks = [_mask(self.plan.sensors[number], bands) for number, bands in rows]
-        return np.array(masks, dtype=np.uint8)
+        mask = cache(lambda number, bands: _mask(self.plan.sensors[number], bands))
+        return np.array([mask(number, bands) for number, bands in rows], dtype=np.uint8)
 
     def _times_ns(self, texts: Sequence[str]) -> IntArray:
         try:
@@ -338,12 +339,11 @@ class _Columns:
         if not any(row.type_probability for row in self.rows):
             return np.empty((len(self.rows), 0))
         names = next(list(row.type_probability) for row in self.rows if row.type_probability)
-        chances = [
-            _numbers([(row.type_probability or {}).get(name) for name in names])
-            for row in self.rows
-        ]
+        chances = _numbers(
+            [(row.type_probability or {}).get(name) for row in self.rows for name in names]
+        )
         with np.errstate(divide="ignore"):
-            return np.log(np.array(chances))
+            return np.log(chances.reshape(-1, len(names)))
 
 
 def _mask(sensor: Sensor, bands: Sequence[str]) -> int:

@@ -13,7 +13,6 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
 from opir_core.interfaces.weighed_tracks import hypothesis_columns
 from opir_core.output.events.estimates import PAPER, are_on_earth, paper_sigma_m, time_texts
@@ -73,14 +72,16 @@ class BurnoutRecord(msgspec.Struct, kw_only=True, gc=False):
 class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     """A track at a tick; the covariance (6, 6) is of position and velocity.
 
-    In a file the first record with some regions has their `impact_regions_id`, and later ones have
-    this number in place of the regions.
+    In a file the first record of a track is complete. Later ones have `since_s`, the time of the
+    track's record before, and leave out what is as in that one. Files of earlier versions have
+    complete records, in which `impact_regions_id` may stand for the regions of an earlier line.
     """
 
     schema_version: str | UnsetType = UNSET
     time_s: _Time
     timestamp: str | UnsetType = UNSET
     track_id: _Track
+    since_s: float | UnsetType = UNSET
     available_s: _Time | None = None
     available_at: str | UnsetType | None = UNSET
     target_type: str | None = None
@@ -152,37 +153,35 @@ def track_records(
     ]
 
 
-class RegionsOnce:
-    """Writes the regions of tracks once, when they are new, with a number that later records have.
+#: Fields that every record has.
+_ALWAYS = {"schema_version", "time_s", "timestamp", "track_id", "since_s"}
+_KEPT = tuple(name for name in TrackRecord.__struct_fields__ if name not in _ALWAYS)
 
-    Numbers are those of regions in the order of the records.
-    """
+
+class Changes:
+    """Leaves out of records what is as in the record of the same track before."""
 
     def __init__(self) -> None:
-        self._latest: dict[int, tuple[int, tuple[ImpactRegion, ...]]] = {}
-        self._count = 0
+        self._latest: dict[int, TrackRecord] = {}
 
-    def columns(self, tracks: Tracks) -> Mapping[str, Sequence[Any]]:
-        """Return the columns of impact regions of the next records."""
-        texts = list[Any]()
-        numbers = list[Any]()
-        rows = zip(tracks.track.tolist(), tracks.impact_regions.tolist(), strict=True)
-        for track, regions in rows:
-            number, latest = self._latest.get(track, (-1, ()))
-            if not regions:
-                texts.append(())
-                numbers.append(UNSET)
-            elif regions is latest or regions == latest:
-                texts.append(UNSET)
-                numbers.append(number)
-            else:
-                texts.append(msgspec.Raw(region_text(regions)))
-                numbers.append(self._count)
-                self._latest[track] = self._count, regions
-                self._count += 1
+    def records(self, tracks: Tracks, hypotheses: Sequence[str]) -> list[TrackRecord]:
+        """Return the records of the next tracks (n,), as in `track_records`."""
+        regions = {"impact_regions": tracks.impact_regions.tolist()}
+        records = [self._changed(row) for row in track_records(tracks, hypotheses, regions=regions)]
         for track in tracks.track[tracks.end > 0].tolist():
             self._latest.pop(track, None)
-        return {"impact_regions": texts, "impact_regions_id": numbers}
+        return records
+
+    def _changed(self, record: TrackRecord) -> TrackRecord:
+        before = self._latest.get(record.track_id)
+        self._latest[record.track_id] = record
+        changes = dict[str, Any]()
+        if before is not None:
+            same = [name for name in _KEPT if getattr(record, name) == getattr(before, name)]
+            changes = {"since_s": before.time_s, **dict.fromkeys(same, UNSET)}
+        if "impact_regions" not in changes:
+            changes["impact_regions"] = msgspec.Raw(region_text(record.impact_regions))
+        return msgspec.structs.replace(record, **changes)
 
 
 def _impacts(tracks: Tracks, epoch_us: int | None) -> list[ImpactRecord | None]:

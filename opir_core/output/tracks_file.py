@@ -14,10 +14,9 @@ from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, TRA
 from opir_core.output.geojson import region_from_document
 from opir_core.output.run_files import LinesFile, content, invalid_file
 from opir_core.output.track_records import (
+    Changes,
     LaunchRecord,
-    RegionsOnce,
     TrackRecord,
-    track_records,
 )
 from opir_core.scene.scene import REPORTED_TYPES
 
@@ -34,7 +33,7 @@ _NUMBERS = (
 )
 
 #: Tracks in a block, as regions take memory while they are text.
-_BLOCK_ROWS = 4_096
+_BLOCK_ROWS = 512
 
 
 class TracksFile(LinesFile):
@@ -47,14 +46,13 @@ class TracksFile(LinesFile):
     def __init__(self, path: Path, hypotheses: Sequence[str] = ()) -> None:
         super().__init__(path)
         self._hypotheses = hypotheses
-        self._regions = RegionsOnce()
+        self._changes = Changes()
 
     def write(self, tracks: Tracks) -> None:
         """Write the tracks of a window."""
         for start in range(0, len(tracks), _BLOCK_ROWS):
             block = tracks.take(slice(start, start + _BLOCK_ROWS))
-            regions = self._regions.columns(block)
-            self._write(track_records(block, self._hypotheses, regions=regions))
+            self._write(self._changes.records(block, self._hypotheses))
 
 
 def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
@@ -65,15 +63,7 @@ def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
     of `hypothesis_probability`, by default those of the file in its order; others in the file are
     an error.
     """
-    decoder = msgspec.json.Decoder(TrackRecord)
-    rows = [
-        _row(decoder, line, number, path)
-        for number, line in enumerate(content(path).splitlines(), start=1)
-    ]
-    regions = np.empty(len(rows), dtype=np.object_)
-    known = dict[int, tuple[ImpactRegion, ...]]()
-    for number, row in enumerate(rows, start=1):
-        regions[number - 1] = _regions(row, known, number, path)
+    rows, regions = _Lines(path).rows()
     tracks = _tracks(rows, regions, _weighed(rows, hypotheses, path))
     order = np.lexsort((tracks.track, tracks.tick_s))
     tracks = tracks.take(order)
@@ -87,32 +77,84 @@ def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
     return tracks
 
 
-def _row(
-    decoder: "msgspec.json.Decoder[TrackRecord]", line: bytes, number: int, path: Path
-) -> TrackRecord:
-    try:
-        return decoder.decode(line)
-    except msgspec.ValidationError as error:
-        reason, _, place = str(error).partition(" - at `$")
-        key = place.removeprefix(".").removesuffix("`")
-        words = f"not what opir writes: {reason[:1].lower()}{reason[1:]}"
-        raise invalid_file(path, f"line {number}{f': {key}' if key else ''}", words) from error
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise invalid_file(path, f"line {number}", f"not a track: {error}") from error
+class _Lines:
+    """The lines of a file, in any order, each completed by those of its track before."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._completed: dict[tuple[int, float], dict[str, Any]] = {}
+        #: The latest regions of tracks with their documents, and those of earlier files by number.
+        self._latest: dict[int, tuple[Any, tuple[ImpactRegion, ...]]] = {}
+        self._numbered: dict[int, tuple[ImpactRegion, ...]] = {}
+
+    def rows(self) -> tuple[list[TrackRecord], ObjectArray]:
+        """Return the records of the lines and their regions, in the order of the file."""
+        documents = [
+            self._document(line, number)
+            for number, line in enumerate(content(self._path).splitlines(), start=1)
+        ]
+        rows = dict[int, TrackRecord]()
+        regions = np.empty(len(documents), dtype=np.object_)
+        for place in sorted(range(len(documents)), key=lambda place: _time_of(documents[place])):
+            rows[place] = self._row(documents[place], place + 1)
+            regions[place] = self._regions_of(rows[place], place + 1)
+        return [rows[place] for place in range(len(documents))], regions
+
+    def _document(self, line: bytes, number: int) -> Any:
+        try:
+            return msgspec.json.decode(line)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            raise invalid_file(self._path, f"line {number}", f"not a track: {error}") from error
+
+    def _row(self, document: Any, number: int) -> TrackRecord:
+        try:
+            if isinstance(document, dict) and "since_s" in document:
+                document = self._whole(document, number)
+            row = msgspec.convert(document, TrackRecord)
+        except msgspec.ValidationError as error:
+            reason, _, place = str(error).partition(" - at `$")
+            key = place.removeprefix(".").removesuffix("`")
+            words = f"not what opir writes: {reason[:1].lower()}{reason[1:]}"
+            place = f"line {number}{f': {key}' if key else ''}"
+            raise invalid_file(self._path, place, words) from error
+        self._completed[row.track_id, row.time_s] = document
+        return row
+
+    def _whole(self, document: dict[str, Any], number: int) -> dict[str, Any]:
+        """Return a line's document with what it leaves out."""
+        changes = dict(document)
+        since_s: Any = changes.pop("since_s")
+        own = msgspec.convert(changes, TrackRecord)
+        is_number = isinstance(since_s, int | float)
+        before = self._completed.get((own.track_id, since_s)) if is_number else None
+        if before is None:
+            words = f"no line has track {own.track_id} at {since_s} s; give the whole file"
+            raise invalid_file(self._path, f"line {number}: since_s", words)
+        return {**before, **changes}
+
+    def _regions_of(self, row: TrackRecord, number: int) -> tuple[ImpactRegion, ...]:
+        """Return the regions of a row, its own or those that it refers to."""
+        name = row.impact_regions_id
+        if row.impact_regions is not UNSET:
+            document, regions = self._latest.get(row.track_id, (None, ()))
+            if document is not row.impact_regions:
+                regions = _own_regions(row, number, self._path)
+                self._latest[row.track_id] = row.impact_regions, regions
+            if name is not UNSET:
+                self._numbered[name] = regions
+            return regions
+        if name is UNSET:
+            return ()
+        if name not in self._numbered:
+            words = f"no line before has regions {name}; give the whole file"
+            raise invalid_file(self._path, f"line {number}: impact_regions_id", words)
+        return self._numbered[name]
 
 
-def _regions(
-    row: TrackRecord, known: dict[int, tuple[ImpactRegion, ...]], number: int, path: Path
-) -> tuple[ImpactRegion, ...]:
-    """Return the regions of a row, its own or those that it refers to; new ones become known."""
-    if row.impact_regions_id is UNSET:
-        return _own_regions(row, number, path)
-    if row.impact_regions is not UNSET:
-        known[row.impact_regions_id] = _own_regions(row, number, path)
-    elif row.impact_regions_id not in known:
-        words = f"no line before has regions {row.impact_regions_id}; give the whole file"
-        raise invalid_file(path, f"line {number}: impact_regions_id", words)
-    return known[row.impact_regions_id]
+def _time_of(document: Any) -> float:
+    """Return the time of a line, the earliest where it has none."""
+    time_s = document.get("time_s") if isinstance(document, dict) else None
+    return time_s if isinstance(time_s, int | float) else -np.inf
 
 
 def _own_regions(row: TrackRecord, number: int, path: Path) -> tuple[ImpactRegion, ...]:

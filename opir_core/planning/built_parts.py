@@ -1,6 +1,4 @@
-"""Checks of what sensor and target models build: types, shapes, units, ranges; their problems,
-collected.
-"""
+"""What components build: checks of types, shapes, units and ranges; problems, collected."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -11,9 +9,11 @@ import numpy as np
 from attrs import define, evolve, field
 
 from opir_core.errors import Problem, SceneError, kind_of
+from opir_core.host.boundary import blamed_call, check_hint, owner_text
+from opir_core.host.host import Host
 from opir_core.interfaces.sensors import Sensor
 from opir_core.interfaces.trajectories import Trajectories
-from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS
+from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, Choice
 
 #: No satellite is nearer to the Earth's centre, m; positions in km are.
 _LEAST_RADIUS_M = 1e5
@@ -207,3 +207,16 @@ def _under(path: str, problem: Problem) -> Problem:
     if problem.path.startswith(path):
         return problem
     return evolve(problem, path=f"{path}.{problem.path}" if problem.path else path)
+
+
+def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
+    """Build the component of a scene's choice, from the choice's configuration or another.
+
+    Raises `ModelError` that names the component and its owner if it fails.
+    """
+    component = host.component(choice.hook, choice.name, choice.path)
+    settings = choice.config if config is None else config
+    hint = check_hint(choice.name)
+    return blamed_call(
+        lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context)
+    )

@@ -31,10 +31,12 @@ from opir_core.interfaces.trajectories import Trajectories
 from opir_core.notebook import html_view
 from opir_core.planning.built_parts import (
     BuildProblems,
+    built,
     motion_fault,
     sensor_fault,
     trajectories_fault,
 )
+from opir_core.planning.faults import SensorFaults, watching
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import (
@@ -56,6 +58,7 @@ from opir_core.scene.target_classes import TargetClass
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
+    from opir_core.interfaces.directors import Director
     from opir_core.interfaces.radiometric_models import Sources
 
 
@@ -83,6 +86,10 @@ class PlanParts:
     on_tracker_error: Callable[[str], None] | None = None
     bias: PointingBias | None
     end_ns: int
+    #: Returns a new director; None for a scene without one.
+    make_director: "Callable[[], Director] | None" = None
+    #: The faults of the sensors; None without any.
+    faults: SensorFaults | None = None
     #: The built `sources` of the scene; their emitters follow the launches in `targets`.
     sources: "tuple[Sources, ...]" = ()
     #: The names of the types that events report, by code.
@@ -142,6 +149,13 @@ class Plan(PlanParts):
             for sensor, count in zip(self.sensors, looks, strict=True)
         ]
         return html_view(self, ("sensor", "type", "looks"), rows)
+
+    @property
+    def has_independent_windows(self) -> bool:
+        """Whether several processes can compute its windows: what a director decides depends on
+        those before.
+        """
+        return self.make_director is None
 
     @property
     def workload(self) -> Workload:
@@ -289,9 +303,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
                 duration_s=scene.duration_s,
             )
             sensor = _sensor(host, choice.model, context)
-            if choice.id in scene.watched_s:
-                sensor = evolve(sensor, watched_s=scene.watched_s[choice.id])
-            built_sensors.append(sensor)
+            built_sensors.append(watching(sensor, scene))
     sensors = tuple(built_sensors)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
@@ -312,6 +324,8 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         make_tracker=make_tracker,
         bias=drawn_bias(scene.seed, sensors),
         end_ns=round(scene.duration_s * 1e9),
+        make_director=_director_maker(scene, host, sensors),
+        faults=SensorFaults.of(scene.faults, [sensor.id for sensor in sensors]),
         sources=sources,
         reported_types=reported_types(scene, host),
     )
@@ -403,6 +417,7 @@ def _tracker_context(
 ) -> TrackerContext:
     """Return the context of a scene's trackers."""
     rates = detection.rate_per_scan
+    rules = detection.confirmation
     return TrackerContext(
         sensors=sensors_of_trackers(sensors, scene.classification, host),
         epoch_us=scene.epoch_us,
@@ -411,6 +426,7 @@ def _tracker_context(
         light_time=scene.light_time,
         hypotheses=offered_hypotheses(host),
         false_alarms_per_scan=(0.0,) * len(sensors) if rates is None else tuple(map(float, rates)),
+        confirmation=None if rules is None else tuple(map(tuple, rules.tolist())),
         parts={key: _part_maker(host, choice) for key, choice in scene.tracker.parts.items()},
     )
 
@@ -434,23 +450,21 @@ def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:
     return tracker
 
 
+def _director_maker(
+    scene: Scene, host: Host, sensors: tuple[Sensor, ...]
+) -> "Callable[[], Director] | None":
+    """Return what makes a scene's director; None without one."""
+    if scene.director is None:
+        return None
+    from opir_core.planning.directors import director_maker
+
+    return director_maker(scene, scene.director, host, sensors)
+
+
 def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:
     """Return the line-of-sight biases of sensors, or None if no sensor has one."""
     has_bias = any(sensor.line_of_sight_bias_sigma_rad for sensor in sensors)
     return PointingBias.drawn(seed, sensors) if has_bias else None
-
-
-def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
-    """Build the component of a scene's choice, from the choice's configuration or another.
-
-    Raises `ModelError` that names the component and its owner if it fails.
-    """
-    component = host.component(choice.hook, choice.name, choice.path)
-    settings = choice.config if config is None else config
-    hint = check_hint(choice.name)
-    return blamed_call(
-        lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context)
-    )
 
 
 def _owner(host: Host, choice: Choice) -> Callable[[], str]:
@@ -529,7 +543,14 @@ def _joined(
     ids = [target.id for target in scene.targets]
     trajectories = [*launches]
     places = [*rows]
-    for source in sources:
+    classes = {name for launched in launches for name in launched.class_names}
+    for source, block in zip(sources, scene.sources, strict=True):
+        taken = sorted(classes.intersection(source.trajectories.class_names))
+        if taken:
+            raise ModelError(
+                f"{block.model.path}: {taken[0]} is a kind of source here and the class of a"
+                " target: give the class another name"
+            )
         places.append(range(len(ids), len(ids) + len(source.ids)))
         ids += source.ids
         trajectories.append(source.trajectories)

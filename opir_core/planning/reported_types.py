@@ -64,11 +64,13 @@ def sensors_of_trackers(
     sensors: Iterable[Sensor], classification: Choice, host: Host
 ) -> tuple[Sensor, ...]:
     """Return the sensors as trackers know them: a confusion matrix has columns for `REPORTED_TYPES`
-    only, to which classes add.
+    only, to which classes add. Where a sensor with a narrow field looks, they do not know: its
+    silence says nothing.
 
     Where the classifier does not report by these matrices, they say nothing of its reports: the
     sensors have none.
     """
+    sensors = [evolve(each, watched_s=()) if each.pointing else each for each in sensors]
     classifier = host.component(classification.hook, classification.name)
     subjects = classifier.subjects_read(classification.config)
     if subjects is not None and CONFUSION not in subjects:

@@ -48,25 +48,7 @@ class PointingBias:
         """Return unit vectors (n,) in ECEF as measured by biased sensors (n,) at positions (n, 3),
         ECEF, m.
         """
-        turn_x, turn_y, turn_z = self._rotation_rad(sensor, sensor_ecef_m)
-        moved_x = x + turn_y * z - turn_z * y
-        moved_y = y + turn_z * x - turn_x * z
-        moved_z = z + turn_x * y - turn_y * x
-        per_length = 1.0 / np.sqrt(moved_x * moved_x + moved_y * moved_y + moved_z * moved_z)
-        return moved_x * per_length, moved_y * per_length, moved_z * per_length
-
-    def _rotation_rad(
-        self, sensor: IndexArray, sensor_ecef_m: FloatArray
-    ) -> tuple[FloatArray, ...]:
-        """Return rotation vectors in ECEF: with nadir down, (north, -east) about the east and north
-        axes.
-        """
-        axes = local_axes(sensor_ecef_m)
-        about_east = self.north_rad[sensor]
-        about_north = -self.east_rad[sensor]
-        return tuple(
-            about_east * axes[:, 0, axis] + about_north * axes[:, 1, axis] for axis in range(3)
-        )
+        return turned(x, y, z, self.east_rad[sensor], self.north_rad[sensor], sensor_ecef_m)
 
     def by_sensor(self, sensors: Sequence[Sensor]) -> list[dict[str, str | float]]:
         """Return one mapping per sensor, for the truth file and the manifest."""
@@ -79,6 +61,29 @@ class PointingBias:
             }
             for sensor, east, north in rows
         ]
+
+
+def turned(
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    east_rad: FloatArray,
+    north_rad: FloatArray,
+    sensor_ecef_m: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return unit vectors (n,) in ECEF of sensors at positions (n, 3), ECEF, m, that are rotated by
+    small angles (n,).
+    """
+    axes = local_axes(sensor_ecef_m)
+    # With nadir down, (north, -east) about the east and north axes.
+    turn_x, turn_y, turn_z = (
+        north_rad * axes[:, 0, axis] - east_rad * axes[:, 1, axis] for axis in range(3)
+    )
+    moved_x = x + turn_y * z - turn_z * y
+    moved_y = y + turn_z * x - turn_x * z
+    moved_z = z + turn_x * y - turn_y * x
+    per_length = 1.0 / np.sqrt(moved_x * moved_x + moved_y * moved_y + moved_z * moved_z)
+    return moved_x * per_length, moved_y * per_length, moved_z * per_length
 
 
 @frozen(eq=False, repr=False)

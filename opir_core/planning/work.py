@@ -69,7 +69,10 @@ class Workload:
         return LOOKS_PER_EVENT * float(self._false_alarms_per_s().sum())
 
     def require_run(self) -> None:
-        """Raise `SceneError` if the work of the whole scene is above the limits."""
+        """Raise `SceneError` if the work of the whole scene, or the pace of its false alarms, is
+        above the limits.
+        """
+        self._require_pace()
         self._require(self.of_run(), "run", "the scene has")
 
     def accepts(self, looks: float) -> bool:
@@ -80,6 +83,7 @@ class Workload:
             work.looks <= limits.looks_per_run
             and work.events <= limits.events_per_run
             and work.bytes <= limits.bytes_per_run
+            and self._false_alarms_per_s().sum() <= limits.false_alarms_per_s
         )
 
     def require_cycle(self, cycle_ns: int) -> None:
@@ -91,6 +95,19 @@ class Workload:
             "cycle",
             f"a cycle of {cycle_ns / 1e9:g} s of scene time has",
         )
+
+    def _require_pace(self) -> None:
+        rates = self._false_alarms_per_s()
+        limit = self.limits.false_alarms_per_s
+        if rates.sum() <= limit:
+            return
+        sensor = self.sensors[int(rates.argmax())]
+        text = (
+            f"the sensors have {rates.sum():.3g} false alarms in a second, and at most {limit:.3g}"
+            f" are accepted; raise the threshold of {sensor.id}, which has {rates.max():.3g},"
+            f" lengthen its scan_period_ms ({sensor.scan.period_ns * 1e-6:g}), or raise the limit"
+        )
+        raise SceneError([Problem("limits.false_alarms_per_s", text)])
 
     def _require(self, work: Work, span: str, subject: str) -> None:
         for name in ("looks", "events", "bytes"):

@@ -6,6 +6,7 @@ from opir_core.host.components import (
     ConfidenceModel as ConfidenceModel,
     Constellation as Constellation,
     DetectionModel as DetectionModel,
+    DirectorModel as DirectorModel,
     EventEncoder as EventEncoder,
     ExecutorModel as ExecutorModel,
     ExporterModel as ExporterModel,
@@ -45,6 +46,12 @@ from opir_core.interfaces.detection_models import (
     RandomDraws as RandomDraws,
     Response as Response,
 )
+from opir_core.interfaces.directors import (
+    Command as Command,
+    Director as Director,
+    DirectorContext as DirectorContext,
+    Situation as Situation,
+)
 from opir_core.interfaces.file_contents import (
     FILE_CONTENTS as FILE_CONTENTS,
     BadFileError as BadFileError,
@@ -79,6 +86,7 @@ from opir_core.interfaces.radiometric_models import (
 from opir_core.interfaces.records import (
     Batch as Batch,
     ClassifierInputs as ClassifierInputs,
+    CommandRecord as CommandRecord,
     Detections as Detections,
     Exposures as Exposures,
     Tracks as Tracks,
@@ -98,6 +106,7 @@ from opir_core.interfaces.sensor_health import (
 from opir_core.interfaces.sensors import (
     Band as Band,
     Orbit as Orbit,
+    Pointing as Pointing,
     ReportingStage as ReportingStage,
     ScanPattern as ScanPattern,
     Sensor as Sensor,
@@ -132,6 +141,10 @@ from opir_core.scene.target_classes import (
     OrbitInsertion as OrbitInsertion,
     Plume as Plume,
     TargetClass as TargetClass,
+)
+from opir_core.sensors.pointed_sensor import (
+    PointedSensorConfig as PointedSensorConfig,
+    PointingConfig as PointingConfig,
 )
 from opir_core.sensors.reporting import (
     ReportingConfig as ReportingConfig,

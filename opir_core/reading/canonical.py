@@ -1,5 +1,6 @@
 """A scene's canonical form and its hash, for manifests, so that a run can be repeated."""
 
+import json
 from collections.abc import Mapping
 from hashlib import sha256
 from itertools import groupby
@@ -30,6 +31,8 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         **({} if scene.limits == WorkLimits() else {"limits": _settings(scene.limits)}),
         **({"allow_implausible": True} if scene.allow_implausible else {}),
         **({"watched_s": plain_spans(scene.watched_s)} if scene.watched_s else {}),
+        **({} if scene.director is None else {"director": _block(scene.director)}),
+        **({"faults": [_set_values(fault) for fault in scene.faults]} if scene.faults else {}),
         "forces": ("kepler" if scene.forces.is_kepler else [*scene.forces.zonal, *drag]),
         "sensors": _sensors(scene.sensors),
         "targets": [_target(target) for target in scene.targets],
@@ -54,8 +57,6 @@ def scene_hash(scene: Scene) -> str:
     Scenes of equal content have the same hash, independent of spelling, order and comments of their
     files.
     """
-    import json
-
     text = json.dumps(
         scene_mapping(scene),
         sort_keys=True,
@@ -103,6 +104,11 @@ def _settings(config: Any) -> dict[str, Any]:
     names = [attribute.name for attribute in fields(kind) if attribute.init]
     silent = {pair.plain for pair in alternatives(kind) if getattr(config, pair.other) is not None}
     return {name: _plain(getattr(config, name)) for name in names if name not in silent}
+
+
+def _set_values(config: Any) -> dict[str, Any]:
+    """Return the settings of a configuration that are set."""
+    return {name: value for name, value in _settings(config).items() if value is not None}
 
 
 def _plain(value: Any) -> Any:

@@ -205,13 +205,11 @@ class ChosenDetection:
 _DEFAULTS = {attribute.name: attribute.default for attribute in fields(SceneFile)}
 
 
-def _require_sensors(node: Node, sensors: Sequence[SceneSensor]) -> None:
-    """Raise the error of the first key that is no sensor."""
-    ids = [sensor.id for sensor in sensors]
-    for name, spans in block_of(node).items():
-        if name not in ids:
-            hint = nearest(name, ids) or f"; there are {', '.join(ids[:_FEW_KEYS])}"
-            raise spans.refused(f"there is no sensor {name!r}{hint}", at_key=True)
+def _no_sensor(node: Node, name: str, ids: Sequence[str], *, at_key: bool = False) -> InvalidNode:
+    """Return the refusal of a name that is none of the sensors' ids."""
+    similar = nearest(name, ids)
+    hint = f"did you mean {similar}?" if similar else f"there are {', '.join(ids[:_FEW_KEYS])}"
+    return node.refused(f"there is no sensor {name!r}; {hint}", at_key=at_key)
 
 
 class SceneBuilder:
@@ -233,9 +231,9 @@ class SceneBuilder:
         self.components.preset = values.get("preset")
         detection = self._chosen_detection(block_of(root))
         fields = self._parts(values, detection)
-        if "watched_s" in values and "sensors" in fields:
-            with self.collector.at(key_step("watched_s")):
-                _require_sensors(block_of(root)["watched_s"], fields["sensors"])
+        if "sensors" in fields:
+            ids = [sensor.id for sensor in fields["sensors"]]
+            self._require_known(ids, values, block_of(root))
         if detection.problem is not None and not self.components.failures:
             with self.collector.at(*detection.steps):
                 raise detection.problem
@@ -255,9 +253,25 @@ class SceneBuilder:
             limits=file.limits,
             allow_implausible=file.allow_implausible,
             watched_s=file.watched_s,
+            faults=file.faults,
             written={name: value for name, value in values.items() if value != _DEFAULTS[name]},
             **fields,
         )
+
+    def _require_known(
+        self, ids: Sequence[str], values: Mapping[str, Any], nodes: Mapping[str, Node]
+    ) -> None:
+        """Collect the errors of spans and faults of sensors that the scene does not have."""
+        if "watched_s" in values:
+            with self.collector.at(key_step("watched_s")):
+                for name, spans in block_of(nodes["watched_s"]).items():
+                    if name not in ids:
+                        raise _no_sensor(spans, name, ids, at_key=True)
+        for number, fault in enumerate(values.get("faults", ())):
+            if fault.sensor not in ids:
+                with self.collector.at(key_step("faults"), index_step(number), key_step("sensor")):
+                    written = block_of(items_of(nodes["faults"])[number])["sensor"]
+                    raise _no_sensor(written, fault.sensor, ids)
 
     def _chosen_detection(self, nodes: Mapping[str, Any]) -> ChosenDetection:
         """Return the detection model of a scene: the one it names, or what `auto` comes to."""
@@ -309,6 +323,11 @@ class SceneBuilder:
             with self.collector.at(key_step(key)):
                 fields[key] = self._model(
                     hook, values.get(key), key, self.default_name(key, values)
+                )
+        if values.get("director") is not None:
+            with self.collector.at(key_step("director")):
+                fields["director"] = self.components.named(
+                    "opir_directors", values["director"], "director"
                 )
         if detection.reason and "detection" in fields:
             fields["detection"] = evolve(fields["detection"], reason=detection.reason, written={})

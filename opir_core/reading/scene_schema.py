@@ -10,6 +10,7 @@ from typing import Any
 from attrs import Factory, frozen
 
 from opir_core.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
+from opir_core.scene.faults import SensorFault
 from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.scene import (
     BY_OBSERVATION,
@@ -157,9 +158,22 @@ class SceneFile:
         check=_spans_complaint,
         source="choice",
     )
+    faults: tuple[SensorFault, ...] = nested(
+        help="faults of sensors, each from a time on and, with a repair, until another",
+        default=(),
+        source="choice",
+    )
+    director: Node | None = nested(
+        help="director: points sensors with a narrow field during the run; its name, or a block of"
+        " model and settings",
+        default=None,
+        source="none: sensors stay as they are",
+    )
     targets: Node | None = nested(help="launches", default=None, source="")
     sources: Node | None = nested(
-        help="emitters other than targets: fires, flares, glints, bolides", default=None, source=""
+        help="emitters other than targets: fires, aircraft, lightning and more",
+        default=None,
+        source="",
     )
     detection: Node | None = nested(**_chosen("detection model", "detection"))
     classification: Node | None = nested(**_chosen("classifier", "classification"))

@@ -7,6 +7,7 @@ from attrs import asdict, field, fields, frozen, has
 
 from opir_core.errors import number_of
 from opir_core.notebook import html_view
+from opir_core.scene.faults import SensorFault
 from opir_core.scene.fields import flag, nested, number, text
 
 #: The target types a scene may launch, in the order of their codes.
@@ -204,6 +205,14 @@ class WorkLimits:
         source="derived: 2000 bytes per event",
         help="bytes of these events",
     )
+    false_alarms_per_s: float = number(
+        default=1e5,
+        unit="1/s",
+        minimum=1.0,
+        maximum=1e12,
+        source="derived: 10 µs an event, a second of one core",
+        help="mean false alarms of all sensors in a second of scene time",
+    )
     looks_per_cycle: float = number(
         default=4_194_304,
         minimum=1.0,
@@ -267,6 +276,9 @@ class Scene:
     allow_implausible: bool = False
     #: By sensor the spans in which it looks, s; other sensors look throughout.
     watched_s: Mapping[str, tuple[tuple[float, float], ...]] = field(factory=dict, hash=False)
+    faults: tuple[SensorFault, ...] = ()
+    #: What points sensors with a narrow field during the run; None: they stay as they are.
+    director: Choice | None = None
     #: The keys of the file that are set to other values than their defaults.
     written: Mapping[str, Any] = field(factory=dict, eq=False)
 
@@ -301,6 +313,7 @@ class Scene:
             self.confidence,
             self.tracker,
             *self.tracker.parts.values(),
+            *(() if self.director is None else (self.director,)),
             self.atmosphere,
             self.background,
             *self.outputs,

@@ -6,6 +6,7 @@ The core's classes are in `opir_core/data`: `target_classes.json`, with profiles
 simulation, not any vehicle.
 """
 
+import json
 import math
 from collections.abc import Mapping
 from functools import cache
@@ -231,8 +232,6 @@ def _range_outside_m(profile: BoostProfile, range_m: float) -> float:
 
 
 def _read(name: str) -> Mapping[str, Any]:
-    import json
-
     return json.loads((_DATA / name).read_text(encoding="utf-8"))
 
 

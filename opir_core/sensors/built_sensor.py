@@ -4,18 +4,20 @@ pattern.
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import asdict, evolve, fields_dict
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError, Problem, SceneError
+from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.sensors import (
     Band,
     Orbit,
+    Pointing,
     Radiometer,
     ReportingStage,
     ScanPattern,
@@ -25,6 +27,9 @@ from opir_core.orbits.orbit_models import GeostationaryOrbit, MovingOrbit, orbit
 from opir_core.sensors.reporting import ReportingConfig
 from opir_core.sensors.scan_patterns import scan_pattern
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+
+if TYPE_CHECKING:
+    from opir_core.sensors.pointed_sensor import PointingConfig
 
 #: The default half angle from a geosynchronous slot, and the margin around the Earth's disk from
 #: other orbits, deg.
@@ -60,7 +65,27 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
         spectral_discrimination=config.spectral_discrimination,
         follows_bodies=config.follows_bodies,
         reporting=_reporting(config.reporting),
+        pointing=_pointing(config),
         settings={**asdict(config), "field_of_regard_half_angle_deg": half_angle_deg, **completed},
+    )
+
+
+def _pointing(config: ScanningSensorConfig) -> Pointing | None:
+    """Return the narrow field of a sensor that has one."""
+    pointing: PointingConfig | None = getattr(config, "pointing", None)
+    if pointing is None:
+        return None
+    at_ecef_m = None
+    if pointing.at_deg is not None:
+        lat_rad, lon_rad = map(math.radians, pointing.at_deg)
+        x, y, z = geodetic_to_ecef(lat_rad, lon_rad, 0.0).tolist()
+        at_ecef_m = x, y, z
+    return Pointing(
+        half_angle_rad=math.radians(pointing.half_angle_deg),
+        slew_rad_s=math.radians(pointing.slew_deg_s),
+        settle_s=pointing.settle_s,
+        delay_s=pointing.delay_s,
+        at_ecef_m=at_ecef_m,
     )
 
 

@@ -11,6 +11,7 @@ from opir_core.arrays import ByteArray, FloatArray, IntArray, WordArray
 from opir_core.interfaces.columns import Filling
 from opir_core.interfaces.detection_models import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
+from opir_core.planning.faults import SensorFaults
 from opir_core.planning.looks import LookGeometry, blocks
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
@@ -40,6 +41,7 @@ class BuildDetections:
     pair_type: ByteArray | None
     id_keys: WordArray
     band_totals: IntArray
+    faults: SensorFaults | None
 
     @classmethod
     def of(cls, plan: Plan, geometry: LookGeometry, streams: PairStreams) -> "BuildDetections":
@@ -57,6 +59,7 @@ class BuildDetections:
             else checked_types(codes, len(pairs), types, "pair_type"),
             id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, plan.scan_names()),
             band_totals=np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64),
+            faults=plan.faults,
         )
 
     @property
@@ -100,6 +103,8 @@ class BuildDetections:
         rng = numbers.of(hits.row, hits.pair, hits.direction_words)
         states = self.geometry.states
         time_s = hits.time_ns.astype(np.float64) * 1e-9
+        if self.faults is not None:
+            time_s -= self.faults.clock_s(self.geometry.pairs.sensor[hits.pair], time_s)
         exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
         if measured is None:
             measured = checked_measured(
@@ -145,10 +150,7 @@ class BuildDetections:
             "detection_id": uuid8_words(self.id_keys[hits.pair], exposed.scan),
             "bands": sightings.bands,
             "detection_count": hits.count,
-            "line_of_sight_ecef": measured_lines_of_sight(
-                self.geometry.states, exposed, sigma_rad, hits.direction_words
-            ),
-            "sensor_ecef_m": exposed.sensor_ecef_m,
+            **self._sights(exposed, sigma_rad, hits),
             "snr": sightings.snr,
             "track": none,
             "estimate": none,
@@ -158,6 +160,23 @@ class BuildDetections:
         }
         codes = None if self.pair_type is None else self.pair_type.take(hits.pair)
         return self.classification.detections(columns, sightings, rng, codes)
+
+    def _sights(self, exposed: Exposures, sigma_rad: FloatArray, hits: Hits) -> dict[str, Any]:
+        """Return the columns of measured lines of sight, and of the positions that sensors state."""
+        states = self.geometry.states
+        faults = self.faults
+        sensor = exposed.sensor
+        words = hits.direction_words
+        if faults is None:
+            direction = measured_lines_of_sight(states, exposed, sigma_rad, words)
+            return {"line_of_sight_ecef": direction, "sensor_ecef_m": exposed.sensor_ecef_m}
+        stated_s = hits.time_ns.astype(np.float64) * 1e-9
+        true_sigma_rad = sigma_rad * faults.noise(sensor, stated_s)
+        direction = measured_lines_of_sight(states, exposed, true_sigma_rad, words)
+        return {
+            "line_of_sight_ecef": faults.turned(direction, sensor, exposed.sensor_ecef_m, stated_s),
+            "sensor_ecef_m": states.positions(sensor, stated_s),
+        }
 
 
 def _measured_columns(measured: Measured | None) -> dict[str, Any]:

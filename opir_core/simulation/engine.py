@@ -28,10 +28,11 @@ from opir_core.simulation.hit_stages import (
     draw_detections,
 )
 from opir_core.simulation.measurement import with_tracks
-from opir_core.simulation.observation import Observation, Stage
+from opir_core.simulation.observation import Observation, Stage, joined_windows
 from opir_core.simulation.probability import (
     EvaluatedProbability,
     InterpolatedProbability,
+    PointingTest,
     VisibilityTest,
     WatchTest,
     interpolant_of,
@@ -39,6 +40,8 @@ from opir_core.simulation.probability import (
 from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
 
 if TYPE_CHECKING:
+    from opir_core.simulation.directing import Directing
+    from opir_core.simulation.pointing import PointedFields
     from opir_core.simulation.reporting import ReportingDelays
 
 
@@ -52,6 +55,7 @@ class Engine:
         #: Made at the first window: an engine that takes over continues with another's tracker.
         self._scheduled: ScheduledTracker | None = None
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
+        self._fields, self._directing = _directed(plan)
         with self._plugin_errors:
             self._count = CountDetections(plan)
             self._stages = self._planned_stages(plan)
@@ -65,14 +69,15 @@ class Engine:
         find_looks = FindLooks(pairs, self._streams)
         curves = interpolant_of(plan, geometry)
         build = BuildDetections.of(plan, geometry, self._streams)
-        draw_false_alarms, insert_false_alarms = _false_alarms(plan, geometry)
+        draw_false_alarms, insert_false_alarms = _false_alarms(plan, geometry, self._fields)
         stages: list[Stage | None] = [
             find_looks,
             InterpolatedProbability(curves)
             if curves
             else EvaluatedProbability(plan.detection, geometry),
             VisibilityTest(geometry) if pairs.is_checked.any() else None,
-            WatchTest(plan) if plan.scene.watched_s else None,
+            WatchTest.of(plan),
+            PointingTest(self._fields, geometry) if self._fields else None,
             draw_detections,
             self._count,
             DrawDirections(pairs),
@@ -95,6 +100,10 @@ class Engine:
         if self.plan.sensors is not former.plan.sensors:
             self._tracker.set_sensors(self.plan.tracker_sensors())
         self._count.take_over(former._count)
+        if former._directing is not None and self._fields is not None:
+            self._fields.take_over(former._directing.fields)
+            former._directing.use(self.plan, self._fields)
+            self._directing = former._directing
 
     @property
     def _tracker(self) -> ScheduledTracker:
@@ -123,6 +132,18 @@ class Engine:
 
         Raises `ModelError` if a component raises or returns invalid values.
         """
+        directing = self._directing
+        if directing is None:
+            return self._advanced(end_ns)
+        windows = []
+        while self.time_ns < end_ns:
+            commands = directing.decided(self.time_ns)
+            window = self._advanced(directing.next_edge_ns(self.time_ns, end_ns))
+            directing.take(window)
+            windows.append(evolve(window, commands=commands))
+        return joined_windows(windows)
+
+    def _advanced(self, end_ns: int) -> Window:
         start_ns = self.time_ns
         self.time_ns = end_ns
         return self._tracked(self.observe(start_ns, end_ns), start_ns, end_ns)
@@ -167,6 +188,15 @@ class Engine:
         return evolve(window, estimates=tracked.estimates)
 
 
+def _directed(plan: Plan) -> "tuple[PointedFields | None, Directing | None]":
+    """Return the narrow fields of a plan's sensors and what asks its director, None for none."""
+    if not any(sensor.pointing for sensor in plan.sensors):
+        return None, None
+    from opir_core.simulation.directing import directed
+
+    return directed(plan)
+
+
 def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:
     """Return the stage that measures all hits at once, of scenes with interpolated P_d."""
     from opir_core.simulation.measuring import MeasureResponses
@@ -174,7 +204,9 @@ def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:
     return MeasureResponses(sensor, build.most_bands, build.pair_type is None)
 
 
-def _false_alarms(plan: Plan, geometry: LookGeometry) -> tuple[Stage | None, Stage | None]:
+def _false_alarms(
+    plan: Plan, geometry: LookGeometry, fields: "PointedFields | None"
+) -> tuple[Stage | None, Stage | None]:
     """Return the stages before and after the building of detections, None if the model has no false
     alarms.
     """
@@ -182,7 +214,7 @@ def _false_alarms(plan: Plan, geometry: LookGeometry) -> tuple[Stage | None, Sta
         return None, None
     from opir_core.simulation.insertion import DrawFalseAlarms, insert_false_alarms
 
-    return DrawFalseAlarms(plan, plan.detection, geometry), insert_false_alarms
+    return DrawFalseAlarms(plan, plan.detection, geometry, fields), insert_false_alarms
 
 
 def _reporting_delays(plan: Plan) -> "ReportingDelays | None":

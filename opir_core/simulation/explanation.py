@@ -19,6 +19,7 @@ from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.manifest import components_used
+from opir_core.simulation.measurement import Classification
 from opir_core.simulation.plan_checks import launch_expectations, plan_warnings
 from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
@@ -55,6 +56,8 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "hypotheses": _hypotheses(plan),
         "expected_launches": launch_expectations(plan),
         "truth_users": _truth_users(plan),
+        "faults": [str(fault) for fault in plan.scene.faults],
+        "directed": [sensor.id for sensor in plan.sensors if sensor.pointing],
         "not_computed": _not_computed(plan),
         "warnings": plan_warnings(plan),
     }
@@ -252,6 +255,7 @@ def _not_computed(plan: Plan) -> list[str]:
     """Return the computations that the engine omits for this scene."""
     everyone = np.zeros(0, dtype=np.int32)
     constant = plan.detection.pair_probability(everyone, everyone) is not None
+    has_tracks = plan.make_tracker().cadence_s is not None
     omitted = (
         (
             constant,
@@ -263,7 +267,7 @@ def _not_computed(plan: Plan) -> list[str]:
         ),
         (not plan.scene.light_time, "light time (switched off)"),
         (plan.scene.forces.is_kepler, "numerical propagation (forces: kepler, in closed form)"),
-        (plan.make_tracker().cadence_s is None, "tracks (no tracker)"),
+        (not has_tracks, "tracks (no tracker)"),
         (plan.scene.atmosphere.name == "clear", "atmosphere (a clear sky, transmittance 1)"),
         (plan.scene.background.name == "none", "background (none)"),
         (
@@ -271,5 +275,9 @@ def _not_computed(plan: Plan) -> list[str]:
             "reporting latency (reports are at the times of looks)",
         ),
         (not plan.scene.outputs, "event encoding (no outputs)"),
+        (
+            not plan.scene.outputs and not has_tracks and Classification.of(plan).has_probabilities,
+            "type probabilities, types and confidences, until read (no output or tracker reads them)",
+        ),
     )
     return [line for is_skipped, line in omitted if is_skipped]

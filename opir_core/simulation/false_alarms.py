@@ -6,18 +6,21 @@ false alarms come from streams of its own, by blocks of scans, so that neither w
 sensors or targets change them.
 """
 
-from typing import Any
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray, WordArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.detection_models import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.looks import LookGeometry, blocks
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
@@ -25,6 +28,9 @@ from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarm
 from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_core.simulation.measurement import Classification, classifier_inputs
 from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
+
+if TYPE_CHECKING:
+    from opir_core.simulation.pointing import PointedFields
 
 
 @frozen(eq=False, repr=False)
@@ -84,7 +90,13 @@ class FalseAlarms:
 class FalseAlarmGenerator:
     """Draws a run's false alarms, window by window; there are none where the Sun prevents looks."""
 
-    def __init__(self, plan: Plan, model: DetectionProbability, geometry: LookGeometry) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        model: DetectionProbability,
+        geometry: LookGeometry,
+        fields: "PointedFields | None" = None,
+    ) -> None:
         self._model = model
         self._classification = Classification.of(plan)
         self._states = geometry.states
@@ -109,6 +121,8 @@ class FalseAlarmGenerator:
             number: sensor for number, sensor in enumerate(sensors) if sensor.watched_s is not None
         }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
+        self._faults = plan.faults
+        self._fields = fields
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
@@ -140,16 +154,30 @@ class FalseAlarmGenerator:
         ids = uuid8_words(self._id_keys.take(sensor, axis=0), drawn.serial)
         placed = _Placed(time_ns, sensor, scan, ids, direction, at_m, uniforms[:, PLACE_WORDS:])
         is_kept = (time_ns >= start_ns) & (time_ns < end_ns)
-        for number, each in self._watched.items():
-            rows = np.flatnonzero(sensor == number)
-            is_kept[rows] &= each.is_watching(time_ns[rows].astype(np.float64) * 1e-9)
-        for number, exclusion in self._exclusions.items():
-            rows = np.flatnonzero(sensor == number)
-            ahead_m = at_m[rows] + direction[rows] * radius_m[rows, None]
-            time_s = time_ns[rows].astype(np.float64) * 1e-9
-            is_kept[rows] &= exclusion.is_clear(at_m[rows], ahead_m, time_s)
+        is_kept &= self._is_seen(placed, at_m + direction * radius_m[:, None])
         rows_kept = np.flatnonzero(is_kept)
         return placed if len(rows_kept) == len(scan) else placed.take(rows_kept)
+
+    def _is_seen(self, placed: _Placed, ahead_m: FloatArray) -> BoolArray:
+        """Return at which false alarms (n,) sensors look: not outside of their spans or narrow
+        fields, not blind, not beside the Sun. `ahead_m` (n, 3) are positions in their directions.
+        """
+        time_s = placed.time_ns.astype(np.float64) * 1e-9
+        sensor = placed.sensor
+        is_seen = np.ones(len(time_s), dtype=np.bool_)
+        if self._faults is not None:
+            is_seen &= ~self._faults.is_blind(sensor, time_s)
+        tests: list[tuple[int, Callable[..., BoolArray]]] = [
+            *((number, _watching(each)) for number, each in self._watched.items()),
+            *((number, each.is_clear) for number, each in self._exclusions.items()),
+        ]
+        if self._fields is not None:
+            inside = self._fields.is_inside
+            tests += [(number, partial(inside, number)) for number in self._fields.sensors]
+        for number, test in tests:
+            rows = np.flatnonzero(sensor == number)
+            is_seen[rows] &= test(placed.sensor_ecef_m[rows], ahead_m[rows], time_s[rows])
+        return is_seen
 
     def _phase_ns(self, sensor: IndexArray, at_m: FloatArray, seen_m: FloatArray) -> IntArray:
         """Return the scan phases at which sensors (n,), in order, look at positions (n, 3)."""
@@ -219,6 +247,11 @@ class FalseAlarmGenerator:
         if self._classification.classifier.pair_type(nobody, nobody, _NoDraws()) is None:
             return None
         return np.full(rows, UNKNOWN_TYPE, dtype=np.uint8)
+
+
+def _watching(sensor: Sensor) -> Callable[..., BoolArray]:
+    """Return the test whether a sensor looks, at times alone."""
+    return lambda _sensor_ecef_m, _ahead_m, time_s: sensor.is_watching(time_s)
 
 
 def _needed(model: DetectionProbability, sensors: int) -> IndexArray:

@@ -2,6 +2,8 @@
 targets.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from opir_core.interfaces.detection_models import DetectionProbability
@@ -10,14 +12,23 @@ from opir_core.planning.plan import Plan
 from opir_core.simulation.false_alarms import FalseAlarmGenerator
 from opir_core.simulation.observation import Observation
 
+if TYPE_CHECKING:
+    from opir_core.simulation.pointing import PointedFields
+
 
 class DrawFalseAlarms:
     """Takes `hits` and `order`; gives `false_alarms` and their `places`, and an `order` with a row
     for each.
     """
 
-    def __init__(self, plan: Plan, model: DetectionProbability, geometry: LookGeometry) -> None:
-        self._generator = FalseAlarmGenerator(plan, model, geometry)
+    def __init__(
+        self,
+        plan: Plan,
+        model: DetectionProbability,
+        geometry: LookGeometry,
+        fields: "PointedFields | None" = None,
+    ) -> None:
+        self._generator = FalseAlarmGenerator(plan, model, geometry, fields)
         self._sensor = plan.pairs.sensor
 
     def __call__(self, window: Observation) -> None:

@@ -1,6 +1,6 @@
 """The state of a window between the stages of the engine."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -87,3 +87,35 @@ class Observation:
 
 #: A step of the engine; it takes some attributes of an observation and gives others.
 Stage: TypeAlias = Callable[[Observation], None]
+
+
+def joined_detections(windows: Iterable[Window]) -> Detections:
+    """Return the detections of windows, with `estimate` as rows of all their estimates."""
+    shifted = []
+    rows = 0
+    for window in windows:
+        shifted.append(window.detections if rows == 0 else _shifted(window.detections, rows))
+        rows += len(window.estimates)
+    return Detections.concatenate(shifted)
+
+
+def _shifted(detections: Detections, rows: int) -> Detections:
+    estimate: IntArray = detections.estimate + rows * (detections.estimate >= 0)
+    return detections.replaced(estimate=estimate)
+
+
+def joined_windows(windows: Sequence[Window]) -> Window:
+    """Return windows that follow each other as one."""
+    first = windows[0]
+    last = windows[-1]
+    return Window(
+        start_s=first.start_s,
+        end_s=last.end_s,
+        looks=sum(window.looks for window in windows),
+        detections=joined_detections(windows).freeze(),
+        truth=DetectionTruth.concatenate(window.truth for window in windows).freeze(),
+        tracks=Tracks.concatenate(window.tracks for window in windows),
+        estimates=Tracks.concatenate(window.estimates for window in windows),
+        health=last.health,
+        commands=tuple(record for window in windows for record in window.commands),
+    )

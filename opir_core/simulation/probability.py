@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.interfaces.detection_models import DetectionProbability
-from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_ns
+from opir_core.planning.faults import SensorFaults
+from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_s
 from opir_core.planning.plan import Plan
 from opir_core.simulation.observation import Observation
 from opir_core.simulation.output_checks import checked_probability
 
 if TYPE_CHECKING:
     from opir_core.simulation.interpolation import ProbabilityInterpolant
+    from opir_core.simulation.pointing import PointedFields
 
 
 @frozen(eq=False, repr=False)
@@ -84,9 +86,17 @@ class VisibilityTest:
 
 @frozen(eq=False, repr=False)
 class WatchTest:
-    """Takes `looks` and `probability` (l,), which becomes 0 where the sensor does not look."""
+    """Takes `looks` and `probability` (l,), which becomes 0 where the sensor does not look, or is
+    blind, or looks, by its true time, when the target does not shine.
+    """
 
     plan: Plan
+
+    @classmethod
+    def of(cls, plan: Plan) -> "WatchTest | None":
+        """Return the test of a plan; None where all sensors look throughout without a fault."""
+        is_needed = plan.faults or any(sensor.watched_s is not None for sensor in plan.sensors)
+        return cls(plan) if is_needed else None
 
     def __call__(self, window: Observation) -> None:
         """Test the looks of sensors that do not look throughout."""
@@ -96,8 +106,45 @@ class WatchTest:
         for number, each in enumerate(self.plan.sensors):
             if each.watched_s is not None:
                 rows = np.flatnonzero(sensor == number)
-                time_ns = look_times_ns(pairs, looks.pair[rows], looks.scan[rows])
-                window.probability[rows] *= each.is_watching(time_ns.astype(np.float64) * 1e-9)
+                time_s = look_times_s(pairs, looks.pair[rows], looks.scan[rows])
+                window.probability[rows] *= each.is_watching(time_s)
+        if self.plan.faults is not None:
+            window.probability *= self._is_seen(self.plan.faults, looks)
+
+    def _is_seen(self, faults: SensorFaults, looks: Looks) -> BoolArray:
+        """Return which looks (l,) are of sensors that see and, by their true times, of targets that
+        shine.
+        """
+        pairs = self.plan.pairs
+        sensor = pairs.sensor[looks.pair]
+        stated_s = look_times_s(pairs, looks.pair, looks.scan)
+        clock_s = faults.clock_s(sensor, stated_s)
+        true_s = stated_s - clock_s
+        ignition_s = self.plan.targets.ignition_s[pairs.target[looks.pair]]
+        shines = (true_s >= ignition_s) & (true_s <= pairs.until_s[looks.pair])
+        return ((clock_s == 0.0) | shines) & ~faults.is_blind(sensor, stated_s)
+
+
+class PointingTest:
+    """Takes `looks` and `probability` (l,), which becomes 0 where the target is outside of the
+    sensor's narrow field.
+    """
+
+    def __init__(self, fields: "PointedFields", geometry: LookGeometry) -> None:
+        self._fields = fields
+        self._geometry = geometry
+
+    def __call__(self, window: Observation) -> None:
+        """Test the looks of sensors with a narrow field."""
+        looks = window.looks
+        sensor = self._geometry.pairs.sensor[looks.pair]
+        for number in self._fields.sensors:
+            of_sensor = np.flatnonzero((sensor == number) & (window.probability > 0.0))
+            for block in blocks(len(of_sensor)):
+                rows = of_sensor[block]
+                exposed = self._geometry.exposures(looks.pair[rows], looks.scan[rows])
+                places = exposed.sensor_ecef_m, exposed.target_ecef_m
+                window.probability[rows] *= self._fields.is_inside(number, *places, exposed.time_s)
 
 
 def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":

@@ -2,7 +2,7 @@
 with them.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from attrs import evolve
@@ -13,6 +13,7 @@ from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.measurement import with_tracks
+from opir_core.simulation.observation import joined_detections
 from opir_core.simulation.tracker_clock import ScheduledTracker, Tracked, checked_tracker, rows_of
 
 #: Later than any report.
@@ -138,21 +139,6 @@ def with_own_estimates(window: Window) -> Window:
     estimate: IntArray = index.astype(np.int64) - np.count_nonzero(~is_row)
     detections = window.detections.replaced(estimate=estimate)
     return evolve(window, detections=detections, estimates=window.estimates.take(rows[is_row]))
-
-
-def joined_detections(windows: Iterable[Window]) -> Detections:
-    """Return the detections of windows, with `estimate` as rows of all their estimates."""
-    shifted = []
-    rows = 0
-    for window in windows:
-        shifted.append(window.detections if rows == 0 else _shifted(window.detections, rows))
-        rows += len(window.estimates)
-    return Detections.concatenate(shifted)
-
-
-def _shifted(detections: Detections, rows: int) -> Detections:
-    estimate: IntArray = detections.estimate + rows * (detections.estimate >= 0)
-    return detections.replaced(estimate=estimate)
 
 
 def _merged(windows: Sequence[Window]) -> Window:

@@ -15,7 +15,7 @@ from attrs import field, frozen
 
 from opir_core.errors import Problem, SceneError, number_of
 from opir_core.host.host import Host
-from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.records import CommandRecord, Detections, DetectionTruth, Tracks, Window
 from opir_core.interfaces.sensors import Sensor
 from opir_core.notebook import progress as shown_progress
 from opir_core.planning.plan import Plan, compile_plan, reseeded
@@ -23,7 +23,8 @@ from opir_core.planning.sightlines import Pairs
 from opir_core.scene.scene import REPORTED_TYPES, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.manifest import run_manifest
-from opir_core.simulation.report_order import ReportOrder, joined_detections
+from opir_core.simulation.observation import joined_detections
+from opir_core.simulation.report_order import ReportOrder
 from opir_core.simulation.summary import Tally
 
 
@@ -51,6 +52,8 @@ class Run:
     #: The names of the detections' reported types, by code.
     reported_types: Sequence[str] = REPORTED_TYPES
     plan: Plan = field(kw_only=True)
+    #: What became of the director's commands.
+    commands: Sequence[CommandRecord] = ()
 
     @cached_property
     def summary(self) -> Mapping[str, Any]:
@@ -246,7 +249,7 @@ def plan_windows(
 
     `window_s` and `workers` are as in `simulate`.
     """
-    if workers != 1:
+    if workers != 1 and plan.has_independent_windows:
         from opir_core.simulation.shared_run import (
             shared_windows,
         )  # a run in one process does not load it
@@ -269,6 +272,7 @@ def _collected(plan: Plan, tally: Tally, windows: Sequence[Window]) -> Run:
         truth=DetectionTruth.concatenate(window.truth for window in windows),
         tracks=Tracks.concatenate(window.tracks for window in windows),
         estimates=Tracks.concatenate(window.estimates for window in windows),
+        commands=[record for window in windows for record in window.commands],
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         sightings=tally.sightings(),

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.records import Tracks, Window
+from opir_core.interfaces.records import CommandRecord, Tracks, Window
 
 
 def shifted(window: Window, time_ns: int, tracks: int = 0) -> Window:
@@ -27,6 +27,16 @@ def shifted(window: Window, time_ns: int, tracks: int = 0) -> Window:
         ).freeze(),
         tracks=_shifted_tracks(window.tracks, offset_s, tracks),
         estimates=_shifted_tracks(window.estimates, offset_s, tracks),
+        commands=tuple(_shifted_command(each, offset_s, tracks) for each in window.commands),
+    )
+
+
+def _shifted_command(record: CommandRecord, offset_s: float, numbers: int) -> CommandRecord:
+    return record._replace(
+        time_s=record.time_s + offset_s,
+        start_s=record.start_s + offset_s,
+        from_s=record.from_s + offset_s,
+        track=record.track + numbers if record.track >= 0 else -1,
     )
 
 

@@ -10,6 +10,7 @@ from opir_testing import (
     ClassifierContract,
     ConfidenceContract,
     DetectionContract,
+    DirectorContract,
     EncoderContract,
     RendererContract,
     SensorContract,
@@ -34,6 +35,19 @@ class TestGenericScannerWithReportingLatency(SensorContract):
     settings: ClassVar[Mapping[str, Any]] = {
         "reporting": {"downlink": {"mean_s": 3.0, "sigma_s": 2.0}}
     }
+
+
+class TestGenericPointed(SensorContract):
+    name = "generic-pointed"
+
+
+class TestCue(DirectorContract):
+    name = "cue"
+
+
+class TestRoundRobin(DirectorContract):
+    name = "round-robin"
+    settings: ClassVar[Mapping[str, Any]] = {"places_deg": [[34.7, -120.6], [10.0, 180.0]]}
 
 
 class TestConstantDetection(DetectionContract):

@@ -7,8 +7,11 @@ import pytest
 from repository import ROOT
 
 #: Values that the settings have by default: `detection: auto` is `snr` with light, and with `snr`
-#: types are those of `spectral`; `DSP` with light is `heritage`.
+#: types are those of `spectral`; `DSP` with light is `heritage`. Air, background and a tracker are
+#: what README's scenes have.
 DEFAULTS = {
+    "atmosphere": {"lowtran"},
+    "background": {"earth"},
     "classification": {"spectral"},
     "confirmation_detections": set[str](),
     "detection": {"auto", "snr"},
@@ -16,6 +19,7 @@ DEFAULTS = {
     "nei_w_m2": set[str](),
     "preset": {"heritage"},
     "spectral_discrimination": set[str](),
+    "tracker": {"imm", "none"},
 }
 SCRIPTS = ROOT / "benchmarks"
 PAGES = ROOT / "docs"

@@ -6,8 +6,10 @@ import ast
 import re
 import sys
 import tomllib
+from importlib.metadata import distribution, distributions
 
 import pytest
+from packaging.requirements import Requirement
 from peer_libraries import NAMES, imported_by
 from repository import ROOT
 
@@ -79,3 +81,51 @@ def test_a_file_of_tests_needs_what_it_imports_itself_or_through_a_module_of_sup
     assert imported_by(file) == {"astropy", "playwright"}
     file.write_text("import numpy\n")
     assert imported_by(file) == set()
+
+
+PIN = re.compile(r"([\w.-]+)==\S+")
+
+
+def plain(name):
+    """Return a distribution's name as the index compares it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def brought_by_opir():
+    """Return the installed distributions that opir's own and their installed extras bring."""
+    names = [each.name for each in distributions() if each.name.startswith("opir-")]
+    reached = {plain(name) for name in names}
+    while names:
+        for text in distribution(names.pop()).requires or ():
+            needed = Requirement(text)
+            name = plain(needed.name)
+            is_for_us = needed.marker is None or needed.marker.evaluate({"extra": ""})
+            if is_for_us and name not in reached and name in INSTALLED:
+                reached.add(name)
+                names.append(name)
+    return {name for name in reached if not name.startswith("opir-")}
+
+
+INSTALLED = {plain(each.name) for each in distributions()}
+
+
+def test_every_distribution_that_opir_brings_has_a_version_and_a_digest():
+    pins = PIN.findall((ROOT / "constraints.txt").read_text(encoding="utf-8"))
+    blocks = re.split(r"\n(?=\S)", (ROOT / "locked.txt").read_text(encoding="utf-8"))
+    digests = {plain(PIN.match(block)[1]) for block in blocks if "--hash=sha256:" in block}
+    brought = brought_by_opir()
+    assert len(brought) > 20
+    assert brought <= set(map(plain, pins))
+    assert brought <= digests
+
+
+def test_the_versions_and_the_digests_agree():
+    lines = [
+        {line.rstrip(" \\").partition(" ;")[0] for line in text.splitlines() if "==" in line}
+        for text in (
+            (ROOT / name).read_text(encoding="utf-8") for name in ("locked.txt", "constraints.txt")
+        )
+    ]
+    locked, pinned = lines
+    assert len(locked) > 50
+    assert locked <= pinned

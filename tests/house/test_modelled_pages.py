@@ -9,7 +9,8 @@ from typing import get_type_hints
 
 import pytest
 from attrs import fields, has
-from opir_photons.radiometry.source_configs import SourceConfig
+from opir_photons.movers.configs import MoverConfig
+from opir_photons.radiometry.source_configs import PlacedConfig, SourceConfig
 from repository import ROOT
 
 from opir_core.builtin.configs import PlaceConfig
@@ -19,12 +20,13 @@ from opir_core.reading.scene_schema import SceneFile
 from opir_core.scene.field_rows import field_rows, nested_config
 from opir_core.scene.fields import METADATA_KEY
 from opir_core.scene.scene import SceneDrag, SpoolConfig
+from opir_core.sensors.pointed_sensor import PointedSensorConfig
 from opir_core.sensors.radiometer import RadiometerConfig
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 PAGES = ROOT / "docs" / "explanation"
 LABELS = {"computed", "tabulated", "notional"}
-PHOTONS = ("classification", "detection", "imagers", "radiometry")
+PHOTONS = ("classification", "detection", "imagers", "movers", "radiometry")
 PLUGINS = (
     *(
         "dsp",
@@ -43,7 +45,15 @@ PLUGINS = (
     ),
 )
 #: What others are made of: no scene names them.
-BASES = {PlaceConfig, RadiometerConfig, ScanningSensorConfig, SourceConfig}
+BASES = {
+    MoverConfig,
+    PlaceConfig,
+    PlacedConfig,
+    PointedSensorConfig,
+    RadiometerConfig,
+    ScanningSensorConfig,
+    SourceConfig,
+}
 
 
 def settable():

@@ -15,11 +15,11 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 242_100,
+    "opir_core": 241_800,
     "opir_coverage": 21_500,
     "opir_dask": 700,
     "opir_dsp": 500,
-    "opir_estimation": 38_400,
+    "opir_estimation": 38_300,
     "opir_export": 20_300,
     "opir_forecast": 39_000,
     "opir_heo": 400,
@@ -31,15 +31,15 @@ TOKENS: dict[str, int] = {
     "opir_photons": 64_500,
     "opir_readers": 64_800,
     "opir_render": 300,
-    "opir_report": 46_600,
+    "opir_report": 46_400,
     "opir_sbirs": 400,
     "opir_scoring": 31_900,
     "opir_stonesoup": 6_500,
-    "opir_studies": 42_500,
+    "opir_studies": 42_900,
     "opir_testing": 34_100,
     "opir_trackers": 38_200,
     "benchmarks": 91_600,
-    "tests": 723_400,
+    "tests": 724_000,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.
@@ -63,11 +63,6 @@ SMALL = 2000
 
 #: Where a limit is passed, and by how much it may be: these only fall.
 OVER: dict[str, dict[str, float]] = {
-    "opir_estimation": {"function_p90": 176},
-    "opir_forecast": {"function_p90": 183},
-    "opir_paper": {"constants": 12.4},
-    "opir_stonesoup": {"function_p90": 162},
-    "opir_trackers": {"function_p90": 192},
     "benchmarks": {"function_p90": 233},
     "tests": {"function_p90": 192, "function_most": 623, "not_nouns": 0.027, "twins": 3},
 }

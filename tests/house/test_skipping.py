@@ -50,14 +50,7 @@ def run_of(words):
 
 def measured(event):
     """Return the fields of an event that no tracker fills."""
-    filled = {
-        "track_id",
-        "launch_point",
-        "impact_point",
-        "latitude_deg",
-        "longitude_deg",
-        "altitude_m",
-    }
+    filled = {"track_id", "launch_point", "impact_point"}
     return {key: value for key, value in event.items() if key not in filled}
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from repository import EXAMPLES
 
+from opir_core.cli.error_report import report
 from opir_core.cli.main import main
 from opir_core.errors import (
     ModelError,
@@ -329,3 +330,18 @@ def test_a_full_standard_output_is_an_output_that_failed(words, tmp_path):
         5,
         "opir: stdout cannot be written: no space left on device\n",
     )
+
+
+@pytest.mark.parametrize("cause", [None, MemoryError("Unable to allocate 3.2 GiB")])
+def test_a_lack_of_memory_is_told_with_the_way_out(
+    cause: MemoryError | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error: Exception = MemoryError("Unable to allocate 3.2 GiB")
+    if cause is not None:
+        error = ModelError("detection: snr: build raised MemoryError")
+        error.__cause__ = cause
+    assert report(error) == SceneError.exit_code
+    words = capsys.readouterr().err
+    assert words.startswith("opir: not enough memory: MemoryError: Unable to allocate 3.2 GiB")
+    assert "shorter duration_s" in words
+    assert "--debug" not in words

@@ -61,9 +61,9 @@ class Running:
     def sink(self):
         return self.ask("GET", "/status")[1]["sinks"][0]
 
-    def terminated(self):
+    def terminated(self, number=signal.SIGTERM):
         """Tell it to stop; return what it prints."""
-        self.process.send_signal(signal.SIGTERM)
+        self.process.send_signal(number)
         return self.process.communicate(timeout=STOP_S)[0]
 
 
@@ -92,6 +92,21 @@ def waiting(spool):
 
 def test_what_a_stop_may_take_adds_up_to_five_seconds():
     assert serving_.STOP_S + serving_._LEAST_S <= 5.0
+
+
+def test_a_closed_terminal_stops_it_in_order_unless_that_is_ignored(tmp_path):
+    with serving(tmp_path, "--speed", "10", "--loop") as running:
+        reported = running.terminated(signal.SIGHUP)
+    assert running.process.returncode == 0
+    assert "detections" in reported
+    former = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with serving(tmp_path, "--speed", "10", "--loop") as running:
+            running.process.send_signal(signal.SIGHUP)
+            assert running.ask("GET", "/status")[0] == 200
+            running.terminated()
+    finally:
+        signal.signal(signal.SIGHUP, former)
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ import json
 from opir_testing import stub_sensor
 
 from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.sensors import ReportingStage
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.plugin import Band
 
@@ -15,7 +16,10 @@ SENSORS = (
         '"quoted"\n\\ \u00c4\u2028\U0001f680', orbital_slot_deg=None, type="H\tEO", bands=()
     ),
     stub_sensor(
-        "LEO-1", orbital_slot_deg=None, bands=tuple(Band(f"B{n}", 1.0, 2.0) for n in range(8))
+        "LEO-1",
+        orbital_slot_deg=None,
+        bands=tuple(Band(f"B{n}", 1.0, 2.0) for n in range(8)),
+        reporting=(ReportingStage("downlink", 1.0),),
     ),
 )
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US))

@@ -14,6 +14,19 @@ LATER = {
 }
 
 
+DIRECTED = {
+    "sensors": [
+        {"constellation": "DSP"},
+        {"model": "generic-pointed", "id": "NARROW", "orbital_slot_deg": -140.0},
+    ],
+    "director": {
+        "model": "round-robin",
+        "places_deg": [[34.73, -120.57], [11.0, 171.0]],
+        "dwell_s": 30.0,
+    },
+}
+
+
 def mapping(**changes):
     scene = {
         "scene": "live",

@@ -5,7 +5,7 @@ own.
 from typing import Any
 
 #: Schema version of the detection event, in every event.
-SCHEMA_VERSION = "1.0"
+SCHEMA_VERSION = "2.0"
 
 #: Schema version of the encoder `tracks`, in the headers of its messages.
 TRACKS_VERSION = "tracks-1.0"

@@ -16,7 +16,9 @@ from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tra
 from opir_core.interfaces.weighed_tracks import hypothesis_columns
 from opir_core.output.events.rendering import Looked
 from opir_core.output.events.text import (
+    DEGREE_DECIMALS,
     METRE_DECIMALS,
+    POINT_DECIMALS,
     RATIO_DECIMALS,
     are_finite,
     known_rows,
@@ -50,16 +52,16 @@ class UncertaintyEllipse(msgspec.Struct):
 
 
 class Place(msgspec.Struct):
-    """A launch or impact point: geodetic WGS 84 position and UTC, None if unknown."""
+    """A launch or impact point: its geodetic WGS 84 position."""
 
     lat_deg: float
     lon_deg: float
-    time: str | None
 
 
 class EstimatedPoint(Place):
-    """A launch or impact point with its uncertainties; unknown values are None."""
+    """A launch or impact point with its time, UTC, and uncertainties; unknown values are None."""
 
+    time: str | None
     ellipse: UncertaintyEllipse | None
     ellipse_50: UncertaintyEllipse | None
     ellipse_90: UncertaintyEllipse | None
@@ -96,17 +98,17 @@ class TrackState(msgspec.Struct):
 
 
 _TRACK_FIELDS = (
-    b'"track_state":%b,"burnout":%b,"track_type_probability":%b,"track_hypotheses":%b,"track_probability_launch":%b,'
-    b'"track_probability_missile":%b,"track_probability_orbit":%b,"track_probability_comes_down":%b,"track_end":%b,"track_available_at":%b,'
+    b',"track_state":%b,"burnout":%b,"track_type_probability":%b,"track_hypotheses":%b,"track_probability_launch":%b,'
+    b'"track_probability_missile":%b,"track_probability_orbit":%b,"track_probability_comes_down":%b,"track_end":%b,"track_available_at":%b'
 )
 _encode = msgspec.json.Encoder().encode
 
 
-def place_texts(place: FloatArray, epoch_us: int) -> list[bytes]:
+def place_texts(place: FloatArray) -> list[bytes]:
     """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as JSON without their
-    uncertainties, `null` if the position is unknown or not on the Earth.
+    times and uncertainties, `null` if the position is unknown or not on the Earth.
     """
-    return _point_texts(Place, _place_columns(place, epoch_us), place)
+    return _point_texts(Place, _place_columns(place, POINT_DECIMALS), place)
 
 
 def launch_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
@@ -166,7 +168,8 @@ def _point_columns(
     `containment_ellipse`.
     """
     return (
-        *_place_columns(place, epoch_us),
+        *_place_columns(place, DEGREE_DECIMALS),
+        time_texts(np.where(are_on_earth(place), place[:, 2], 0.0), epoch_us),
         *(
             _ellipses(covariance[:, :2, :2], share, reported_sigmas)
             for share in (CONTAINMENT, *OTHER_CONTAINMENTS)
@@ -178,13 +181,12 @@ def _point_columns(
     )
 
 
-def _place_columns(place: FloatArray, epoch_us: int) -> Sequence[Sequence[Any]]:
+def _place_columns(place: FloatArray, decimals: int) -> Sequence[Sequence[Any]]:
     """Return the values of `Place` for points (n, 3)."""
     filled = np.where(are_on_earth(place)[:, np.newaxis], place, 0.0)
     return (
-        rounded_degrees(filled[:, 0]).tolist(),
-        rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)).tolist(),
-        time_texts(filled[:, 2], epoch_us),
+        rounded_degrees(filled[:, 0], decimals).tolist(),
+        rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi), decimals).tolist(),
     )
 
 

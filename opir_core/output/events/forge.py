@@ -25,7 +25,11 @@ from opir_core.output.events.text import (
     DEGREE_DECIMALS,
     IRRADIANCE_DIGITS,
     METRE_DECIMALS,
-    RATIO_DECIMALS,
+    SENSOR_DECIMALS,
+    SHARE_DECIMALS,
+    SIGHT_DECIMALS,
+    SIGMA_DIGITS,
+    SNR_DECIMALS,
     number_texts,
     propagated_positions,
     rounded,
@@ -82,39 +86,48 @@ _ID = b'{"detection_id":"'
 _TIME = b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
 _POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
-_REPORT = b',"schema_version":"%b","reported_at":"' % SCHEMA_VERSION.encode()
-_TRACK = b'","track_id":%b,"azimuth_deg":'
+_VERSION = b',"schema_version":"%b"' % SCHEMA_VERSION.encode()
+_REPORTED_AT = b',"reported_at":"'
+_TRACK = b',"track_id":%b,"azimuth_deg":'
 _SIGMA = b',"line_of_sight_sigma_urad":'
 _BANDS = b',"bands":%b,"snr":'
-_POSITION = b',"sensor_position_ecef_m":[%b],'
+_POSITION = b',"sensor_position_ecef_m":[%b]'
 _TYPES = [
-    b'"type_probability":{"ICBM":',
+    b',"type_probability":{"ICBM":',
     *(b',"%b":' % name.encode() for name in REPORTED_TYPES[1:]),
 ]
 _NO_TRACK = _TRACK % b"null"
-_NO_POSITION = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
+_NO_POSITION = b',"latitude_deg":null,"longitude_deg":null,"altitude_m":null'
 
 
 class ForgeEncoder(Encoder):
     """Detections as lines of JSON, one flat object each; the bytes do not depend on the windows.
 
-    With `has_irradiances` an event has the irradiance measured in each band, if the detection model
-    measures it; with `has_tracks` the uncertainties of launch and impact point, the state of its
-    track, the state at burnout, their covariances, the probabilities of types and hypotheses, and
-    how it ended.
+    An event says when it was reported where some sensor reports late. With `has_irradiances` it has
+    the irradiance measured in each band, if the detection model measures it; with `has_positions`
+    where its track puts the object; with `has_tracks` that too, and the times and uncertainties of
+    launch and impact point, the state of its track, the state at burnout, their covariances, the
+    probabilities of types and hypotheses, and how it ended.
     """
 
     content_type = "application/json"
     schema_version = SCHEMA_VERSION
 
     def __init__(
-        self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False
+        self,
+        context: EncoderContext,
+        *,
+        has_irradiances: bool = False,
+        has_positions: bool = False,
+        has_tracks: bool = False,
     ) -> None:
         self._sensors = context.sensors
         self._types = len(context.reported_types)
         self._irradiances = IrradianceTexts(context.sensors) if has_irradiances else None
         self._epoch_us = context.epoch_us
         self._has_tracks = has_tracks
+        self._has_positions = has_positions or has_tracks
+        self._is_delayed = any(sensor.reporting for sensor in context.sensors)
         self._hypotheses = context.hypotheses
         sensors = context.sensors
         self._sensor_texts = [
@@ -137,6 +150,7 @@ class ForgeEncoder(Encoder):
         require_valid(window, self._sensors, self._types)
         sensor = detections.sensor.astype(np.int64)
         look, report = event_times(detections, self._epoch_us)
+        is_delayed = self._is_delayed or _is_late(detections)
         viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
         angles = viewpoints.angles(detections.line_of_sight_ecef)
         return self._render(
@@ -145,13 +159,17 @@ class ForgeEncoder(Encoder):
                 *(_ID, Ids(detections.detection_id), _TIME, look, b'",'),
                 Looked(self._sensor_texts, sensor * self._types + detections.reported_type),
                 _points(window, self._epoch_us, self._has_tracks),
-                Decimal(detections.confidence, RATIO_DECIMALS),
-                *(_REPORT, report, _tracks(detections.track)),
-                Decimal(rounded_bearing_deg(angles.azimuth_rad), DEGREE_DECIMALS),
+                Decimal(detections.confidence, SHARE_DECIMALS),
+                _VERSION,
+                *((_REPORTED_AT, report, b'"') if is_delayed else ()),
+                _tracks(detections.track),
+                Decimal(
+                    rounded_bearing_deg(angles.azimuth_rad, decimals=SIGHT_DECIMALS), SIGHT_DECIMALS
+                ),
                 b',"elevation_deg":',
-                Decimal(np.degrees(angles.elevation_rad), DEGREE_DECIMALS),
+                Decimal(np.degrees(angles.elevation_rad), SIGHT_DECIMALS),
                 *self._looks(detections, sensor),
-                Decimal(detections.snr, RATIO_DECIMALS),
+                Decimal(detections.snr, SNR_DECIMALS),
                 *(self._irradiances.columns(detections, sensor) if self._irradiances else ()),
                 _sensor_positions(viewpoints),
                 *_type_probabilities(detections),
@@ -160,7 +178,8 @@ class ForgeEncoder(Encoder):
                     if self._has_tracks
                     else ()
                 ),
-                *_positions(window),
+                *(_positions(window) if self._has_positions else ()),
+                b"}\n",
             ],
         )
 
@@ -174,9 +193,14 @@ class ForgeEncoder(Encoder):
             return [Looked(self._look_texts, row)]
         return [
             _SIGMA,
-            Decimal(sigma_rad * 1e6, RATIO_DECIMALS),
+            Decimal(significant(sigma_rad * 1e6, SIGMA_DIGITS), DEGREE_DECIMALS),
             Looked(self._band_texts, row),
         ]
+
+
+def _is_late(detections: Detections) -> bool:
+    """Return whether any report is later than its look, whatever the sensors' settings say."""
+    return detections.is_delayed and bool(np.any(detections.reported_ns != detections.time_ns))
 
 
 def _sensor_texts(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
@@ -192,7 +216,8 @@ def _sensor_texts(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
 
 def _look_texts(sensor: Sensor) -> list[bytes]:
     """Return one text per set of bands, with the sensor's own sigma."""
-    sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * 1e6, RATIO_DECIMALS))
+    sigma_urad = significant(np.array([sensor.line_of_sight_sigma_rad * 1e6]), SIGMA_DIGITS)
+    sigma = _json(rounded_number(float(sigma_urad[0]), DEGREE_DECIMALS))
     return [_SIGMA + sigma + bands for bands in _band_texts(sensor)]
 
 
@@ -226,8 +251,8 @@ def _points(window: Window, epoch_us: int, has_ellipses: bool) -> Column:
         launches = launch_texts(estimates, epoch_us)
         impacts = impact_texts(estimates, epoch_us)
     else:
-        launches = place_texts(estimates.launch, epoch_us)
-        impacts = place_texts(estimates.impact, epoch_us)
+        launches = place_texts(estimates.launch)
+        impacts = place_texts(estimates.impact)
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(estimate_rows))
     points = [_POINTS % texts for texts in zip(launches, impacts, strict=True)]
     return Looked([*unknown, *points], of_detection)
@@ -244,7 +269,7 @@ def _tracks(track: IntArray) -> Column:
 
 
 def _sensor_positions(viewpoints: Viewpoints) -> Column:
-    positions = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
+    positions = vector_texts(rounded(viewpoints.position_ecef_m, SENSOR_DECIMALS))
     return Looked([_POSITION % position for position in positions], viewpoints.of_row)
 
 
@@ -254,8 +279,8 @@ def _type_probabilities(detections: Detections) -> list[Column]:
         return []
     columns: list[Column] = []
     for name, column in zip(_TYPES, detections.type_probability.T, strict=True):
-        columns += [name, Decimal(column, RATIO_DECIMALS)]
-    return [*columns, b"},"]
+        columns += [name, Decimal(column, SHARE_DECIMALS)]
+    return [*columns, b"}"]
 
 
 def _positions(window: Window) -> list[Column]:
@@ -270,9 +295,9 @@ def _positions(window: Window) -> list[Column]:
     columns[2, tracked] = position.height_m
     latitude, longitude, altitude = columns
     return [
-        *(b'"latitude_deg":', Decimal(latitude, DEGREE_DECIMALS)),
+        *(b',"latitude_deg":', Decimal(latitude, DEGREE_DECIMALS)),
         *(b',"longitude_deg":', Decimal(longitude, DEGREE_DECIMALS)),
-        *(b',"altitude_m":', Decimal(altitude, METRE_DECIMALS), b"}\n"),
+        *(b',"altitude_m":', Decimal(altitude, METRE_DECIMALS)),
     ]
 
 

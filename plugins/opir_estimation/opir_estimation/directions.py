@@ -45,7 +45,7 @@ def matvec(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
 
 def dot(vectors: FloatArray, factors: FloatArray) -> FloatArray:
     """Return the dot products (n,) of vectors (n, 2) or (n, 3), summed in order."""
-    if len(vectors) < FEW_ROWS:
+    if vectors.shape[0] < FEW_ROWS:
         return np.add.reduce(vectors * factors, axis=1)
     total: FloatArray = vectors[:, 0] * factors[:, 0]
     for column in range(1, vectors.shape[1]):

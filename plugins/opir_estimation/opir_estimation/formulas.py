@@ -62,9 +62,10 @@ class Arithmetic(NamedTuple):
 
     def values(self, formula: Callable[..., Sequence[Any]], *arrays: Any) -> FloatArray:
         """Return the values (n, k) of a formula for the rows of arrays, (n,) or (n, components)."""
-        if len(arrays[0]) == 1:
+        count = arrays[0].shape[0]
+        if count == 1:
             return np.array([formula(*[array.tolist()[0] for array in arrays], self.numbers)])
-        if 0 < len(arrays[0]) <= self.few:
+        if 0 < count <= self.few:
             rows = zip(*[array.tolist() for array in arrays], strict=True)
             return np.array([formula(*row, self.numbers) for row in rows])
         columns = [np.ascontiguousarray(array.T) for array in arrays]

@@ -258,7 +258,7 @@ def gated(
     is_likely = local[:, 2] > 0.0
     if len(track) > FEW_PAIRS:
         is_likely &= _are_near(predicted, geometry, track, measured, sigma, gate)
-    if np.count_nonzero(is_likely) < len(is_likely):
+    if False in is_likely:
         rows = is_likely.nonzero()[0]
         geometry = _PairGeometry(*(column.take(rows, axis=0) for column in geometry))
         track = track[rows]
@@ -280,7 +280,7 @@ def gated(
         sigma,
     )
     inside = distance <= gate * gate
-    return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(inside.nonzero()[0])
+    return pairs.take(inside.nonzero()[0]) if False in inside else pairs
 
 
 def _are_near(

@@ -324,12 +324,12 @@ def integrator_noise(blocks: int) -> FloatArray:
 
 def taylor_weights(offset_s: FloatArray) -> FloatArray:
     """Return the Taylor weights 1, τ, τ²/2, τ³/6, τ⁴/24 of offsets (n,), as (n, 5)."""
-    if len(offset_s) >= FEW_ROWS:
+    if offset_s.size >= FEW_ROWS:
         columns = np.ones((5, len(offset_s)))
         for order in range(1, 5):
             np.multiply(columns[order - 1], offset_s / order, out=columns[order])
         return columns.T
-    power = np.empty((len(offset_s), 5))
+    power = np.empty((offset_s.size, 5))
     power[:, 0] = 1.0
     np.divide(offset_s[:, None], _ORDERS, out=power[:, 1:])
     return np.multiply.accumulate(power, axis=1, out=power)

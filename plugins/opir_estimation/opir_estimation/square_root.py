@@ -47,13 +47,24 @@ def inverse_root(root: FloatArray) -> FloatArray:
 
     LU decomposition of an upper triangular matrix does not pivot, so this is back substitution.
     """
-    if len(root) == 1:
+    if root.shape[0] == 1:
         lone, singular = _lapack().dtrtri(root[0])
         if singular:
             raise np.linalg.LinAlgError("Singular matrix")
         return lone[None]
     inverse: Any = np.linalg.inv(root)
     return inverse
+
+
+def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solutions (n, d) of equations with matrices (n, d, d) and right sides (n, d)."""
+    if right.shape[0] == 1:
+        *_, lone, singular = _lapack().dgesv(matrix[0], right[0])
+        if singular:
+            raise np.linalg.LinAlgError("Singular matrix")
+        return lone[None]
+    solutions: Any = np.linalg.solve(matrix, right[:, :, None])
+    return solutions[:, :, 0]
 
 
 def covariance(root: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ from opir_forecast.launch_forecasts import (
 from opir_forecast.launch_points import (
     AT_ONCE as AT_ONCE,
     BEFORE_S as BEFORE_S,
+    EDGES_S as EDGES_S,
     FirstMotion as FirstMotion,
     Ground as Ground,
     LaunchDelayPrior as LaunchDelayPrior,
@@ -29,6 +30,7 @@ from opir_forecast.launch_points import (
     delays_at_once as delays_at_once,
     grounds as grounds,
     launches as launches,
+    log_unreported as log_unreported,
     on_ground as on_ground,
     path_moments as path_moments,
     site_height_m as site_height_m,

@@ -142,7 +142,13 @@ def _drawn_boost(model: VehicleModel, kind: str, count: int, number: int) -> Pla
     rng = np.random.default_rng([11, number])
     stages = drawn_stages(model, KINDS[kind], count, rng)
     steering = drawn_steering(count, model.data, 11 + number)
-    return PlanarBoost(stages, steering, _heights_m(model, kind, count, rng))
+    height_m = _heights_m(model, kind, count, rng)
+    program = [
+        rng.uniform(*ORBITS.guided_m, count),
+        np.radians(rng.uniform(*ORBITS.tilt_deg, count)),
+        rng.uniform(*ORBITS.tilt_power, count),
+    ]
+    return PlanarBoost(stages, steering, height_m, np.array(program))
 
 
 def _flights_of(

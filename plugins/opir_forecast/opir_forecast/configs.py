@@ -13,8 +13,9 @@ class RegionsConfig:
         default=0.2,
         minimum=0.0,
         maximum=1.0,
-        help="a target that is seen has a new forecast once this share of the age of its burn, or"
-        " of its time since burnout, has passed since the last one; 0: each tick",
+        help="how old a forecast of a detected target may become, as a share of the time from the"
+        " last ignition or burnout to that forecast: with 0.2 one made 50 s after ignition is"
+        " renewed after 10 s; 0 renews it at each tick",
         source="numerical choice: what a burn yet becomes is uncertain by a factor, the logarithms of"
         " burn times have standard deviations of 0.35 and more",
     )

@@ -20,13 +20,16 @@ def hidden_moments(
     scale: FloatArray,
     noise: FloatArray,
     log_prior: FloatArray,
+    law_errs: bool = False,
 ) -> tuple[FloatArray, FloatArray, float] | None:
     """Return mean (k,), covariance (k, k) and effective samples of the hidden variables; None if
     too few draws are like the measurement.
 
     `difference` (m, d) of draws is that from a measurement with `noise` (d, d), `hidden` (m, k) are
     their hidden variables. The kernel is the narrowest multiple of `scale` (d,) under which enough
-    draws count.
+    draws count. If `law_errs`, the law is wrong by as much as the kernel had to be widened: that is
+    noise of the look, and no variance to remove by regression (Wilkinson, Stat. Appl. Genet. Mol.
+    Biol. 12, 2013).
     """
     factor = LAW.narrow
     weight = _kernel_weights(difference, factor * scale, noise, log_prior)
@@ -35,10 +38,13 @@ def hidden_moments(
         weight = _kernel_weights(difference, factor * scale, noise, log_prior)
     if 1.0 / np.sum(weight * weight) < LAW.fewest:
         return None
+    kernel = (factor * scale) ** 2
+    if law_errs:
+        kernel = (LAW.narrow * scale) ** 2
+        noise = noise + np.diag((factor * scale) ** 2 - kernel)
     # Draws weighted by the noise N and a kernel W lack just a look with the covariance
     # (N⁻¹ - (N + W)⁻¹)⁻¹ = N + N W⁻¹ N.
-    width = factor * scale
-    return _regressed(difference, hidden, weight, noise + (noise / (width * width)) @ noise)
+    return _regressed(difference, hidden, weight, noise + (noise / kernel) @ noise)
 
 
 def _kernel_weights(

@@ -1,5 +1,7 @@
 """Launch points of tracks: where boosts followed back begin at rest on the ground."""
 
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +62,10 @@ _REST_M_S = 1.0
 EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
 _MIDDLES_S = 0.5 * (EDGES_S[1:] + EDGES_S[:-1])
 _WIDTHS_S = np.diff(EDGES_S)
+
+#: Probabilities (times, times) of each interval, given that of the wait for a report in view, for
+#: what is hidden for a uniform time before.
+_CLOUDED = np.diff(np.clip((EDGES_S - _MIDDLES_S[:, None]) / BEFORE_S, 0.0, 1.0), axis=1)
 
 #: Starts from rest are worked out at each kind of site and each time: means and variances of
 #: heights, times before the first detection, and the widths of their intervals (cases,).
@@ -160,7 +166,7 @@ class LaunchDelayPrior(NamedTuple):
 
     `at_once` (n, times) are the probabilities of each interval of `EDGES_S` before the first
     detection for a launch that is seen at once. With a prior probability of 1/2 it is, else the
-    first detection is uniformly late, up to 80 s. The path seen is followed back from the filter's
+    first detection is later by a uniform time up to 80 s. The path seen is followed back from the filter's
     estimate, which holds the prior `motion`: a start from rest is as likely as the ratio of its
     densities after and before the lines (Dickey, Annals of Mathematical Statistics 42, 1971).
     Without the ratio, late detections would seem earlier ones: what was known before is wider the
@@ -172,21 +178,85 @@ class LaunchDelayPrior(NamedTuple):
     inland: float
 
 
-def delays_at_once(
-    period_s: FloatArray, detection_probability: FloatArray, visible: BoolArray
+def log_unreported(
+    period_s: FloatArray,
+    detection_probability: FloatArray,
+    confirmation: Sequence[tuple[int, int]] | None = None,
 ) -> FloatArray:
-    """Return the prior (n, times) of the time from launch to first detection of launches seen from
-    the ground.
+    """Return the log probabilities (sensors, edges) that sensors have not yet reported a launch
+    that they see from the ground, at the times `EDGES_S` after ignition.
 
-    Sensors (s,) look every `period_s`, from a time between ignition and a period later, and detect
-    a launch with `detection_probability`; `visible` (n, s) are those that see each track.
-    Probabilities are those of the intervals.
+    Sensors look every `period_s` (sensors,), from a time between ignition and a period later, and
+    detect a launch with `detection_probability` (sensors,). One with a rule of `confirmation`,
+    (M, N), reports once M of its last N looks detected, and its probability of detection is
+    unknown.
     """
     looks = EDGES_S / period_s[:, None]
-    full_scans = np.floor(looks)
-    chance = detection_probability[:, None]
-    log_unseen = full_scans * np.log1p(-chance) + np.log1p(-chance * (looks - full_scans))
-    return -np.diff(np.exp(visible @ log_unseen), axis=1)
+    if confirmation is None:
+        full_scans = np.floor(looks)
+        chance = detection_probability[:, None]
+        part = np.log1p(-chance * (looks - full_scans))
+        unseen: FloatArray = full_scans * np.log1p(-chance) + part
+        return unseen
+    return np.array(
+        [
+            _log_unconfirmed(row, needed, scans)
+            for row, (needed, scans) in zip(looks, confirmation, strict=True)
+        ]
+    )
+
+
+def _log_unconfirmed(looks: FloatArray, needed: int, scans: int) -> FloatArray:
+    """Return the log probabilities (n,) that M of N looks have not yet detected after `looks` (n,),
+    of which a part is that of the next one.
+    """
+    missing = confirming_looks(needed, scans)[:, None] - looks
+    share = np.mean(np.clip(missing, 0.0, 1.0), axis=0)
+    return np.log(np.maximum(share, _NEVER))
+
+
+#: Probability of what cannot be, whose logarithm is finite.
+_NEVER = 1e-300
+
+
+@lru_cache(maxsize=16)
+def confirming_looks(needed: int, scans: int) -> FloatArray:
+    """Return draws (n,) of the number of looks until M of N have detected, inf for a source that
+    stays dark.
+
+    What is near to the threshold is seen now and then, most sources at each look or never: the
+    probability of detection is drawn from its arcsine law, which is that of no information
+    (Jeffreys, Proc. R. Soc. A 186, 1946).
+    """
+    rng = np.random.default_rng(14)
+    chance = np.sin(0.5 * np.pi * (np.arange(_SOURCES) + 0.5) / _SOURCES)[:, None] ** 2
+    gaps = rng.geometric(chance, (_SOURCES, needed + scans))
+    hits = np.cumsum(gaps, axis=1)
+    last = hits[:, needed - 1 :]
+    is_enough = last - hits[:, : last.shape[1]] < scans
+    first = last[np.arange(_SOURCES), is_enough.argmax(axis=1)]
+    return np.where(is_enough.any(axis=1), first, np.inf)
+
+
+#: Sources drawn for the looks of a confirmation.
+_SOURCES = 4096
+
+
+def delays_at_once(unreported: FloatArray, visible: BoolArray) -> FloatArray:
+    """Return the prior (n, times) of the time from launch to first report of launches seen from the
+    ground, in each of the intervals of `EDGES_S`.
+
+    `unreported` (sensors, edges) are those of `log_unreported`; `visible` (n, sensors) are the
+    sensors that see each track.
+    """
+    return -np.diff(np.exp(visible @ unreported), axis=1)
+
+
+def delays_out_of_clouds(at_once: FloatArray) -> FloatArray:
+    """Return the prior (n, times) of the time from launch to first report of launches hidden at
+    first, uniformly up to `BEFORE_S`, of which the prior without clouds is `at_once` (n, times).
+    """
+    return at_once @ _CLOUDED
 
 
 def launches(
@@ -227,9 +297,9 @@ def _launch_chances(log_likelihood: FloatArray, prior: LaunchDelayPrior) -> Floa
     """Return the probabilities (n, cases) of a launch at each kind of site in each of `EDGES_S`,
     given likelihoods.
     """
-    weight = (AT_ONCE * prior.at_once + (1.0 - AT_ONCE) * _WIDTHS_S / BEFORE_S)[
-        :, None
-    ] * site_shares(prior.inland)[:, None]
+    hidden = delays_out_of_clouds(prior.at_once)
+    delays = AT_ONCE * prior.at_once + (1.0 - AT_ONCE) * hidden
+    weight = delays[:, None] * site_shares(prior.inland)[:, None]
     with np.errstate(divide="ignore"):
         log = log_likelihood + np.log(weight).reshape(len(weight), -1)
     chance: FloatArray = np.exp(log - log.max(axis=1, keepdims=True))

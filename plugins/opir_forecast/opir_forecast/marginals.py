@@ -31,7 +31,8 @@ def burn_ends(stages: VehicleStages, steering: Steering) -> FloatArray:
     """Return planar states (4, n) at the ends of the burns: x forwards, y up from the centre, and
     velocity; nan below.
     """
-    boost = PlanarBoost(stages, steering, np.full(len(steering), np.nan))
+    unguided = np.full(len(steering), np.nan)
+    boost = PlanarBoost(stages, steering, unguided, np.stack([unguided] * 3))
     over_s = boost.over_s
     state = boost.at_rest()
     ends = np.full_like(state, np.nan)

@@ -45,13 +45,16 @@ def drawn_stages(
 class PlanarBoost:
     """Vehicles (n,): their stages and steering.
 
-    Those with an `orbit_m` (n,), not nan, are steered to the height of an orbit instead, and cut
-    off at its speed. States (4, n) are x forwards and y up from the Earth's centre, and velocity.
+    Those with an `orbit_m` (n,), not nan, follow a program up to a height, are steered to the
+    height of an orbit from there on, and cut off at its speed; `program` (3, n) are that height,
+    m, and angle, rad, and power of the program (`_through_air`). States (4, n) are x forwards and y
+    up from the Earth's centre, and velocity.
     """
 
     stages: VehicleStages
     steering: Steering
     orbit_m: FloatArray
+    program: FloatArray
 
     @cached_property
     def starts_s(self) -> FloatArray:
@@ -98,12 +101,12 @@ class PlanarBoost:
         rising = (time_s < steering.rise_s) | (speed < 1.0)
         x, y = np.where(rising, [[0.0], [1.0]], state[2:] / np.maximum(speed, 1.0))
         unit = _turned_down(x, y, steering.leads(np.full(len(speed), time_s)))
-        steered = np.flatnonzero(np.isfinite(self.orbit_m[rows]) & ~rising)
-        if len(steered):
-            unit[:, steered], cut_off = self._to_orbit(
-                state[:, steered], time_s, size[steered], rows[steered]
+        guided = np.flatnonzero(np.isfinite(self.orbit_m[rows]) & ~rising)
+        if len(guided):
+            unit[:, guided], cut_off = self._guided(
+                state[:, guided], time_s, size[guided], rows[guided]
             )
-            size[steered[cut_off]] = 0.0
+            size[guided[cut_off]] = 0.0
         return size * unit
 
     def _size(self, time_s: float, rows: IntArray) -> FloatArray:
@@ -113,6 +116,19 @@ class PlanarBoost:
         is_lit = (since >= 0.0) & (since < burn)
         force = acceleration / np.maximum(1.0 - growth * since, 0.02)
         return np.sum(np.where(is_lit, force, 0.0), axis=1)
+
+    def _guided(
+        self, state: FloatArray, time_s: float, size: FloatArray, rows: IntArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return thrust directions (2, m) of launchers, and which are as fast as their orbit."""
+        unit, cut_off = self._to_orbit(state, time_s, size, rows)
+        height = np.hypot(*state[:2]) - RADIUS_M
+        guided_m, *tilt = self.program[:, rows]
+        in_air = np.flatnonzero(height < guided_m)
+        if len(in_air):
+            angle, power = (column[in_air] for column in tilt)
+            unit[:, in_air] = _through_air(state[:, in_air], size[in_air], angle, power)
+        return unit, cut_off
 
     def _to_orbit(
         self, state: FloatArray, time_s: float, size: FloatArray, rows: IntArray
@@ -136,6 +152,28 @@ class PlanarBoost:
         needed = lift + MU / radius**2 - speed**2 / radius
         sine = np.clip(needed / push, *LAW.thrust_sines)
         return sine * up + np.sqrt(1.0 - sine**2) * level, speed > circular
+
+
+def _through_air(
+    state: FloatArray, size: FloatArray, last_rad: FloatArray, power: FloatArray
+) -> FloatArray:
+    """Return thrust directions (2, n) of launchers whose path tilts by powers (n,) of the height, to
+    angles from the vertical (n,) at the height of a first cut-off.
+
+    The root of the height is, with an even force, a tilt that grows evenly with time. The thrust
+    leads the velocity by what bends the path more than gravity does.
+    """
+    x, y, u, v = state
+    radius = np.hypot(x, y)
+    speed = np.maximum(np.hypot(u, v), 1.0)
+    height = np.maximum(radius - RADIUS_M, 1.0)
+    program = last_rad * (height / LAW.tilted_m) ** power
+    climb = np.clip((u * x + v * y) / (radius * speed), -1.0, 1.0)
+    angle = np.arccos(climb)
+    rate = power * program / height * speed * climb + (program - angle) / LAW.tilt_s
+    bend = speed * rate - MU / radius**2 * np.sin(angle)
+    sine = np.clip(bend / np.maximum(size, 1.0), -LAW.attack_sine, LAW.attack_sine)
+    return _turned_down(u / speed, v / speed, np.arcsin(sine))
 
 
 def _turned_down(x: FloatArray, y: FloatArray, lead: FloatArray) -> FloatArray:

@@ -64,8 +64,17 @@ class RegionForecaster(Forecaster):
         self._renew(estimates, time_s)
         latest = self._latest
         end = track_ends(latest, time_s, estimates.silent_s > LAW.longest_gap_s)
-        columns = {name: getattr(latest, name) for name in names_of(LaunchForecasts)}
-        return LaunchForecasts(**columns | {"probability_burning": estimates.burning, "end": end})
+        impact = latest.impact, latest.impact_covariance, latest.impact_sigmas
+        return LaunchForecasts(
+            latest.given_launch,
+            *impact,
+            latest.impact_regions,
+            estimates.burning,
+            latest.probability_relights,
+            latest.probability_comes_down,
+            latest.in_orbit,
+            end,
+        )
 
     def _nothing(self, number: IntArray) -> LatestForecasts:
         """Return what is said of tracks without a forecast: the prior of hypotheses."""
@@ -79,14 +88,14 @@ class RegionForecaster(Forecaster):
     def _renew(self, estimates: BoostEstimates, time_s: float) -> None:
         """Renew the forecasts of launches that are due, and drop those of what is none any more."""
         latest = self._latest
-        due = np.flatnonzero(estimates.is_launch & self._are_due(estimates, time_s))
-        others = np.flatnonzero(~estimates.is_launch & np.isfinite(latest.made_s))
-        if not len(due) + len(others):
+        due = (estimates.is_launch & self._are_due(estimates, time_s)).nonzero()[0]
+        others = (~estimates.is_launch & np.isfinite(latest.made_s)).nonzero()[0]
+        if not due.size + others.size:
             return
         # Reported tracks hold the columns of the tick before.
         latest = latest.take(np.arange(len(latest)))
         latest.overwrite(others, self._nothing(estimates.track[others]))
-        for start in range(0, len(due), LAW.block):
+        for start in range(0, due.size, LAW.block):
             rows = due[start : start + LAW.block]
             latest.overwrite(rows, self._renewed(estimates.take(rows), rows, time_s))
         self._latest = latest

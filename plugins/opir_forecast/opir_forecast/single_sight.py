@@ -69,7 +69,9 @@ def along_sight(
     best = np.argsort(-log)[: LAW.compared]
     path = path[best]
     differences, hidden = paths.compared(sighting, path, azimuth[best])
-    moments = hidden_moments(differences, hidden, scale, sighting.noise, paths.log_weight[path])
+    log_prior = paths.log_weight[path]
+    # One sensor has nothing but the law to go by.
+    moments = hidden_moments(differences, hidden, scale, sighting.noise, log_prior, law_errs=True)
     if moments is None:
         return None
     result = AlongSight(*moments)

@@ -67,7 +67,7 @@ class StageHistory(Columns):
     @property
     def done(self) -> IntArray:
         """Return the number of stages (n,) that are over."""
-        return np.sum(np.isfinite(self.logs[:, :, BURN]), axis=1)
+        return np.add.reduce(np.isfinite(self.logs[:, :, BURN]), axis=1)
 
     @property
     def is_dark(self) -> BoolArray:
@@ -121,7 +121,7 @@ class StageHistory(Columns):
         steady = burning & (staging < LAW.steady) & is_recent
         history = history._with_burn(steady, force, estimates, tick_s)
         burnout_s = tick_s - np.maximum(silent_s - pause_s, 0.0)
-        return history._dark_since(np.flatnonzero(~burning & ~history.is_dark), burnout_s)
+        return history._dark_since(~burning & ~history.is_dark, burnout_s)
 
     def _with_hot_ends(
         self, burning: BoolArray, staging: FloatArray, force: FloatArray
@@ -136,18 +136,23 @@ class StageHistory(Columns):
     ) -> "StageHistory":
         """Return the histories with the present forces where burns are steady."""
         free_odds = _free_odds(estimates.burning > 0.5, estimates.burn_share[:, 2])
-        return evolve(
-            self,
-            force=np.where(steady, force, self.force),
-            growth=np.where(steady, estimates.burn_mean[:, 0, 9], self.growth),
-            steady_s=np.where(steady, tick_s, self.steady_s),
-            staging=estimates.burn_share[:, 1],
-            free_odds=np.maximum(self.free_odds, free_odds),
+        return StageHistory(
+            self.number,
+            self.logs,
+            self.ignition_s,
+            self.ignition_sigma_s,
+            self.dark_since_s,
+            np.where(steady, force, self.force),
+            np.where(steady, estimates.burn_mean[:, 0, 9], self.growth),
+            np.where(steady, tick_s, self.steady_s),
+            estimates.burn_share[:, 1],
+            np.maximum(self.free_odds, free_odds),
         )
 
-    def _dark_since(self, rows: IntArray, time_s: FloatArray) -> "StageHistory":
-        """Return the histories with the last stages of some rows over since times (n,)."""
-        if not len(rows):
+    def _dark_since(self, ended: BoolArray, time_s: FloatArray) -> "StageHistory":
+        """Return the histories with the last stages of some over since times (n,)."""
+        rows = ended.nonzero()[0]
+        if not rows.size:
             return self
         since_s = self.dark_since_s.copy()
         since_s[rows] = time_s[rows]
@@ -157,14 +162,28 @@ class StageHistory(Columns):
         """Return the histories whose first stages ignited at the launch, where that is known."""
         launch_s = estimates.launch[:, 2]
         is_launch = burning & np.isnan(self.logs[:, 0, BURN]) & np.isfinite(launch_s)
-        if not np.count_nonzero(is_launch):
+        if True not in is_launch:
             return self
-        sigma_s = np.sqrt(estimates.launch_covariance[:, 2, 2])
-        sigma_s = np.maximum(np.nan_to_num(sigma_s), 0.3)
-        return evolve(
-            self,
-            ignition_s=np.where(is_launch, launch_s, self.ignition_s),
-            ignition_sigma_s=np.where(is_launch, sigma_s, self.ignition_sigma_s),
+        # An unknown error counts as none.
+        sigma_s = np.fmax(np.sqrt(estimates.launch_covariance[:, 2, 2]), 0.3)
+        return self._with_ignitions(
+            np.where(is_launch, launch_s, self.ignition_s),
+            np.where(is_launch, sigma_s, self.ignition_sigma_s),
+        )
+
+    def _with_ignitions(self, time_s: FloatArray, sigma_s: FloatArray) -> "StageHistory":
+        """Return the histories with the last ignitions at times (n,), with their errors."""
+        return StageHistory(
+            self.number,
+            self.logs,
+            time_s,
+            sigma_s,
+            self.dark_since_s,
+            self.force,
+            self.growth,
+            self.steady_s,
+            self.staging,
+            self.free_odds,
         )
 
     def _ignited(self, rows: IntArray, time_s: Any, sigma_s: float) -> "StageHistory":
@@ -173,15 +192,15 @@ class StageHistory(Columns):
         sigma = self.ignition_sigma_s.copy()
         ignition[rows] = time_s
         sigma[rows] = sigma_s
-        return evolve(self, ignition_s=ignition, ignition_sigma_s=sigma)
+        return self._with_ignitions(ignition, sigma)
 
     def _relit(self, lit: BoolArray, time_s: float, pause_s: FloatArray) -> "StageHistory":
         """Return the histories with those that burn again after a gap, since a time, or that a
         silence had misled.
         """
-        if not np.count_nonzero(lit):
+        rows = lit.nonzero()[0]
+        if not rows.size:
             return self
-        rows = np.flatnonzero(lit)
         logs = self.logs.copy()
         stage = self.done[rows] - 1
         gap = time_s - self.dark_since_s[rows]
@@ -193,8 +212,9 @@ class StageHistory(Columns):
 
     def _staged(self, staged: BoolArray) -> "StageHistory":
         """Return the histories with another stage of some since their last steady burn."""
-        rows = np.flatnonzero(staged & (self.done < STAGES - 1))
-        if not len(rows):
+        rows = staged.nonzero()[0]
+        rows = rows[self.done[rows] < STAGES - 1]
+        if not rows.size:
             return self
         end_s = self.steady_s[rows] + 1.0
         return self.with_end(rows, end_s, -np.inf)._ignited(rows, end_s, LAW.staged_s)
@@ -202,7 +222,7 @@ class StageHistory(Columns):
     def as_burning(self) -> "StageHistory":
         """Return the histories if the last stage still burns."""
         dark = np.flatnonzero(self.is_dark)
-        if not len(dark):
+        if not dark.size:
             return self
         logs = self.logs.copy()
         logs[dark, self.done[dark] - 1] = np.nan
@@ -221,7 +241,7 @@ class StageHistory(Columns):
         """Return the histories if the last stage is over, since a time (n,) if it was thought to
         burn.
         """
-        return self._dark_since(np.flatnonzero(~self.is_dark), tick_s - dark_s)
+        return self._dark_since(~self.is_dark, tick_s - dark_s)
 
 
 def _stage_figures(

@@ -18,7 +18,7 @@ def rows_of_tracks(
 
     The column `number` of the record ascends.
     """
-    if np.array_equal(record.number, number):
+    if record.number.tobytes() == number.tobytes():
         return record
     row = np.searchsorted(record.number, number)
     is_known = np.append(record.number, -1)[row] == number

@@ -117,6 +117,8 @@ class Client:
         yield b": opir\n\n"
         for sent_again in self.backlog:
             yield sent_again
+            # A frame that a socket takes at once would let no other request have its turn.
+            await asyncio.sleep(0)
         while True:
             while self._frames:
                 if self.dropped > reported:
@@ -153,7 +155,7 @@ class Feed:
         self.epoch_us = context.epoch_us
         self.reported_types = context.reported_types
         self._status = status
-        self._encoder = ForgeEncoder(context)
+        self._encoder = ForgeEncoder(context, has_positions=True)
         self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None

@@ -48,7 +48,7 @@ class Replay:
             reported_types=tuple(run.reported_types),
             render=chosen_renderer(run.plan.host)[1],
         )
-        self._encoder = ForgeEncoder(context)
+        self._encoder = ForgeEncoder(context, has_positions=True)
         self._documents = TrackDocuments(self.scene.epoch_us, hypotheses=run.plan.hypothesis_names)
         self._by_sensor = [
             self._time_us[self._detections.sensor == row] for row in range(len(run.sensors))

@@ -1,15 +1,18 @@
 """The server: uvicorn with a deadline for headers, a limit of connections, and an orderly stop."""
 
 import asyncio
+import signal
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from opir_core.cli import ending_signals
 from opir_http.gate import health_only
 from opir_http.settings import (
     CONNECTIONS_PER_CLIENT,
@@ -141,6 +144,19 @@ class Server(uvicorn.Server):
         self._on_start = on_start
         #: Time of the first stop signal, monotonic clock, s.
         self.asked_at_s: float | None = None
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Handle the signals that end the server, that of a closed terminal too."""
+        with super().capture_signals():
+            former = {
+                number: signal.signal(number, self.handle_exit) for number in ending_signals()
+            }
+            try:
+                yield
+            finally:
+                for number, handler in former.items():
+                    signal.signal(number, handler)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Stop the server; the signal does not end the process."""

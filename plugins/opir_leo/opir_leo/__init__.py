@@ -1,3 +1,3 @@
-"""The sensor models `LEO-WIDE` and `LEO-MEDIUM` and their default constellations: a low tracking
-layer.
+"""The sensor models `LEO-WIDE`, `LEO-MEDIUM` and `LEO-NARROW`, and their default constellations: a
+low tracking layer.
 """

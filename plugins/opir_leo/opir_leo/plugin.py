@@ -1,13 +1,17 @@
-"""The sensor models `LEO-WIDE` and `LEO-MEDIUM` of a low tracking layer, and notional Walker
-patterns of them.
+"""The sensor models `LEO-WIDE`, `LEO-MEDIUM` and `LEO-NARROW` of a low tracking layer, and notional
+Walker patterns of them.
 """
 
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from attrs import evolve
+
 from opir_core.plugin import (
     Constellation,
     FocalPlaneConfig,
+    PointedSensorConfig,
+    PointingConfig,
     ScanningSensorConfig,
     SensorModel,
     cited,
@@ -77,6 +81,9 @@ NOTIONAL_MEDIUM_FOCAL_PLANE = FocalPlaneConfig(
     drift_urad_s=0.5,
     lag_s=2.0,
 )
+NOTIONAL_NARROW_FOCAL_PLANE = evolve(
+    NOTIONAL_MEDIUM_FOCAL_PLANE, aperture_m=0.3, blur_urad=8.0, jitter_urad=2.0
+)
 
 
 @with_defaults(
@@ -122,13 +129,38 @@ class MediumConfig(ScanningSensorConfig):
     """What a scene may set of a LEO-MEDIUM sensor."""
 
 
+@with_defaults(
+    bands={"MWIR": (4.0, 5.0), "LWIR": (8.0, 12.0)},
+    scan_pattern="staring",
+    scan_period_ms=200.0,
+    follows_bodies=True,
+    detection_probability={"ICBM": 0.95, "IRBM": 0.93, "SRBM": 0.9},
+    field_of_regard_half_angle_deg=cited(110.0, UP_TO_SPACE),
+    pointing=PointingConfig(half_angle_deg=1.5, slew_deg_s=2.0, settle_s=2.0, delay_s=1.0),
+    line_of_sight_sigma_urad=10.0,
+    band_focal_plane={"LWIR": {"detector_temperature_k": 55.0, "well_capacity_e": 2e8}},
+    ifov_urad=20.0,
+    threshold_sigma=7.0,
+    false_alarm_susceptibility="low",
+    spectral_discrimination=cited(
+        "likelihood", "a warm body shows in LWIR alone: then MWIR weighs nothing"
+    ),
+    confusion=NOTIONAL_CONFUSION,
+    focal_plane=named(notional=NOTIONAL_NARROW_FOCAL_PLANE),
+)
+class NarrowConfig(PointedSensorConfig):
+    """What a scene may set of a LEO-NARROW sensor."""
+
+
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
-    """Yield the sensor models `LEO-WIDE` and `LEO-MEDIUM`."""
+    """Yield the sensor models `LEO-WIDE`, `LEO-MEDIUM` and `LEO-NARROW`."""
     summary = "wide field over the disk and the limb below a low orbit, for plumes"
     yield scanning_model("LEO-WIDE", summary, WideConfig)
     summary = "narrower, finer field from a low orbit, for plumes and warm bodies"
     yield scanning_model("LEO-MEDIUM", summary, MediumConfig)
+    summary = "fine field of three degrees that a director points, from a low orbit, for tracks"
+    yield scanning_model("LEO-NARROW", summary, NarrowConfig)
 
 
 def _walker_fleet(model: str, pattern: Mapping[str, Any]) -> Constellation:
@@ -154,6 +186,7 @@ def _walker_fleet(model: str, pattern: Mapping[str, Any]) -> Constellation:
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
-    """Yield the constellations `LEO-WIDE` and `LEO-MEDIUM`."""
+    """Yield the constellations `LEO-WIDE`, `LEO-MEDIUM` and `LEO-NARROW`."""
     yield _walker_fleet("LEO-WIDE", NOTIONAL_WIDE_PATTERN)
     yield _walker_fleet("LEO-MEDIUM", NOTIONAL_MEDIUM_PATTERN)
+    yield _walker_fleet("LEO-NARROW", NOTIONAL_MEDIUM_PATTERN)

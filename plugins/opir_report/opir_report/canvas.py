@@ -18,7 +18,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.rcsetup import cycler
-from matplotlib.ticker import FuncFormatter, LogFormatterSciNotation, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from opir_core.notebook import html_view
 from opir_report.palette import GRID, INK, MUTED, PAPER, SERIES, Hue
@@ -63,6 +63,7 @@ STYLE: Any = {
 WIDTH_IN = 8.6
 PRINT_WIDTH_IN = 7.2
 
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PLACES = re.compile(r"(-?\d+\.\d{2})\d+")
 #: Long outlines of coasts and regions: the letters and points of a path, and the codes of these.
 _OUTLINE = re.compile(r' d="([MLz\s\d.-]{2000,})"')
@@ -218,7 +219,15 @@ def log_ticks(axis: Axis) -> None:
             )
         )
     else:
-        axis.set_major_formatter(LogFormatterSciNotation())
+        axis.set_major_formatter(FuncFormatter(_power_text))
+
+
+def _power_text(value: float, _place: int | None) -> str:
+    """Return `10⁻⁴` or `3×10⁻⁴`, as text: matplotlib would parse each as a formula."""
+    exponent = int(np.floor(np.log10(value)))
+    factor = f"{value / 10.0**exponent:.3g}"
+    power = "10" + str(exponent).translate(_RAISED)
+    return power if factor == "1" else f"{factor}×{power}"
 
 
 def svg_of(
@@ -232,9 +241,10 @@ def svg_of(
     stream = StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
         figure = Figure(figsize=size_in, layout=new_layout())
-        FigureCanvasSVG(figure)
+        canvas: Any = FigureCanvasSVG(figure)
         draw(figure)
-        figure.savefig(stream, format="svg", metadata={"Date": None})
+        # `savefig` would draw all once more before, for the layout.
+        canvas.print_svg(stream, metadata={"Date": None})
     label = alt.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
     head = f'<svg role="img" aria-label="{label}" '
     return _shortened(stream.getvalue()).replace("<svg ", head, 1)

@@ -51,7 +51,35 @@ class FigureData:
         import pyarrow
         from pyarrow import parquet
 
-        table = pyarrow.table(
-            {name: pyarrow.array(column.tolist()) for name, column in self.columns.items()}
-        )
-        parquet.write_table(table, path)
+        arrays = {name: _arrow(pyarrow, column) for name, column in self.columns.items()}
+        parquet.write_table(pyarrow.table(arrays), path)
+
+
+def _arrow(pyarrow: Any, column: np.ndarray[Any, Any]) -> Any:
+    """Return a column as an Arrow array, None as null; `pyarrow.array` would import pandas, to look
+    for its types.
+    """
+    kind = column.dtype.kind
+    if kind in "iuf":
+        wide = np.ascontiguousarray(column, dtype=np.float64 if kind == "f" else np.int64)
+        buffers = [None, pyarrow.py_buffer(wide)]
+        return pyarrow.Array.from_buffers(pyarrow.from_numpy_dtype(wide.dtype), len(wide), buffers)
+    if kind == "b":
+        buffers = [None, _bits(pyarrow, column)]
+        return pyarrow.Array.from_buffers(pyarrow.bool_(), len(column), buffers)
+    values = column.tolist()
+    if not all(value is None or isinstance(value, str) for value in values) or not any(values):
+        return pyarrow.array(values)
+    known = np.array([value is not None for value in values])
+    encoded = [(value or "").encode() for value in values]
+    ends = pyarrow.py_buffer(np.cumsum([0, *map(len, encoded)], dtype=np.int32))
+    buffers = [
+        None if known.all() else _bits(pyarrow, known),
+        ends,
+        pyarrow.py_buffer(b"".join(encoded)),
+    ]
+    return pyarrow.Array.from_buffers(pyarrow.string(), len(encoded), buffers)
+
+
+def _bits(pyarrow: Any, column: Any) -> Any:
+    return pyarrow.py_buffer(np.packbits(column, bitorder="little"))

@@ -10,11 +10,16 @@ from numpy.typing import NDArray
 from opir_scoring import (
     Ownership,
     RunEvidence,
+    ScoredRun,
+    ScoreSettings,
+    StateErrors,
     evidence_of_run,
     last_rows,
     ownership,
     place_of,
     rows_in_force,
+    scored_run,
+    state_errors,
 )
 
 from opir_core import Run
@@ -28,6 +33,8 @@ from opir_report.palette import Hues
 
 #: The area of a region, km², a hundredth of the Earth, above which maps leave it out.
 WIDE_KM2 = 5e6
+#: Settings of the scores of a report, which shows no tests of distributions.
+SETTINGS = ScoreSettings(distribution_tests=False)
 
 
 class RunFacts:
@@ -50,6 +57,16 @@ class RunFacts:
     def owners(self) -> Ownership:
         """The target of each track."""
         return ownership(self.evidence)
+
+    @cached_property
+    def scored(self) -> ScoredRun:
+        """The scores of the run's tracks."""
+        return scored_run(self.evidence, SETTINGS, self.states)
+
+    @cached_property
+    def states(self) -> StateErrors:
+        """The errors of the states of tracks in force."""
+        return state_errors(self.evidence, self.owners)
 
     @cached_property
     def truth(self) -> list[dict[str, object]]:

@@ -11,6 +11,7 @@ from opir_scoring.containments import (
     nees as nees,
 )
 from opir_scoring.errors import (
+    StateErrors as StateErrors,
     ground_error as ground_error,
     last_rows as last_rows,
     place_of as place_of,
@@ -72,6 +73,9 @@ from opir_scoring.proper_scores import (
     log_scores as log_scores,
     open_set_rate as open_set_rate,
     reliability as reliability,
+)
+from opir_scoring.quantiles import (
+    chi_square_quantiles as chi_square_quantiles,
 )
 from opir_scoring.region_points import (
     region_energy_m as region_energy_m,

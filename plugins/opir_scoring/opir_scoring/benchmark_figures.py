@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from opir_core.arrays import FloatArray
 from opir_core.cli import table
@@ -16,6 +15,7 @@ from opir_scoring.benchmark_scores import SetScores, read_set, scene_scores
 from opir_scoring.benchmark_tables import read_tracks
 from opir_scoring.containments import share
 from opir_scoring.figure_text import cells, figure_rows, number_text
+from opir_scoring.quantiles import chi_square_quantiles
 
 _CELLS = figure_rows(
     ("GOSPA, m", "gospa_m", 0),
@@ -94,7 +94,7 @@ def set_figures(scores: Sequence[SetScores]) -> dict[str, Any]:
         "energy_over_bound": _mean(states["energy_m"] / states["bound_energy_m"]),
         "log_score_above_bound": _mean(states["log_score"] - states["bound_log_score"]),
         "nees_over_6_median": _median(nees) / 6.0,
-        "held_95": share(nees <= chi2.ppf(0.95, 6)),
+        "held_95": share(nees <= chi_square_quantiles(0.95, 6)),
     }
 
 

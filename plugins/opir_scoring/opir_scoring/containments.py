@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 from opir_estimation import matvec, tangent_axes
-from scipy.stats import chi2, kstest, t as student
+from scipy.special import chdtr, stdtrit
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, SPEED_OF_LIGHT_M_S
 from opir_core.interfaces import TRACK_CONTAINMENTS, Columns
 from opir_core.plugin import Tracks
 from opir_scoring.evidence import Ownership, RunEvidence, rows_in_force
+from opir_scoring.quantiles import chi_square_quantiles
 
 #: No two points on the ground are farther apart, m: half of the equator.
 FARTHEST_M = float(np.pi * EARTH_EQUATORIAL_RADIUS_M)
@@ -29,7 +30,9 @@ CONTAINMENTS = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
 
 @frozen
 class Consistency:
-    """The average NEES of samples, its χ² band, and the p-value of their χ² distribution."""
+    """The average NEES of samples, its χ² band, and the p-value of their χ² distribution; nan if it
+    was not asked for.
+    """
 
     samples: int
     freedom: int
@@ -73,7 +76,9 @@ def _normalised_squares(error: FloatArray, covariance: FloatArray) -> FloatArray
     return value
 
 
-def consistency(values: FloatArray, freedom: int, probability: float = 0.99) -> Consistency:
+def consistency(
+    values: FloatArray, freedom: int, probability: float = 0.99, *, has_test: bool = True
+) -> Consistency:
     """Return the average of independent NEES values (n,), its band, and a test of their
     distribution.
 
@@ -86,9 +91,16 @@ def consistency(values: FloatArray, freedom: int, probability: float = 0.99) -> 
     if not len(values):
         return Consistency(0, freedom, np.nan, np.nan, np.nan, np.nan)
     tails = ((1 - probability) / 2, (1 + probability) / 2)
-    lower, upper = (chi2.ppf(tails, len(values) * freedom) / len(values)).tolist()
-    p_value = float(kstest(values, chi2(freedom).cdf).pvalue)
+    lower, upper = (chi_square_quantiles(tails, len(values) * freedom) / len(values)).tolist()
+    p_value = _distribution_p(values, freedom) if has_test else np.nan
     return Consistency(len(values), freedom, float(values.mean()), lower, upper, p_value)
+
+
+def _distribution_p(values: FloatArray, freedom: int) -> float:
+    """Return the p-value that NEES values (n,) are χ² of `freedom` degrees."""
+    from scipy.stats import kstest  # takes half a second
+
+    return float(kstest(values, lambda value: chdtr(freedom, value)).pvalue)
 
 
 def containment(values: FloatArray, freedom: int, nominal: float) -> tuple[float, float, float]:
@@ -96,7 +108,9 @@ def containment(values: FloatArray, freedom: int, nominal: float) -> tuple[float
     interval (Wilson).
     """
     values = values[~np.isnan(values)]
-    return proportion(int(np.count_nonzero(values <= chi2.ppf(nominal, freedom))), len(values))
+    return proportion(
+        int(np.count_nonzero(values <= chi_square_quantiles(nominal, freedom))), len(values)
+    )
 
 
 def on_normal_scale(
@@ -109,7 +123,7 @@ def on_normal_scale(
     the scale is linear between them and proportional beyond the largest. So `containment` and
     `consistency` score the reported ellipses.
     """
-    usual = np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom))
+    usual = np.sqrt(chi_square_quantiles(TRACK_CONTAINMENTS, freedom))
     is_reported = np.asarray(np.isfinite(reported_sigmas).all(axis=1))
     radii = np.where(is_reported[:, None], reported_sigmas, usual)
     scaled = np.square(_rescaled(np.sqrt(values), radii, usual))
@@ -182,7 +196,7 @@ def jackknife_half(left_out: FloatArray) -> float:
     """Return half of the 95 % interval of a figure from its values (k,) without each cluster."""
     degrees = len(left_out) - 1
     error = np.sqrt(degrees * np.mean(np.square(left_out - left_out.mean())))
-    return float(student.ppf(0.975, degrees) * error)
+    return float(stdtrit(degrees, 0.975) * error)
 
 
 #: Detections later than this after a tick are left out, s: a boost of 50 m/s² deviates by 25 m from
@@ -317,7 +331,7 @@ def mean(values: FloatArray, limit: float = np.inf) -> dict[str, Any]:
     centre = float(values.mean())
     half = np.nan
     if count > 1:
-        half = float(student.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count))
+        half = float(stdtrit(count - 1, 0.975) * values.std(ddof=1) / np.sqrt(count))
     return figure(centre, max(centre - half, 0.0), min(centre + half, limit))
 
 

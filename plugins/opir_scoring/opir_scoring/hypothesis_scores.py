@@ -10,7 +10,8 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import Columns
-from opir_core.plugin import LAUNCH_GROUPS
+from opir_core.planning import Targets
+from opir_core.plugin import EMITTER_TYPES, LAUNCH_GROUPS
 from opir_scoring.containments import mean, share
 from opir_scoring.evidence import Ownership, RunEvidence
 from opir_scoring.proper_scores import (
@@ -30,6 +31,9 @@ AGES = (*(f"{age_s:g} s" for age_s in AGES_S), "last estimate")
 _NOISE = "noise"
 _BOLIDE = "bolide"
 _GROUND = "ground source"
+
+#: The type of sources that resemble none.
+_OTHER = "other"
 
 
 @frozen(eq=False, repr=False)
@@ -64,7 +68,7 @@ def true_hypotheses(
 
     That of a launch has the name of its target class, that of false alarms is noise; other sources
     are bolides or stand on the ground. "None of these" is true of classes that are no hypothesis,
-    or are named as `unknown` to the tracker.
+    or are named as `unknown` to the tracker, and of kinds of sources that resemble none.
     """
     plan = evidence.plan
     names = [hypothesis.name for hypothesis in plan.hypotheses]
@@ -74,9 +78,23 @@ def true_hypotheses(
         number.get(name, len(names) - 1)
         for name in plan.targets.class_names[: len(plan.scene.targets)]
     ]
-    sources = plan.targets.class_names[len(launched) :]
-    places = [names.index(_BOLIDE if name == _BOLIDE else _GROUND) for name in sources]
+    places = [
+        len(names) - 1 if name is None else names.index(name)
+        for name in _source_hypotheses(plan.targets, len(launched))
+    ]
     return np.array([*launched, *places, names.index(_NOISE)], dtype=np.int64)[owners.source]
+
+
+def _source_hypotheses(targets: Targets, launches: int) -> list[str | None]:
+    """Return the true hypotheses of the sources after a number of launches, by the types that they
+    resemble; None for "none of these".
+    """
+    resembled = [EMITTER_TYPES[code] for code in targets.type_code[launches:].tolist()]
+    kinds = zip(targets.class_names[launches:], resembled, strict=True)
+    return [
+        None if resembles == _OTHER != kind else _BOLIDE if resembles == _BOLIDE else _GROUND
+        for kind, resembles in kinds
+    ]
 
 
 def hypothesis_scores(

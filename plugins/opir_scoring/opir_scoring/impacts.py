@@ -201,11 +201,12 @@ def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactS
     area_given_km2 = area_km2.copy()
     brier, samples = np.full((2, len(rows)), np.nan)
     is_over = tracks.tick_s >= evidence.plan.targets.burnout_s[target]
+    scored = _RegionScores()
     for row in np.flatnonzero(tracks.impact_regions.astype(bool)).tolist():
         regions = tracks.impact_regions[row]
+        contained[row], area_km2[row] = scored(main_regions(regions), impact[row])
         true_regions = regions_given(regions, is_over[row])
-        contained[row], area_km2[row] = _regions(main_regions(regions), impact[row])
-        contained_given[row], area_given_km2[row] = _regions(true_regions, impact[row])
+        contained_given[row], area_given_km2[row] = scored(true_regions, impact[row])
         brier[row] = _condition_brier(regions, is_over[row])
         samples[row] = np.min([region.effective_samples for region in regions])
     for column in (contained, contained_given, brier):
@@ -308,14 +309,26 @@ def _inside(
     return np.where(np.isfinite(major) & np.isfinite(east), inside, np.nan)
 
 
-def _regions(regions: Sequence[ImpactRegion], impact: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return whether regions contain an impact (latitude, longitude, ...), and their areas, km²:
-    both (3,).
-    """
-    contained, area_km2 = np.full((2, len(TRACK_CONTAINMENTS)), np.nan)
-    for place, containment in enumerate(TRACK_CONTAINMENTS):
-        for region in regions:
-            if abs(region.containment - containment) <= 1e-6:
-                contained[place] = region.contains(*impact[:2].tolist())
-                area_km2[place] = region.area_km2
-    return contained, area_km2
+class _RegionScores:
+    """Compares regions with impacts, those of many ticks once."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, float, float], bool] = {}
+
+    def __call__(
+        self, regions: Sequence[ImpactRegion], impact: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return whether regions contain an impact (latitude, longitude, ...), and their areas,
+        km²: both (3,). The regions of all calls live as long as the scores.
+        """
+        contained, area_km2 = np.full((2, len(TRACK_CONTAINMENTS)), np.nan)
+        latitude, longitude = impact[:2].tolist()
+        for place, containment in enumerate(TRACK_CONTAINMENTS):
+            for region in regions:
+                if abs(region.containment - containment) <= 1e-6:
+                    key = id(region), latitude, longitude
+                    if key not in self._known:
+                        self._known[key] = region.contains(latitude, longitude)
+                    contained[place] = self._known[key]
+                    area_km2[place] = region.area_km2
+        return contained, area_km2

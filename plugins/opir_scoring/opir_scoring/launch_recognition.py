@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from scipy.stats import chi2
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_scoring.containments import figure, share
 from opir_scoring.evidence import Ownership, RunEvidence
+from opir_scoring.quantiles import chi_square_quantiles
 
 #: P(launch) above which a track counts as recognised in studies and tables.
 RECOGNITION_PROBABILITY = 0.95
@@ -105,6 +105,6 @@ def _rate(count: float, hours: float) -> dict[str, Any]:
     """Return a Poisson rate with its exact 95 % interval (Garwood, Biometrika 28 (1936), 437)."""
     if np.isnan(count) or not hours > 0.0:
         return figure(np.nan)
-    low = float(chi2.ppf(0.025, 2.0 * count)) / 2.0 if count else 0.0
-    high = float(chi2.ppf(0.975, 2.0 * count + 2.0)) / 2.0
+    low = float(chi_square_quantiles(0.025, 2.0 * count)) / 2.0 if count else 0.0
+    high = float(chi_square_quantiles(0.975, 2.0 * count + 2.0)) / 2.0
     return figure(count / hours, low / hours, high / hours)

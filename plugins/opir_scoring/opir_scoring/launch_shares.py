@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
-from scipy.stats import beta, t as student
+from scipy.special import betaincinv, stdtrit
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 
@@ -119,7 +119,7 @@ def _effective_launches(share: float, successes: FloatArray, trials: FloatArray)
     design_effect = 1.0
     if variance > 0.0:
         tail = 0.5 * (1.0 + LEVEL)
-        ratio = student.ppf(tail, launches - 1) / student.ppf(tail, max(equal_runs - 1.0, 1.0))
+        ratio = stdtrit(launches - 1, tail) / stdtrit(max(equal_runs - 1.0, 1.0), tail)
         of_launches = share * (1.0 - share) / launches
         design_effect = max(float(variance / of_launches / ratio**2), 1.0)
     differing = min(np.count_nonzero(successes), np.count_nonzero(successes < trials))
@@ -133,8 +133,8 @@ def _exact_interval(share: float, launches: float, tails: Tails) -> tuple[float,
         return np.nan, np.nan
     successes = share * launches
     failures = launches - successes
-    low = beta.ppf(tails.low, successes, failures + 1.0) if successes > 0.0 else 0.0
-    high = beta.ppf(1.0 - tails.high, successes + 1.0, failures) if failures > 0.0 else 1.0
+    low = betaincinv(successes, failures + 1.0, tails.low) if successes > 0.0 else 0.0
+    high = betaincinv(successes + 1.0, failures, 1.0 - tails.high) if failures > 0.0 else 1.0
     return float(low), float(high)
 
 

@@ -11,11 +11,11 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
-from scipy.stats import chi2
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray, RowArray
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_scoring.containments import nees, share
+from opir_scoring.quantiles import chi_square_quantiles
 
 #: Reported probabilities below this count as this: tracks files round, and a single zero would
 #: outweigh all else.
@@ -120,7 +120,7 @@ def _stretch(radius: FloatArray, sigmas: FloatArray, freedom: int) -> FloatArray
     """Return factors (n, k) on points (k,) of a normal distribution, the inverse of those of
     `on_normal_scale`.
     """
-    usual = np.append(0.0, np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom)))
+    usual = np.append(0.0, np.sqrt(chi_square_quantiles(TRACK_CONTAINMENTS, freedom)))
     stated = np.concatenate([np.zeros((len(sigmas), 1)), sigmas], axis=1)
     step = np.minimum(np.searchsorted(usual, radius, side="right") - 1, len(usual) - 2)
     slope = np.diff(stated, axis=1) / np.diff(usual)

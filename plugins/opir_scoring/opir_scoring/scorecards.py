@@ -53,11 +53,13 @@ class ScoreSettings(GospaSettings):
 
     A track with a probability of a launch above `launch_probability` is taken as one. Target
     classes named as `unknown` are none of the hypotheses: "none of these" is right for them.
+    Without `distribution_tests` the figures `distribution_p` are nan.
     """
 
     bin_s: float = 20.0
     launch_probability: float = 0.5
     unknown: tuple[str, ...] = ()
+    distribution_tests: bool = True
 
 
 #: The default settings.
@@ -140,14 +142,16 @@ def scorecard_of(runs: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecar
     )
 
 
-def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
-    """Return the scored data of a run."""
+def scored_run(
+    evidence: RunEvidence, settings: ScoreSettings, states: StateErrors | None = None
+) -> ScoredRun:
+    """Return the scored data of a run; `states` are its `state_errors`, if they are known."""
     owners = ownership(evidence)
     impact_phase, impacts = phase_scores(evidence, owners)
     return ScoredRun(
         seed=evidence.plan.scene.seed,
         is_biased=evidence.plan.bias is not None,
-        states=state_errors(evidence, owners),
+        states=state_errors(evidence, owners) if states is None else states,
         points=point_errors(evidence, owners),
         impact_phase=impact_phase,
         impacts=impacts,
@@ -274,8 +278,12 @@ def _by_time(
     return [
         {
             "since_ignition_s": [number * settings.bin_s, (number + 1) * settings.bin_s],
-            **_bin(states.take(bins == number), run[bins == number]),
-            "nis": consistent(consistency(innovations.nis[nis_bins == number], 2)),
+            **_bin(states.take(bins == number), run[bins == number], settings),
+            "nis": consistent(
+                consistency(
+                    innovations.nis[nis_bins == number], 2, has_test=settings.distribution_tests
+                )
+            ),
         }
         for number in np.unique(bins).tolist()
     ]
@@ -285,7 +293,7 @@ def _bins(since_s: FloatArray, settings: ScoreSettings) -> IntArray:
     return np.floor(since_s / settings.bin_s).astype(np.int64)
 
 
-def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
+def _bin(states: StateErrors, run: IntArray, settings: ScoreSettings) -> dict[str, Any]:
     """Return the figures of one bin of time since ignition, with the NEES of each target's last
     tick only.
 
@@ -305,7 +313,9 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
             states, track, "free_", states.position_free_bound_m, states.velocity_free_bound_m_s
         ),
         "impact_m": of_some(rms(states.impact_m, track, FARTHEST_M), predicted, len(states)),
-        "nees": consistent(consistency(states.nees[_is_last(states)], 6)),
+        "nees": consistent(
+            consistency(states.nees[_is_last(states)], 6, has_test=settings.distribution_tests)
+        ),
     }
 
 

@@ -10,6 +10,9 @@ from opir_testing.contracts.contract import (
 from opir_testing.contracts.detection import (
     DetectionContract as DetectionContract,
 )
+from opir_testing.contracts.directors import (
+    DirectorContract as DirectorContract,
+)
 from opir_testing.contracts.outputs import (
     EncoderContract as EncoderContract,
 )

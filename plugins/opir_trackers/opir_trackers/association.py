@@ -35,7 +35,7 @@ class NearestLines(NamedTuple):
 
     owner: IntArray
     assigned: GatedPairs
-    is_ambiguous: bool = True
+    is_ambiguous: bool
 
 
 def _log_odds(model: "AssociationModel") -> FloatArray:
@@ -84,8 +84,8 @@ def is_unambiguous(pairs: GatedPairs, lines: LinesOfSight) -> bool:
     lines of a scan.
     """
     line = pairs.line.tolist()
-    count = len(lines.scan)
-    if len(line) > FEW_PAIRS or len(set(line)) < len(line):
+    count = lines.scan.size
+    if pairs.line.size > FEW_PAIRS or len(set(line)) < pairs.line.size:
         return False
     if (
         count <= FEW_PAIRS
@@ -94,7 +94,7 @@ def is_unambiguous(pairs: GatedPairs, lines: LinesOfSight) -> bool:
         return True
     sensor = lines.sensor.take(pairs.line).tolist()
     scan = lines.scan.take(pairs.line).tolist()
-    return len(set(zip(pairs.track.tolist(), sensor, scan, strict=True))) == len(line)
+    return len(set(zip(pairs.track.tolist(), sensor, scan, strict=True))) == pairs.line.size
 
 
 def unassigned(count: int) -> IntArray:
@@ -108,24 +108,31 @@ def associate_nearest(
     pairs: GatedPairs, lines: LinesOfSight, model: AssociationModel
 ) -> NearestLines:
     """Return the assignment of each scan by global nearest neighbour."""
+    lone = lone_lines(pairs, lines, model)
+    if lone is not None:
+        return lone
     ratio = model.log_ratio(pairs, lines)
-    if is_unambiguous(pairs, lines):
-        return hard_association(pairs, lines, ratio > 0.0)._replace(is_ambiguous=False)
-    return hard_association(
-        pairs, lines, cheapest_assignment(scan_groups(pairs, lines), pairs.line, -ratio)
-    )
+    is_chosen = cheapest_assignment(scan_groups(pairs, lines), pairs.line, -ratio)
+    return _of_chosen(pairs, lines, is_chosen, is_ambiguous=True)
 
 
-def hard_association(pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArray) -> NearestLines:
-    """Return an association of the chosen pairs, with probability 1."""
-    assigned = (
-        pairs
-        if np.count_nonzero(is_chosen) == len(is_chosen)
-        else pairs.take(is_chosen.nonzero()[0])
-    )
-    owner = unassigned(len(lines.scan))
+def lone_lines(
+    pairs: GatedPairs, lines: LinesOfSight, model: AssociationModel
+) -> NearestLines | None:
+    """Return the assignment of lines without a choice, None where there may be one."""
+    if not is_unambiguous(pairs, lines):
+        return None
+    is_likely = model.log_ratio(pairs, lines) > 0.0
+    return _of_chosen(pairs, lines, is_likely, is_ambiguous=False)
+
+
+def _of_chosen(
+    pairs: GatedPairs, lines: LinesOfSight, is_chosen: BoolArray, *, is_ambiguous: bool
+) -> NearestLines:
+    assigned = pairs.take(is_chosen.nonzero()[0]) if False in is_chosen else pairs
+    owner = unassigned(lines.scan.size)
     owner[assigned.line] = assigned.track
-    return NearestLines(owner, assigned)
+    return NearestLines(owner, assigned, is_ambiguous)
 
 
 def merged(pairs: GatedPairs, sensor: IndexArray, path: PredictedMeasurements) -> GatedPairs:

@@ -224,6 +224,13 @@ class HypothesesConfig:
         help="share of launches that are first seen in flight: out of cloud, or when a sensor"
         " begins to look",
     )
+    air_share: float = number(
+        default=0.01,
+        minimum=0.0,
+        maximum=1.0,
+        help="share of the other launches that begin in the air, at a height and a speed; where"
+        " they are expected, more",
+    )
     inland_share: float = number(
         default=0.5,
         minimum=0.0,

@@ -21,7 +21,12 @@ from opir_core.flight import Forces
 from opir_core.host import described_error
 from opir_core.interfaces import PartMaker, PluginPart
 from opir_core.plugin import Host, TrackerContext, TrackerPart
-from opir_trackers.association import AssociationModel, scan_groups
+from opir_trackers.association import (
+    AssociationModel,
+    NearestLines,
+    associate_nearest,
+    scan_groups,
+)
 from opir_trackers.imm.state import SharedDetections, TrackTable
 from opir_trackers.initiation import Initiation
 
@@ -80,7 +85,8 @@ class AssociationProblem:
     `lines` are in order of time and without the known errors of their sensors. A sensor sees a
     target at most once a `scan`. `number` (n,) are the track numbers, ascending, and `path` predicts
     their positions; `reports` (n, sensors) are as in `TrackTable`. The slice ends at `end_s`, s,
-    and is `span_s` long; `memory` is that of the last association, None at first.
+    and is `span_s` long; `memory` is that of the last association, None at first. `known_nearest`
+    is `nearest` if it is known already.
     """
 
     lines: LinesOfSight
@@ -92,11 +98,14 @@ class AssociationProblem:
     end_s: float
     span_s: float
     memory: Any = None
+    known_nearest: NearestLines | None = None
 
     @property
-    def seen(self) -> BoolArray:
-        """Which sensors have seen which track, (n, sensors)."""
-        return self.reports >= 0
+    def nearest(self) -> NearestLines:
+        """The most likely one-to-one assignment of each scan (global nearest neighbour)."""
+        if self.known_nearest is not None:
+            return self.known_nearest
+        return associate_nearest(self.pairs, self.lines, self.model)
 
     @property
     def log_ratio(self) -> FloatArray:

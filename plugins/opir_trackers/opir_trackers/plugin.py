@@ -52,7 +52,7 @@ _PARTS = (
         "jpda",
         "associators.jpda",
         "joint_associator",
-        "lines that several tracks may have move each by the probability of its label",
+        "joint probabilistic data association: shared lines update each track by their probability",
     ),
     (
         "association",

@@ -4,7 +4,6 @@ lines of sight.
 
 from collections.abc import Callable, Sequence
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 from attrs import Factory, field, frozen
@@ -142,13 +141,14 @@ def _same_lines_of_sight(detections: Detections, reference: Detections) -> bool:
         return True
     if len(detections.time_ns) != len(reference.time_ns):
         return False
-    return all(
-        map(_same_bytes, _line_of_sight_columns(detections), _line_of_sight_columns(reference))
+    columns = zip(
+        _line_of_sight_columns(detections), _line_of_sight_columns(reference), strict=True
     )
-
-
-def _same_bytes(array: Any, reference: Any) -> bool:
-    return array is reference or array.tobytes() == reference.tobytes()
+    return not any(
+        True
+        for column, other in columns
+        if column is not other and column.tobytes() != other.tobytes()
+    )
 
 
 def vantages_of(sensors: Sequence[Sensor], time_s: float) -> Vantages:

@@ -35,7 +35,7 @@ MODELS = {
     ClassifierModel: {"paper", "none", "always", "never"},
     ConfidenceModel: {"weighted", "always", "never"},
     TrackerModel: {"none"},
-    TargetModel: {"ballistic", "gravity-turn", "orbit", "glide"},
+    TargetModel: {"ballistic", "gravity-turn", "orbit", "glide", "air-launch"},
     AtmosphereModel: {"clear"},
     BackgroundModel: {"none"},
 }

@@ -168,3 +168,41 @@ def test_sources_are_in_a_table_of_their_own() -> None:
     assert "T1 (ICBM): first seen by A" in text
     assert "; tracker: ICBM 0.90; from 34.70 N 120.60 W" in text
     assert "taken for a launch" not in text
+
+
+def test_a_wide_region_is_somewhere_and_a_useless_one_no_place() -> None:
+    """No point says where it is; distances and directions are from the launch point."""
+    wide = stub_regions(9.0, 167.7, 2200.0, probability=0.9, effective_samples=40.0)
+    tracks = tracks_of(stub_hypotheses(ICBM=0.97), wide)
+    (line,) = sentences(tracks)
+    assert "from 34.73 N 120.57 W (0.1 km) to somewhere between " in line
+    assert line.endswith(" deg (95 % in 15 000 000 km2, thin)")
+    reach = tracks[0]["impact"]["from_launch"]
+    # By haversines the centre is 7 782 km away, at 267 degrees; a circle of 2 200 km is 21 wide.
+    assert reach["least_km"] == pytest.approx(7782.0 - 2200.0, abs=100.0)
+    assert reach["most_km"] == pytest.approx(7782.0 + 2200.0, abs=100.0)
+    assert reach["bearings_deg"] == pytest.approx([246.0, 288.0], abs=3.0)
+    (cells,) = track_table({"tracks": tracks})[1]
+    assert " ± " in cells[-2]
+    useless = stub_regions(9.0, 167.7, 6000.0)
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97), useless, probability_burning=0.9))
+    words = "from 34.73 N 120.57 W (0.1 km) with no useful region, as the burn goes on (95 % in "
+    assert words in line
+    again = stub_regions(9.0, 167.7, 6000.0, condition="relights", probability=0.6)
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97), again))
+    assert "with no useful region, as it may burn again (relights 0.60: 95 % in" in line
+    covariance = np.diag([1e6, 1e6, 1e6, 1e2, 1e2, 1e6])
+    sure = {"probability_burning": 0.1, "state_covariance": covariance}
+    (line,) = sentences(tracks_of(stub_hypotheses(ICBM=0.97), useless, **sure))
+    assert "with no useful region, as the velocity is known to 2.0 km/s (95 % in" in line
+
+
+@pytest.mark.parametrize(
+    ("variance_s2", "text"),
+    [(1.0, " at 10.0 ± 2.0 s "), (100.0, " at 10 ± 20 s "), (np.nan, " W (")],
+)
+def test_launch_times_have_intervals(variance_s2: float, text: str) -> None:
+    covariance = np.diag([2.5e3, 1e3, variance_s2])
+    tracks = tracks_of(stub_hypotheses(SRBM=0.9), launch_covariance=covariance)
+    (cells,) = track_table({"tracks": tracks})[1]
+    assert text in cells[-3]

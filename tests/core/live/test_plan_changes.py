@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_scene import LATER, NS, batch, lines, mapping
+from live_scene import DIRECTED, LATER, NS, batch, lines, mapping
 
 from opir_core import Engine, Scene, compile_plan
 from opir_core.errors import SceneError
@@ -26,11 +26,12 @@ def scene(host: Host) -> Scene:
     return scene_from_mapping(mapping(), host=host)
 
 
+@pytest.mark.parametrize("settings", [{}, DIRECTED])
 @pytest.mark.parametrize("admitted_s", [0.05, 3.2, 29.999, 31.7])
 def test_a_launch_between_windows_gives_the_events_of_a_batch(
-    scene: Scene, host: Host, admitted_s: float
+    host: Host, admitted_s: float, settings: dict[str, Any]
 ) -> None:
-    plan = compile_plan(scene, host)
+    plan = compile_plan(scene_from_mapping(mapping(**settings), host=host), host)
     engine = Engine(plan)
     earlier_window = engine.advance(round(admitted_s * NS))
     change = launch_change(plan, LATER, engine.time_ns, 0)
@@ -39,7 +40,7 @@ def test_a_launch_between_windows_gives_the_events_of_a_batch(
         plan, earlier_window, change.engine.advance(47 * NS), change.engine.advance(100 * NS)
     )
     scene_with_launch = scene_from_mapping(
-        mapping(targets=[*mapping()["targets"], LATER]), host=host
+        mapping(**settings, targets=[*mapping()["targets"], LATER]), host=host
     )
     assert live == batch(scene_with_launch, host)
     assert change.not_after_ns == 31_700_000_000

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
-from live_scene import LATER, NS, batch, lines, mapping
+from live_scene import DIRECTED, LATER, NS, batch, lines, mapping
 from opir_testing import stub_estimates, stub_window
 from waiting import until
 
@@ -53,6 +53,20 @@ def test_a_live_run_ends_with_the_events_of_the_batch(scene: Scene, host: Host) 
     ]
     with pytest.raises(RefusedError, match="start it again"):
         run.launch(LATER)
+
+
+def test_a_directed_live_run_ends_with_the_events_of_the_batch(host: Host) -> None:
+    directed = scene_from_mapping(mapping(**DIRECTED), host=host)
+    viewer = Kept()
+    run = LiveRun(directed, host, LiveSettings(speed=None), viewer)
+    run.start()
+    until(lambda: run.status().state == "ended")
+    run.stop()
+    live = b"".join(lines(run.plan, live.window) for live in viewer.windows)
+    assert live == batch(directed, host)
+    assert b'"sensor_id":"NARROW"' in live
+    commands = [record for live in viewer.windows for record in live.window.commands]
+    assert [record.time_s for record in commands] == [0.0, 30.0, 60.0, 90.0]
 
 
 def test_each_lap_has_the_next_epoch_and_seed(host: Host) -> None:

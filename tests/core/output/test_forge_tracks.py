@@ -23,7 +23,7 @@ from opir_core.scene import core_hypotheses
 EPOCH_US = 1_775_044_800_000_000
 HYPOTHESES = tuple(each.name for each in core_hypotheses())
 CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=EPOCH_US, hypotheses=HYPOTHESES)
-PLAIN = ForgeEncoder(CONTEXT)
+PLACED = ForgeEncoder(CONTEXT, has_positions=True)
 WITH_TRACKS = ForgeEncoder(CONTEXT, has_tracks=True)
 VALIDATOR = jsonschema.Draft202012Validator(detection_schema())
 SUMS = ("track_probability_launch", "track_probability_missile", "track_probability_orbit")
@@ -84,7 +84,7 @@ def reported(state: FloatArray, time_s: float, covariance: FloatArray, document:
 @given(windows())
 def test_an_event_says_what_its_track_knew(window: Window) -> None:
     lines = WITH_TRACKS.encode(window).splitlines()
-    plain = PLAIN.encode(window).splitlines()
+    plain = PLACED.encode(window).splitlines()
     estimates = window.estimates
     for line, without, row in zip(lines, plain, window.detections.estimate.tolist(), strict=True):
         event = json.loads(line)

@@ -55,10 +55,10 @@ def test_columns_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Ru
     for name in ("sensor", "detection_id", "reported_type", "bands", "detection_count", "track"):
         assert np.array_equal(getattr(actual, name), getattr(expected, name)), name
     assert np.abs(actual.time_ns - expected.time_ns).max() <= 1_000
-    assert np.abs(actual.sensor_ecef_m - expected.sensor_ecef_m).max() <= 1e-3
-    assert np.abs(actual.line_of_sight_ecef - expected.line_of_sight_ecef).max() < 1e-10
-    assert np.allclose(actual.confidence, expected.confidence, atol=1e-6)
-    assert np.allclose(actual.snr, expected.snr, atol=1e-6, equal_nan=True)
+    assert np.abs(actual.sensor_ecef_m - expected.sensor_ecef_m).max() <= 0.051
+    assert np.abs(actual.line_of_sight_ecef - expected.line_of_sight_ecef).max() < 1.3e-9
+    assert np.allclose(actual.confidence, expected.confidence, atol=5.1e-5)
+    assert np.allclose(actual.snr, expected.snr, atol=5.1e-3, equal_nan=True)
     assert (actual.scan == -1).all()
 
 
@@ -115,7 +115,7 @@ def test_saved_hypotheses_ends_and_sources_are_those_of_the_run(
     assert saved.tracks.hypothesis_probability.shape == (40, len(plan.hypotheses))
     assert saved.summary["tracks"] == memory.summary["tracks"]
     (actual,), (expected,) = saved.summary["sources"], memory.summary["sources"]
-    assert actual == pytest.approx(expected, abs=1e-6)
+    assert actual == pytest.approx(expected, abs=5.1e-5)
 
 
 @pytest.mark.slow
@@ -170,7 +170,7 @@ def test_events_of_each_kin_of_forge_are_read(tmp_path: Path, encoder: str) -> N
     memory = opir_core.simulate(opir_core.load_scene(SCENE, overrides=settings))
     assert len(run.detections) == len(memory.detections) > 0
     assert np.allclose(
-        run.detections.type_probability, memory.detections.type_probability, atol=1e-6
+        run.detections.type_probability, memory.detections.type_probability, atol=5.1e-5
     )
     if encoder == "forge-bands":
         expected = memory.detections.band_irradiance_w_m2

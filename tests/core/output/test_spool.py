@@ -72,7 +72,7 @@ def test_a_parcel_says_whose_each_event_is_and_what_it_is() -> None:
     for parcel in packed:
         keys = [parcel.keys[key] for key in parcel.key_of]
         assert keys == [json.loads(line)["sensor_id"] for line in parcel.messages()]
-        assert (parcel.content_type, parcel.schema_version) == ("application/json", "1.0")
+        assert (parcel.content_type, parcel.schema_version) == ("application/json", "2.0")
 
 
 def test_unacknowledged_events_come_first_in_the_next_run(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
         "time_s", "track_id", "available_s", "target_type", "type_probability", "hypotheses", "probability_launch",
         "probability_missile", "probability_orbit", "probability_comes_down", "position_ecef_m",
         "velocity_ecef_m_s", "covariance", "ellipsoid_sigmas", "launch", "burnout", "impact", "impact_regions",
-        "impact_regions_id", "probability_burning", "probability_relights", "end", "seen_s", "is_brief",
+        "probability_burning", "probability_relights", "end", "seen_s", "is_brief",
     ]  # fmt: skip
     assert (line["time_s"], line["track_id"], line["available_s"]) == (61.0, 0, 61.5)
     assert line["target_type"] == "ICBM"
@@ -158,33 +158,69 @@ def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
         assert distance.max() < 0.001 * radius_m / 6_378_137.0
 
 
-def test_regions_are_written_once(tmp_path: Path) -> None:
+def test_a_line_has_what_changed_in_its_track(tmp_path: Path) -> None:
     old, new = REGIONS, stub_regions(10.0, 168.0, 50.0)
-    regions = [(), old, old, new, (), new, old]
-    tracks = tracks_of(7, track=[2] * 7, tick_s=np.arange(7.0), impact_regions=regions, end=0)
+    regions = [(), old, old, new, (), (), old]
+    tracks = tracks_of(7, track=[2, 2, 2, 2, 2, 5, 2], tick_s=np.arange(7.0), end=0)
+    tracks = tracks.replaced(
+        impact_regions=tracks_of(7, impact_regions=regions).impact_regions,
+        launch=tracks.launch[[0, 0, 0, 1, 1, 1, 1]],
+        launch_covariance=tracks.launch_covariance[[0] * 7],
+        burnout=tracks.burnout[[0] * 7],
+        burnout_covariance=tracks.burnout_covariance[[0] * 7],
+    )
     lines = written(tmp_path, tracks)
-    assert [line.get("impact_regions_id") for line in lines] == [None, 0, 0, 1, None, 1, 2]
+    assert [line.get("since_s") for line in lines] == [None, 0.0, 1.0, 2.0, 3.0, None, 4.0]
     wholes = [line.get("impact_regions") for line in lines]
-    assert [whole and len(whole) for whole in wholes] == [[], 6, None, 3, [], None, 6]
-    read = read_tracks(tmp_path / "t.jsonl").impact_regions
-    assert [len(row) for row in read] == [len(row) for row in regions]
-    assert read[1] is read[2]
-    assert read[3] is read[5]
-    # In one write or in several, the lines are the same.
+    assert [whole and len(whole) for whole in wholes] == [[], 6, None, 3, [], [], 6]
+    assert ["launch" in line for line in lines] == [True, False, False, True, False, True, False]
+    assert ["burnout" in line for line in lines] == [True, *[False] * 4, True, False]
+    read = read_tracks(tmp_path / "t.jsonl")
+    assert_equal(read, tracks)
+    assert [len(row) for row in read.impact_regions] == [len(row) for row in regions]
+    assert read.impact_regions[1] is read.impact_regions[2]
+    # In one write or in several, the lines are the same; they are read in any order.
     whole = (tmp_path / "t.jsonl").read_bytes()
     with TracksFile(tmp_path / "t.jsonl", HYPOTHESES) as file:
         for row in range(7):
             file.write(tracks.take(slice(row, row + 1)))
     assert (tmp_path / "t.jsonl").read_bytes() == whole
+    (tmp_path / "t.jsonl").write_bytes(b"".join(whole.splitlines(keepends=True)[::-1]))
+    assert_equal(read_tracks(tmp_path / "t.jsonl"), tracks)
 
 
-def test_regions_of_no_line_before_are_refused(tmp_path: Path) -> None:
-    written(tmp_path, tracks_of(2, track=[0, 0], tick_s=np.arange(2.0), end=0))
+def test_a_value_that_is_no_longer_known_is_null(tmp_path: Path) -> None:
+    known = tracks_of(2, end=0)
+    unknown = stub_estimates(2, hypothesis_probability=np.full((2, len(HYPOTHESES)), np.nan))
+    tracks = Tracks.concatenate(
+        [known.take([0]), unknown.take([0]).replaced(tick_s=np.array([62.0]))]
+    )
+    _, line = written(tmp_path, tracks)
+    assert (line["launch"], line["burnout"], line["impact_regions"]) == (None, None, [])
+    assert np.isnan(read_tracks(tmp_path / "t.jsonl").launch[1]).all()
+
+
+def test_files_with_numbered_regions_are_read(tmp_path: Path) -> None:
+    (whole,) = written(tmp_path, tracks_of(1, track=[0], end=0))
+    lines = [whole | {"time_s": time_s, "impact_regions_id": 0} for time_s in (1.0, 2.0)]
+    del lines[1]["impact_regions"]
     path = tmp_path / "t.jsonl"
-    path.write_text(path.read_text().splitlines()[1] + "\n")
-    with pytest.raises(
-        SceneError, match=r"line 1: impact_regions_id: no line before has regions 0"
-    ):
+    path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    first, second = read_tracks(path).impact_regions
+    assert first is second
+    assert len(first) == len(REGIONS)
+    path.write_text(json.dumps(lines[1]))
+    with pytest.raises(SceneError, match=r"impact_regions_id: no line before has regions 0"):
+        read_tracks(path)
+
+
+@pytest.mark.parametrize("since_s", [0.5, None, "0", [0.0], True])
+def test_lines_of_no_line_before_are_refused(tmp_path: Path, since_s: Any) -> None:
+    lines = written(tmp_path, tracks_of(2, track=[0, 0], tick_s=np.arange(2.0), end=0))
+    lines[1]["since_s"] = since_s
+    path = tmp_path / "t.jsonl"
+    path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    with pytest.raises(SceneError, match=r"line 2: since_s: no line has track 0 at .* whole file"):
         read_tracks(path)
 
 

@@ -94,6 +94,21 @@ def test_too_much_work_is_refused_as_by_the_plan(limits: dict[str, float], detec
     assert str(by_check.value) == str(by_plan.value)
 
 
+def test_too_many_false_alarms_a_second_are_refused_with_their_sensor() -> None:
+    def loud(sigma: float, **changes: Any) -> opir.Scene:
+        sensor = {"model": "DSP", "id": "D", "orbital_slot_deg": 0.0, "threshold_sigma": sigma}
+        return scene(sensors=[sensor], detection="snr", **changes)
+
+    check_scene(loud(3.0))
+    for call in (check_scene, compile_plan):
+        with pytest.raises(opir.SceneError) as refusal:
+            call(loud(2.0))
+        words = str(refusal.value)
+        assert "limits.false_alarms_per_s: the sensors have 1.37e+05 false alarms" in words
+        assert "raise the threshold of D, which has 1.37e+05" in words
+    check_scene(loud(2.0, limits={"false_alarms_per_s": 2e5}))
+
+
 def test_a_limit_between_the_looks_and_their_bound_is_kept() -> None:
     looks = int(compile_plan(scene()).pairs.looks.sum())
     check_scene(scene(limits={"looks_per_run": float(looks)}))

@@ -42,7 +42,7 @@ def test_an_impact_has_an_axis_until_there_are_regions() -> None:
         "posterior",
         None,
     )
-    assert text == "9.00 N 167.70 E at 1800.0 s (73.4 km)"
+    assert text == "9.00 N 167.70 E at 1800.0 ± 9.8 s (73.4 km)"
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_the_area_of_the_95_percent_region_is_printed(area_km2: float, words: st
     regions[0] = (half, maximum, evolve(outer, area_km2=area_km2))
     impact, text = summary_of(evolve(TRACK, impact_regions=regions))
     assert impact["region_95_km2"] == area_km2
-    assert text == f"9.00 N 167.70 E at 1800.0 s ({words})"
+    assert text == f"9.00 N 167.70 E at 1800.0 ± 9.8 s ({words})"
 
 
 def test_the_paper_s_law_has_a_sigma_and_no_containment() -> None:
@@ -66,7 +66,7 @@ def test_the_paper_s_law_has_a_sigma_and_no_containment() -> None:
         None,
     )
     assert impact["sigma_km"] == pytest.approx(30.0)
-    assert text == "9.00 N 167.70 E at 1800.0 s (sigma 30.0 km)"
+    assert text == "9.00 N 167.70 E at 1800.0 ± 9.8 s (sigma 30.0 km)"
     impact, text = summary_of(evolve(TRACK, impact=np.full((1, 3), np.nan)))
     assert (impact, text) == (None, "-")
 
@@ -144,7 +144,7 @@ def test_regions_have_conditions_and_a_chance_of_coming_down() -> None:
         },
     ]
     assert row["impact"]["region_95_km2"] == over[2].area_km2
-    impact = "9.00 N 167.70 E at 1800.0 s (if the burn is over: 95 % in 11 000 km2)"
+    impact = "9.00 N 167.70 E at 1800.0 ± 9.8 s (if the burn is over: 95 % in 11 000 km2)"
     assert track_cells(row, weighs=True)[-2:] == (impact, "-")
 
 

@@ -10,6 +10,7 @@ from opir_forecast.launch_points import (
     LaunchPoints,
     delays_at_once,
     launches,
+    log_unreported,
     updated_points,
 )
 
@@ -37,9 +38,8 @@ def prior_of(runs: int, period_s: float) -> LaunchDelayPrior:
     zero = np.zeros(runs)
     wide = np.full(runs, 1e9)
     nothing = FirstMotion(zero, zero, zero, 0.0, (wide, wide, 1.0, 0.1))
-    looks = delays_at_once(
-        np.array([period_s]), np.array([1.0 - 1e-12]), np.ones((runs, 1), dtype=np.bool_)
-    )
+    unreported = log_unreported(np.array([period_s]), np.array([1.0 - 1e-12]))
+    looks = delays_at_once(unreported, np.ones((runs, 1), dtype=np.bool_))
     return LaunchDelayPrior(looks, nothing, 0.5)
 
 
@@ -129,7 +129,8 @@ def test_first_detections_at_once_are_the_first_of_periodic_looks() -> None:
     chance = np.array([0.6, 0.9])
     looks = rng.uniform(size=(20000, 2)) + rng.geometric(chance, (20000, 2)) - 1.0
     drawn = np.min(looks * period_s, axis=1)
-    stated = delays_at_once(period_s, chance, np.array([[True, True], [False, True]]))
+    sees = np.array([[True, True], [False, True]])
+    stated = delays_at_once(log_unreported(period_s, chance), sees)
     for row, delay in ((0, drawn), (1, looks[:, 1] * period_s[1])):
         found = np.histogram(delay, EDGES_S)[0] / 20000
         assert np.abs(found - stated[row]).max() < 4.0 * np.sqrt(0.25 / 20000)

@@ -12,7 +12,10 @@ from opir_forecast.planar_boost import PlanarBoost, drawn_stages
 @pytest.fixture
 def boost() -> PlanarBoost:
     stages = drawn_stages(MODEL, MISSILE, 40, np.random.default_rng(3))
-    return PlanarBoost(stages, drawn_steering(40, MODEL.data, 3), np.full(40, np.nan))
+    unguided = np.full(40, np.nan)
+    return PlanarBoost(
+        stages, drawn_steering(40, MODEL.data, 3), unguided, np.stack([unguided] * 3)
+    )
 
 
 def test_only_vehicles_that_burn_or_will_are_steered(

@@ -7,7 +7,7 @@ import pytest
 from boost_law import ASCENTS
 from opir_forecast.ascents import LONGEST_S, AscentRows
 from opir_forecast.kernel_regression import hidden_moments
-from opir_forecast.launch_points import AT_ONCE, EDGES_S, delays_at_once
+from opir_forecast.launch_points import AT_ONCE, EDGES_S, delays_at_once, log_unreported
 from opir_forecast.since_launch import InFlight, _log_prior, launch_of
 from plain_boosts import RADIUS_M, flown
 
@@ -17,7 +17,7 @@ from opir_core.geometry import geodetic_to_ecef
 def delays(period_s, probabilities):
     """Return the prior of the delays of two sensors that see a launch."""
     sees = np.ones((1, 2), dtype=np.bool_)
-    return delays_at_once(np.full(2, period_s), np.array(probabilities), sees)[0]
+    return delays_at_once(log_unreported(np.full(2, period_s), np.array(probabilities)), sees)[0]
 
 
 SOON = delays(0.1, [0.6, 0.7])

@@ -37,6 +37,24 @@ def test_a_slow_viewer_loses_the_oldest_and_is_reported() -> None:
     assert frames[-1].startswith(b"event: end")
 
 
+def test_frames_sent_again_let_others_have_their_turn() -> None:
+    async def turns() -> list[str]:
+        order = list[str]()
+
+        async def view(name: str) -> None:
+            client = Client(brief=False)
+            client.backlog = (b"%d" % number for number in range(3))
+            client.close()
+            async for frame in client.frames():
+                if frame.isdigit():
+                    order.append(name)
+
+        await asyncio.gather(view("a"), view("b"))
+        return order
+
+    assert asyncio.run(turns()) == ["a", "b"] * 3
+
+
 def test_viewers_are_bounded(tmp_path: Path) -> None:
     with serving(tmp_path) as running:
         config = running.ask("GET", "/config").json

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from command_line import main
 from drawn_flights import SLOTS_RAD, Flown, Seeing, flown, seen
+from track_lines import whole_records
 
 from opir_core import load_run
 
@@ -69,9 +70,7 @@ def tracked(path: Path, *words: str) -> dict[str, Any]:
         main(["track", str(path), "--sensors", sensors, "--out", str(out), "-q", *WORDS, *words])
         == 0
     )
-    records = [
-        json.loads(line) for line in out.with_suffix(".tracks.jsonl").read_text().splitlines()
-    ]
+    records = whole_records(out.with_suffix(".tracks.jsonl"))
     (final,) = [record for record in records if record["time_s"] == records[-1]["time_s"]]
     return final
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import main
+from track_lines import whole_records
 
 SCENE = """\
 scene: outage
@@ -66,9 +67,7 @@ def track(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> T
 
 
 def records(events: Path) -> Records:
-    return [
-        json.loads(line) for line in events.with_suffix(".tracks.jsonl").read_text().splitlines()
-    ]
+    return whole_records(events.with_suffix(".tracks.jsonl"))
 
 
 def burning(tracks: Records, time_s: float) -> float:

@@ -104,6 +104,20 @@ def test_each_track_has_the_hypothesis_of_what_it_follows():
     assert left_out == ["IRBM", "none of these", "ground source", "bolide", "noise"]
 
 
+def test_kinds_with_names_of_their_own_are_none_of_these_or_what_they_resemble():
+    place = {"lat_deg": 20.0, "lon_deg": -150.0}
+    models = ("aircraft", "fire_fronts", "grazers", "fires")
+    sources = [{"id": model, "model": model, "at": [place]} for model in models]
+    moving = compile_plan(scene_from_mapping({**SCENE, "targets": [], "sources": sources}))
+    evidence = evolve(
+        evidence_of([(20.0, track, stated("noise", 0.5)) for track in range(5)]), plan=moving
+    )
+    evidence = evolve(evidence, target=np.array([0, 1, 2, 3, -1], dtype=np.int32))
+    true = true_hypotheses(evidence, ownership(evidence))
+    expected = ["none of these", "ground source", "bolide", "ground source", "noise"]
+    assert [names()[number] for number in true] == expected
+
+
 def test_a_track_is_scored_at_each_age_that_it_reaches_and_last():
     probabilities = {20.0: 0.2, 24.0: 0.4, 26.0: 0.6, 33.0: 0.9}
     rows = [

@@ -18,6 +18,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.track_priors import filter_of
 from public_names import is_public
 from repository import ROOT
+from scored_scene import SCENE as SCORED
 
 import opir_core as opir
 from opir_core.arrays import FloatArray
@@ -27,24 +28,7 @@ from opir_core.simulation.run import run_of_plan
 
 OUTSIDE = ROOT / "tests" / "support" / "outside_parts"
 
-SCENE = {
-    "scene": "parts",
-    "epoch": "2026-04-01T12:00:00Z",
-    "duration_s": 40.0,
-    "seed": 61,
-    "sensors": [
-        {"model": "SBIRS-GEO", "id": "WEST", "orbital_slot_deg": -150.0},
-        {"model": "SBIRS-GEO", "id": "EAST", "orbital_slot_deg": -90.0},
-    ],
-    "targets": [
-        {
-            "id": "T",
-            "type": "ICBM",
-            "launch": {"lat_deg": 41.2, "lon_deg": -112.0, "time_s": 3.0},
-            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
-        }
-    ],
-}
+SCENE = {**SCORED, "scene": "parts", "duration_s": 40.0, "seed": 61}
 
 
 def scene_of(**tracker: Any) -> dict[str, Any]:

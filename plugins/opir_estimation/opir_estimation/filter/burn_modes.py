@@ -13,12 +13,11 @@ looks that neither of the others explains, until it is improbable.
 
 from collections.abc import Callable, Sequence
 from math import expm1
-from typing import Any
 
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_estimation import square_root
 from opir_estimation.directions import dot, matvec
 from opir_estimation.filter.dynamics import Dynamics
@@ -157,7 +156,7 @@ class FreeBurn:
         identity = np.broadcast_to(np.eye(size), begun.root.shape)
         return Gaussian(begun.mean, square_root.time_update(begun.root, identity, noise))
 
-    def surprises(self, prior: Gaussian, burn: Gaussian) -> Any:
+    def surprises(self, prior: Gaussian, burn: Gaussian) -> BoolArray:
         """Whether looks surprise (n,): squared innovations of positions in standard deviations, χ²
         of 3 degrees of freedom at most.
 
@@ -167,8 +166,7 @@ class FreeBurn:
         step = (burn.mean - prior.mean)[:, :3]
         least = LAW.least_learnt * prior_covariance
         learnt = prior_covariance - _position_covariance(burn) + least
-        whitened: Any = np.linalg.solve(learnt, step[:, :, None])[:, :, 0]
-        return dot(step, whitened) > self.surprise
+        return dot(step, square_root.solved(learnt, step)) > self.surprise
 
 
 def _position_covariance(burn: Gaussian) -> FloatArray:
@@ -271,7 +269,8 @@ class BurnModes:
         """
         if self.stage is None:
             return [Mode(self.motion, *boost)]
-        modes = [Mode(self.motion, *burns.part(number)) for number in (0, 1)]
+        mean, root, _ = burns
+        modes = [Mode(self.motion, mean[:, number], root[:, number]) for number in (0, 1)]
         if self.free is not None and burns.share[0, 2] > 0.0:
             modes.append(Mode(self.free.motion, *burns.part(2)))
         return modes
@@ -356,7 +355,7 @@ class BurnModes:
         that ends is mixed into the steady burn.
         """
         mean, root, share = burns
-        if share[:, 2].any():
+        if share[:, 2].nonzero()[0].size:
             self._end_free(burns, step_s)
         _settle_stages(burns)
         begins = share[:, 0] * -expm1(-step_s / stage.every_s)
@@ -428,11 +427,17 @@ def carried(motion: Dynamics, state: Gaussian, step_s: FloatArray) -> Gaussian:
 def moments(burns: Burns) -> Gaussian:
     """Return the moments of burns."""
     mean, root, share = burns
-    count = np.count_nonzero(share[:, 2])
-    if count in (0, len(share)):
-        size = 3 if count else 2
-        means = mean[:, :size].swapaxes(0, 1)
-        return moment_matched(share[:, :size], means, root[:, :size].swapaxes(0, 1))
+    count = share[:, 2].nonzero()[0].size
+    if 0 < count < share.shape[0]:
+        return _moments_by_kind(burns)
+    size = 3 if count else 2
+    means = mean[:, :size].swapaxes(0, 1)
+    return moment_matched(share[:, :size], means, root[:, :size].swapaxes(0, 1))
+
+
+def _moments_by_kind(burns: Burns) -> Gaussian:
+    """Return the moments of burns, of which only some have a free part."""
+    mean, root, _ = burns
     matched = Gaussian(np.empty_like(mean[:, 0]), np.empty_like(root[:, 0]))
     for mask in (burns.are_free, ~burns.are_free):
         rows = mask.nonzero()[0]

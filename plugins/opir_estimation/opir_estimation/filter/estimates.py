@@ -160,14 +160,14 @@ _Record = TypeVar("_Record", Gaussian, Burns)
 
 def rows_of(record: _Record, rows: IntArray) -> _Record:
     """Return some rows, ascending and distinct: all rows are the record itself."""
-    if len(rows) == len(record.mean):
+    if rows.size == record.mean.shape[0]:
         return record
     return type(record)(*[column[rows] for column in record])
 
 
 def with_rows(record: _Record, rows: IntArray, part: _Record) -> _Record:
     """Return the record with some rows, ascending and distinct, replaced."""
-    if len(rows) == len(record.mean):
+    if rows.size == record.mean.shape[0]:
         return part
     columns = [column.copy() for column in record]
     for column, values in zip(columns, part, strict=True):

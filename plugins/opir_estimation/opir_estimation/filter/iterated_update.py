@@ -154,7 +154,7 @@ def _reach_m(step: FloatArray, span_s: float) -> float:
     within a time span.
     """
     weights = (1.0, span_s, span_s**2 / 2.0, span_s**3 / 6.0)
-    if len(step) == 1:
+    if step.shape[0] == 1:
         numbers = step[0].tolist()
         reach = 0.0
         for k in range(len(numbers) // 3):

@@ -58,7 +58,7 @@ def least_squares(stack: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
 
 def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
     """Return the solutions (n, d, k) of upper triangular systems."""
-    if len(upper) == 1:
+    if upper.shape[0] == 1:
         lone, singular = lapack.dtrtrs(upper[0], right[0])
         if singular:
             raise np.linalg.LinAlgError("Singular matrix")
@@ -69,7 +69,7 @@ def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
 
 def log_determinant_ratio(root: FloatArray, reference: FloatArray) -> FloatArray:
     """Return log |det R / det R'| (n,) of two sets of roots."""
-    if len(root) == 1:
+    if root.shape[0] == 1:
         determinant = prod(root[0].diagonal().tolist())
         return np.array([log(abs(determinant / prod(reference[0].diagonal().tolist())))])
     ratio = root.diagonal(axis1=1, axis2=2) / reference.diagonal(axis1=1, axis2=2)

@@ -91,7 +91,7 @@ def mixed(
     leave = _leaving(step_s, boost_s, coast_s)
     values = _ARITHMETIC.values(partial(_mixing, leave=leave), estimates.weight)
     weight = values[:, :2]
-    if len(values) > 1:
+    if values.shape[0] > 1:
         # Sums of products of all rows: to the last bit, not those of a lone track.
         weight = estimates.weight @ np.array(
             [[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]]
@@ -99,12 +99,12 @@ def mixed(
     lit_share = values[:, 2]
     ended_share = values[:, 3]
     rows = ((ended_share > LAW.least_share) & (weight[:, 1] >= least)).nonzero()[0]
-    if len(rows):
+    if rows.size:
         ended = _into_coast(estimates.part(rows), ended_share[rows], scan_s)
         coast = with_rows(coast, rows, ended)
     begins = (lit_share > modes.least_lit) & (estimates.weight[:, 1] >= EXCLUDED_WEIGHT)
     rows = (begins & ~_are_resting(estimates.detection_rate, weight)).nonzero()[0]
-    if len(rows):
+    if rows.size:
         lit, lit_burns = _into_boost(estimates.part(rows), lit_share[rows], modes)
         boost = with_rows(boost, rows, lit)
         burns = with_rows(burns, rows, lit_burns)

@@ -142,11 +142,10 @@ class MotionModel(PluginPart):
         `weight` (m, 5) are the Taylor weights of the looks, `state` (m, 10) the states of their
         tracks, or (1, 10) one for all.
         """
-        rows = np.empty((len(slope), 2, THRUST))
-        rows[:, :, :9] = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(
-            len(slope), 2, 9
-        )
-        if len(state) == 1:
+        rows = np.empty((slope.shape[0], 2, THRUST))
+        by_path = slope[:, :, None, :] * weight[:, None, :3, None]
+        rows[:, :, :9] = by_path.reshape(-1, 2, 9)
+        if state.shape[0] == 1:
             by_force = (slope.reshape(-1, 3) @ state[0, 6:9]).reshape(-1, 2)
         else:
             by_force = matvec(slope, state[:, 6:9])

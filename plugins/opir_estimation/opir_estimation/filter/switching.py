@@ -145,7 +145,7 @@ class ImmFilter:
         """Return the estimates a step later; coasts less probable than `least` stay as they
         were.
         """
-        if not len(estimates.weight):
+        if not estimates.weight.size:
             return estimates
         mixed = estimates
         if self.switches:
@@ -156,10 +156,10 @@ class ImmFilter:
         burns_used, coasts_used = estimates.are_used
         is_coasting = (mixed.weight[:, 1] >= least) & coasts_used
         rows = is_coasting.nonzero()[0]
-        resting = mode_mixing.resting_rows(mixed) if len(rows) else rows
-        if burns_used and resting.size < len(boost.mean):
+        resting = mode_mixing.resting_rows(mixed) if rows.size else rows
+        if burns_used and resting.size < boost.mean.shape[0]:
             boost, burns = self.burns.predicted(boost, burns, step_s)
-        if len(rows):
+        if rows.size:
             moved = self._coasted(rows_of(coast, rows), step_s)
             coast = self._with_residual(with_rows(coast, rows, moved), estimates, rows, step_s)
         if resting.size:
@@ -273,7 +273,7 @@ class ImmFilter:
     ) -> _Modes:
         """Return modes after looks of a slice, and log likelihoods where both modes are in use."""
         boost, burns, coast = estimates.boost, estimates.burns, estimates.coast
-        change = np.zeros((len(hits), 2))
+        change = np.zeros((hits.size, 2))
         burns_used, coasts_used = estimates.are_used
         for rows, is_open in self._groups(estimates, hits):
             is_coasting = is_open and coasts_used
@@ -282,7 +282,7 @@ class ImmFilter:
             modes = list(self.burns.modes(boost_rows, burn_rows)) if burns_used else []
             if is_coasting:
                 modes.append(Mode(self.coast, *rows_of(coast, rows)))
-            looks = _of_rows(measurements, rows, len(hits))
+            looks = _of_rows(measurements, rows, hits.size)
             results = iterated_update.updated(modes, time_s, looks, self.rounds)
             logs = list(map(iterated_update.log_likelihoods, modes, results))
             if burns_used:
@@ -297,7 +297,7 @@ class ImmFilter:
 
     def _groups(self, estimates: ModeEstimates, hits: IntArray) -> Iterator[_Group]:
         """Yield the groups of tracks with looks, by whether coasts and free burns are computed."""
-        if len(hits) == 1:
+        if hits.size == 1:
             if hits[0]:
                 is_open = bool(estimates.weight[0, 1] >= self.least_open_weight)
                 yield _Group(np.zeros(1, dtype=np.int64), is_open)
@@ -345,10 +345,9 @@ class ImmFilter:
     ) -> PredictedMeasurements:
         """Return the predictions about the estimates' time, by the likelier mode of each track."""
         coasts = estimates.weight[:, 1] > estimates.weight[:, 0]
-        count = np.count_nonzero(coasts)
-        if not count:
+        if True not in coasts:
             return PredictedMeasurements(time_s, *_path(self.boost, estimates.boost))
-        if count == len(coasts):
+        if False not in coasts:
             return PredictedMeasurements(time_s, *_path(self.coast, estimates.coast))
         derivative = np.empty((len(estimates), 5, 3))
         root = np.empty((len(estimates), BOOST, BOOST))
@@ -366,7 +365,7 @@ class ImmFilter:
         are_open = estimates.weight[:, 1:] >= least
         boost_mean = estimates.boost_mean[:, :COAST]
         boost_side = square_root.inverse_root(estimates.boost_root)[:, :COAST]
-        if not are_open.any():
+        if True not in are_open:
             return boost_mean, square_root.gram(boost_side)
         weight = np.where(are_open, estimates.weight, [1.0, 0.0])
         boost = weight[:, :1]
@@ -406,7 +405,7 @@ def _with_burns(
 
 def _of_rows(measurements: AngleMeasurements, rows: IntArray, count: int) -> AngleMeasurements:
     """Return the measurements of some of the tracks (count,), renumbered."""
-    if len(rows) == count:
+    if rows.size == count:
         return measurements
     number = np.full(count, -1)
     number[rows] = np.arange(len(rows))

@@ -185,7 +185,7 @@ class Thrust(MotionModel):
         """Return states after steps, transition matrices back, and roots of the process noise; those
         of a lone state and a short step by one formula.
         """
-        if len(state) > 1 or abs(step_s[0]) > LONGEST_STEP_S:
+        if state.shape[0] > 1 or abs(step_s[0]) > LONGEST_STEP_S:
             return super().step(state, step_s)
         numbers = self.fall.arithmetic.numbers
         lone = self._step_values(state[0].tolist(), step_s.item(), numbers)
@@ -288,9 +288,9 @@ class Thrust(MotionModel):
 
     def _noise_root(self, step: FloatArray, side: FloatArray) -> FloatArray:
         """Return roots of steps (n,) from those of the force's noise per second (n, 9)."""
-        if len(side) == 1:
+        if side.shape[0] == 1:
             side = side.take(_UPPER, axis=1)
-        root = np.zeros((len(side), THRUST, THRUST))
+        root = np.zeros((side.shape[0], THRUST, THRUST))
         side = side.reshape(-1, 1, 3, 1, 3)
         root[:, :9, :9] = (chain_roots(step, 3)[:, :, None, :, None] * side).reshape(-1, 9, 9)
         root[:, 9, 9] = self.growth_noise * np.sqrt(step)

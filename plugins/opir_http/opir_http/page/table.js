@@ -134,12 +134,21 @@ const named = (report) => (report.hypotheses ? `${likeliest(report)} ${share(rep
 
 function cellsOf(report) {
   return [
-    named(report), position(report.impact_point), clock(report.impact_point), areaWords(areaKm2(report)), position(report.launch_point), clock(report.launch_point),
+    named(report), impactPlace(report), clock(report.impact_point), areaWords(areaKm2(report)), position(report.launch_point), clock(report.launch_point),
     share(report.probability_launch),
   ];
 }
 
-const clock = (point) => (point && point.time ? point.time.slice(11, 19) : "–");
+// The place of an impact, unless its region says nothing of where.
+const impactPlace = (report) => (areaKm2(report) > CONTINENT_KM2 ? "no useful region" : position(report.impact_point));
+
+const clock = (point) => (point && point.time ? point.time.slice(11, 19) + interval(point) : "–");
+
+// The half of the 95 % interval of a time.
+function interval(point) {
+  const half = typeof point.time_variance_s2 === "number" ? 1.96 * Math.sqrt(point.time_variance_s2) : NaN;
+  return Number.isNaN(half) ? "" : ` ± ${half < 10 ? half.toFixed(1) : whole.format(Math.round(half))} s`;
+}
 
 // An area to two digits.
 export function areaWords(km2, unit = "") {
@@ -189,8 +198,8 @@ export function detailsOf(store, key, timeS) {
   const cells = cellsOf(report), impact = report.impact_point;
   return [
     ["Track", `${track.id}`], ["Estimate of", `${report.timestamp.slice(11, 22)} Z`], [report.hypotheses ? "Likeliest" : "Type", named(report)], ...weighed(report), ["P(burning)", share(report.probability_burning)],
-    ["Reported type", TYPES.map((type) => `${type === "UNKNOWN" ? "unknown" : type} ${share(report.type_probability[type])}`).join(", ")], ["Altitude", report.altitude_m === null ? "–" : `${whole.format(Math.round(report.altitude_m / 1000) + 0)} km`], ["Launch point", cells[4]], ["Launch time", report.launch_point && report.launch_point.time ? `${report.launch_point.time.slice(11, 22)} Z` : "–"],
-    ["Impact point", cells[1]], ["Impact time", impact && impact.time ? `${impact.time.slice(11, 19)} Z` : "–"], ["95 % area", areas(report)], ["Impact method", (impact && impact.method) || "–"],
+    ["Reported type", TYPES.map((type) => `${type === "UNKNOWN" ? "unknown" : type} ${share(report.type_probability[type])}`).join(", ")], ["Altitude", report.altitude_m === null ? "–" : `${whole.format(Math.round(report.altitude_m / 1000) + 0)} km`], ["Launch point", cells[4]], ["Launch time", report.launch_point && report.launch_point.time ? `${report.launch_point.time.slice(11, 22)} Z${interval(report.launch_point)}` : "–"],
+    ["Impact point", cells[1]], ["Impact time", impact && impact.time ? `${impact.time.slice(11, 19)} Z${interval(impact)}` : "–"], ["95 % area", areas(report)], ["Impact method", (impact && impact.method) || "–"],
   ];
 }
 

@@ -2,7 +2,8 @@
 docs/explanation/classification.md.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,15 +39,15 @@ from opir_photons.detection.snr import SnrDetection
 
 @frozen(eq=False)
 class SpectralClassifier(Classifier):
-    """Bayes' rule with densities from synthetic launches and hot sources; sensor k has
-    `banks[bank_of_sensor[k]]`.
+    """Bayes' rule with densities from synthetic launches and hot sources, made at the first
+    classification; sensor k has `banks[bank_of_sensor[k]]`.
 
     Posteriors are over the `hypotheses`. `log_prior` (types,) are logarithms of the types' shares
     of launches; `least_log_odds` is the limit below which UNKNOWN is reported; `reported_types` are
     those of the scene.
     """
 
-    banks: tuple[TypeDensities, ...]
+    make_banks: Callable[[], tuple[TypeDensities, ...]]
     bank_of_sensor: IntArray
     hypotheses: tuple[Hypothesis, ...]
     reported_types: tuple[str, ...]
@@ -55,6 +56,11 @@ class SpectralClassifier(Classifier):
     least_log_odds: float
     launches_per_day: float
     uses_truth: bool = False
+
+    @cached_property
+    def banks(self) -> tuple[TypeDensities, ...]:
+        """The densities of distinct sensors."""
+        return self.make_banks()
 
     def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into the scene's reported types; no random numbers are drawn."""
@@ -71,11 +77,12 @@ class SpectralClassifier(Classifier):
                 "the detection model has no noise of its irradiances, which spectral needs"
             )
         log_rates = np.empty((len(sightings), len(self.hypotheses)))
+        banks = self.banks
         bank = self.bank_of_sensor[sightings.sensor]
         for number in np.unique(bank).tolist():
             rows = np.flatnonzero(bank == number)
             for block in np.split(rows, range(512, len(rows), 512)):
-                log_rates[block] = _log_rates(self.banks[number], sightings, block)
+                log_rates[block] = _log_rates(banks[number], sightings, block)
         return log_shares(log_rates)
 
     def over_types(self, log_posterior: FloatArray, types: Sequence[str]) -> FloatArray:
@@ -162,7 +169,9 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     prior = LaunchPrior.of(config.prior, context.hypotheses)
     looks = looks_by_radius(detection.environment.bands, prior, config.launches)
     classifier = SpectralClassifier(
-        banks=tuple(type_densities(distinct[key], config, prior, looks) for key in banks_of),
+        make_banks=lambda: tuple(
+            type_densities(distinct[key], config, prior, looks) for key in banks_of
+        ),
         bank_of_sensor=np.array([banks_of.index(key) for key in keys], dtype=np.int64),
         hypotheses=prior.hypotheses,
         reported_types=context.reported_types,

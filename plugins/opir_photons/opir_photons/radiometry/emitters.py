@@ -16,7 +16,8 @@ from opir_core.scene import file_bytes, text_of
 from opir_photons.radiometry.source_configs import (
     PLACE_FIELDS,
     FieldConfig,
-    SourceConfig,
+    PlacedConfig,
+    PlacesConfig,
     emitter_complaint,
     names_complaint,
     own_fields,
@@ -42,7 +43,7 @@ class Emitters:
 
 
 def emitters_of(
-    config: SourceConfig, context: SourceContext, *, is_brief: bool = False
+    config: PlacedConfig, context: SourceContext, *, is_brief: bool = False
 ) -> Emitters:
     """Return the emitters of a block, with the values of the block where they have none of their
     own.
@@ -50,10 +51,13 @@ def emitters_of(
     Brief ones of a random field begin at random during the scene. `SceneError`, with its line, for
     an invalid file, `ModelError` for more emitters than a block may have.
     """
-    defaults = {name: getattr(config, name) for name in own_fields(type(config))}
-    defaults["end_s"] = context.duration_s + 10.0 if config.end_s is None else config.end_s
-    if config.field is not None:
-        drawn = _drawn(config.field, config.area_m2, context, is_brief)
+    settings = {name: getattr(config, name) for name in own_fields(type(config))}
+    defaults = {name: np.nan if value is None else value for name, value in settings.items()}
+    if settings["end_s"] is None:
+        defaults["end_s"] = context.duration_s + 10.0
+    field: PlacesConfig | None = getattr(config, "field", None)
+    if field is not None:
+        drawn = _drawn(field, defaults, context, is_brief)
         count = len(drawn["lat_deg"])
         columns = {name: np.full(count, value) for name, value in defaults.items()}
         return Emitters({**columns, **drawn})
@@ -70,7 +74,7 @@ def emitters_of(
     )
 
 
-def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emitter]:
+def rows_of_csv(path: str, block: PlacedConfig, scene_path: str) -> Sequence[Emitter]:
     """Return the emitters of a CSV file; raises `SceneError` with one message that names file and
     line.
     """
@@ -134,7 +138,7 @@ def _header_complaint(header: list[str], kind: type) -> str | None:
     return complaint and f"in the header {complaint}"
 
 
-def _emitter(row: Mapping[str, str], number: int, block: SourceConfig) -> Emitter:
+def _emitter(row: Mapping[str, str], number: int, block: PlacedConfig) -> Emitter:
     emitter = {}
     for name, text in row.items():
         try:
@@ -156,9 +160,11 @@ def _number(text: str) -> float:
 
 
 def _drawn(
-    field: FieldConfig, area_m2: float, context: SourceContext, is_brief: bool
+    field: PlacesConfig, defaults: Mapping[str, float], context: SourceContext, is_brief: bool
 ) -> dict[str, FloatArray]:
-    """Return positions, areas and, for brief emitters, start times of a random field."""
+    """Return positions, areas of what has one and, for brief emitters, start times of a random
+    field.
+    """
     region = field.region
     south, north = np.sin(np.radians([region.south_deg, region.north_deg]))
     width_deg = (region.east_deg - region.west_deg) % 360.0 or 360.0
@@ -166,16 +172,17 @@ def _drawn(
     # On the sphere with as much surface as the ellipsoid: WGS 84's authalic radius, km.
     surface_km2 = 6371.007181**2 * (north - south) * np.radians(width_deg)
     count = _poisson(field.per_million_km2 * surface_km2 * 1e-6 * hours, context)
-    sine = south + _uniforms(context, "latitude", count) * (north - south)
-    longitude_deg = region.west_deg + _uniforms(context, "longitude", count) * width_deg
-    size = normal_pairs(_words(context, "area", count))[0]
+    sine = south + uniforms(context, "latitude", count) * (north - south)
+    longitude_deg = region.west_deg + uniforms(context, "longitude", count) * width_deg
     drawn = {
         "lat_deg": np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))),
         "lon_deg": (longitude_deg + 180.0) % 360.0 - 180.0,
-        "area_m2": area_m2 * np.exp(field.area_log_sigma * size),
     }
+    if isinstance(field, FieldConfig):
+        size = normals(context, "area", count)
+        drawn["area_m2"] = defaults["area_m2"] * np.exp(field.area_log_sigma * size)
     if is_brief:
-        drawn["start_s"] = _uniforms(context, "start", count) * context.duration_s
+        drawn["start_s"] = uniforms(context, "start", count) * context.duration_s
     return drawn
 
 
@@ -188,12 +195,18 @@ def _poisson(mean: float, context: SourceContext) -> int:
         )
     # Ten standard deviations above the mean: beyond once in 1e23 runs.
     limit = int(mean + 10.0 * np.sqrt(mean) + 40.0)
-    steps = -np.log1p(-_uniforms(context, "count", limit))
+    steps = -np.log1p(-uniforms(context, "count", limit))
     return int(np.count_nonzero(np.cumsum(steps) < mean))
 
 
-def _uniforms(context: SourceContext, purpose: str, count: int) -> FloatArray:
+def uniforms(context: SourceContext, purpose: str, count: int) -> FloatArray:
+    """Return numbers (count,) even in [0, 1) of a block's stream for a purpose."""
     return uniforms_of(_words(context, purpose, count))
+
+
+def normals(context: SourceContext, purpose: str, count: int) -> FloatArray:
+    """Return standard normal numbers (count,) of a block's stream for a purpose."""
+    return normal_pairs(_words(context, purpose, count))[0]
 
 
 def _words(context: SourceContext, purpose: str, count: int) -> NDArray[np.uint64]:

@@ -17,7 +17,7 @@ OWN_FIELDS = ("height_m", "start_s", "end_s", "temperature_k", "emissivity", "ar
 PLACE_FIELDS = ("lat_deg", "lon_deg")
 
 
-def emitter_complaint(emitter: Mapping[str, Any], block: "SourceConfig") -> str | None:
+def emitter_complaint(emitter: Mapping[str, Any], block: "PlacedConfig") -> str | None:
     """Return the first error in one emitter's own values, by the fields of its block's
     configuration class.
     """
@@ -35,9 +35,8 @@ def emitter_complaint(emitter: Mapping[str, Any], block: "SourceConfig") -> str 
             return (
                 f"{name}: {value!r} is outside {infos[name].interval} {infos[name].unit}".rstrip()
             )
-    return _times_complaint(
-        emitter.get("start_s", block.start_s), emitter.get("end_s", block.end_s)
-    )
+    times_s = (emitter.get(name, getattr(block, name)) for name in ("start_s", "end_s"))
+    return _times_complaint(*times_s)
 
 
 def names_complaint(names: Sequence[str], kind: type) -> str | None:
@@ -99,8 +98,8 @@ class RegionConfig:
 
 
 @frozen(kw_only=True)
-class FieldConfig:
-    """A random field: emitters at independent places, their number by the law of Poisson."""
+class PlacesConfig:
+    """Random places in a region: independent, their number by the law of Poisson."""
 
     region: RegionConfig = nested(help="where")
     per_million_km2: float = number(
@@ -108,6 +107,12 @@ class FieldConfig:
         help="expected number in a million km², and for what is brief in each hour",
         source="no default",
     )
+
+
+@frozen(kw_only=True)
+class FieldConfig(PlacesConfig):
+    """A random field: emitters at random places, with random areas."""
+
     area_log_sigma: float = number(
         default=1.0,
         minimum=0.0,
@@ -117,9 +122,9 @@ class FieldConfig:
 
 
 @frozen(kw_only=True)
-class SourceConfig:
-    """What a scene may set of every kind of source: where, in one of three ways, when, and how
-    bright.
+class PlacedConfig:
+    """What a scene may set of every kind of source: where, in one of three ways; the third is the
+    `field` of a kind.
     """
 
     at: tuple[Mapping[str, float], ...] | None = nested(
@@ -133,6 +138,26 @@ class SourceConfig:
         " and own fields, an emitter a line, empty cells for the block's values",
         source="no default: at, csv or field",
     )
+
+    def __attrs_post_init__(self) -> None:
+        ways = [name for name in ("at", "csv", "field") if getattr(self, name) is not None]
+        if len(ways) != 1:
+            words = f"{' and '.join(ways)} are given" if ways else "none of them is given"
+            raise ValueError(f"{words}; exactly one of at, csv and field is needed")
+        times_s = (getattr(self, name) for name in ("start_s", "end_s"))
+        complaint = None if self.at or self.csv else _times_complaint(*times_s)
+        if complaint:
+            raise ValueError(complaint)
+        for number_, emitter in enumerate(self.at or ()):
+            complaint = emitter_complaint(emitter, self)
+            if complaint:
+                raise ValueError(f"at[{number_}]: {complaint}")
+
+
+@frozen(kw_only=True)
+class SourceConfig(PlacedConfig):
+    """What a scene may set of sources that are grey bodies: where, when, and how bright."""
+
     field: FieldConfig | None = nested(
         default=None, help="a random field", source="no default: at, csv or field"
     )
@@ -159,19 +184,6 @@ class SourceConfig:
     area_m2: float = number(
         default=1000.0, unit="m2", above=0.0, maximum=1e12, help="area that shines"
     )
-
-    def __attrs_post_init__(self) -> None:
-        ways = [name for name in ("at", "csv", "field") if getattr(self, name) is not None]
-        if len(ways) != 1:
-            words = f"{' and '.join(ways)} are given" if ways else "none of them is given"
-            raise ValueError(f"{words}; exactly one of at, csv and field is needed")
-        complaint = _times_complaint(self.start_s, self.end_s) if self.field is not None else None
-        if complaint:
-            raise ValueError(complaint)
-        for number_, emitter in enumerate(self.at or ()):
-            complaint = emitter_complaint(emitter, self)
-            if complaint:
-                raise ValueError(f"at[{number_}]: {complaint}")
 
 
 @with_defaults(

@@ -116,7 +116,7 @@ def glint_signatures(
         for band in context.bands
     ]
     return GlintSignatures(
-        sunlight_w_m2=_by_band(light, len(emitters)),
+        sunlight_w_m2=by_band(light, len(emitters)),
         area_m2=emitters["area_m2"],
         ignition_s=emitters["start_s"],
         height_m=emitters["height_m"],
@@ -212,14 +212,14 @@ def fire_sources(config: FireConfig, context: SourceContext) -> Sources:
     emitters = emitters_of(config, context)
     trajectories = _standing("fire", emitters, context)
     up = local_axes(trajectories.start_ecef_m)[:, 2]
-    signatures = GreySignatures(_grey_w_sr(emitters, context), up_ecef=up)
+    signatures = GreySignatures(grey_w_sr(emitters, context), up_ecef=up)
     return _sources(trajectories, signatures)
 
 
 def flare_sources(config: FlareConfig, context: SourceContext) -> Sources:
     """Return gas flares: grey bodies that shine alike to all sides."""
     emitters = emitters_of(config, context)
-    signatures = GreySignatures(_grey_w_sr(emitters, context))
+    signatures = GreySignatures(grey_w_sr(emitters, context))
     return _sources(_standing("flare", emitters, context), signatures)
 
 
@@ -234,18 +234,21 @@ def glint_sources(config: GlintConfig, context: SourceContext) -> Sources:
 def bolide_sources(config: BolideConfig, context: SourceContext) -> Sources:
     """Return bolides: flashes that move straight down through the air."""
     emitters = emitters_of(config, context, is_brief=True)
-    start_m = _starts_m(emitters)
-    velocity_m_s = _directions(emitters, start_m) * emitters["speed_m_s"][:, None]
+    start_m = starts_m(emitters)
+    way = directions(start_m, emitters["heading_deg"], emitters["descent_deg"])
+    velocity_m_s = way * emitters["speed_m_s"][:, None]
     trajectories = _trajectories("bolide", emitters, context, start_m, velocity_m_s)
-    signatures = GreySignatures(_grey_w_sr(emitters, context), flash_s=emitters["flash_s"])
+    signatures = GreySignatures(grey_w_sr(emitters, context), flash_s=emitters["flash_s"])
     return _sources(trajectories, signatures)
 
 
-def _directions(emitters: Emitters, start_m: FloatArray) -> FloatArray:
-    """Return the directions (n, 3) of bolides, by heading and descent."""
-    axes = local_axes(start_m)
-    descent = np.radians(emitters["descent_deg"])
-    heading = np.radians(emitters["heading_deg"])
+def directions(
+    position_m: FloatArray, heading_deg: FloatArray, descent_deg: FloatArray
+) -> FloatArray:
+    """Return unit vectors (n, 3), ECEF, at positions (n, 3), by heading and descent."""
+    axes = local_axes(position_m)
+    descent = np.radians(descent_deg)
+    heading = np.radians(heading_deg)
     level = np.cos(descent)
     east = (level * np.sin(heading))[:, None]
     north = (level * np.cos(heading))[:, None]
@@ -258,14 +261,15 @@ def _sources(trajectories: StraightTrajectories, signatures: Signatures) -> Sour
     return EmitterSources(ids, trajectories, signatures)
 
 
-def _starts_m(emitters: Emitters) -> FloatArray:
+def starts_m(emitters: Emitters) -> FloatArray:
+    """Return the places (n, 3) of emitters, ECEF, m."""
     return geodetic_to_ecef(
         np.radians(emitters["lat_deg"]), np.radians(emitters["lon_deg"]), emitters["height_m"]
     )
 
 
 def _standing(kind: str, emitters: Emitters, context: SourceContext) -> StraightTrajectories:
-    start_m = _starts_m(emitters)
+    start_m = starts_m(emitters)
     return _trajectories(kind, emitters, context, start_m, np.zeros_like(start_m))
 
 
@@ -285,11 +289,11 @@ def _trajectories(
         burnout_s=np.maximum(end_s, emitters["start_s"]),
         start_ecef_m=start_m,
         velocity_ecef_m_s=velocity_m_s,
-        emitters_truth=_truth(kind, emitters, context.id),
+        emitters_truth=truth_of(kind, emitters, context.id),
     )
 
 
-def _truth(kind: str, emitters: Emitters, block: str) -> tuple[Mapping[str, Any], ...]:
+def truth_of(kind: str, emitters: Emitters, block: str) -> tuple[Mapping[str, Any], ...]:
     """Return the truth of each emitter of a block, as plain values."""
     names = tuple(emitters.columns)
     rows = zip(*(emitters[name].tolist() for name in names), strict=True)
@@ -299,15 +303,15 @@ def _truth(kind: str, emitters: Emitters, block: str) -> tuple[Mapping[str, Any]
     )
 
 
-def _grey_w_sr(emitters: Emitters, context: SourceContext) -> FloatArray:
+def grey_w_sr(emitters: Emitters, context: SourceContext) -> FloatArray:
     """Return intensities (bands, n) of the whole area."""
     bodies = (emitters["temperature_k"], emitters["area_m2"], emitters["emissivity"])
     intensities = [
         grey_body_intensity(*bodies, band.lower_um, band.upper_um) for band in context.bands
     ]
-    return _by_band(intensities, len(emitters))
+    return by_band(intensities, len(emitters))
 
 
-def _by_band(rows: Sequence[FloatArray], count: int) -> FloatArray:
+def by_band(rows: Sequence[FloatArray], count: int) -> FloatArray:
     """Return columns (bands, count), at least 0: bands with swapped edges are empty."""
     return np.maximum(np.array(rows, dtype=np.float64).reshape(len(rows), count), 0.0)

@@ -185,13 +185,32 @@ def _read_text(
 ) -> Iterator[str]:
     """Yield the sentences on the detections that were read, and their number by sensor."""
     head = _head_text(arguments.file, plan, reader, columns.detections)
-    yield "\n".join([head, *watched_lines(watched)])
+    yield "\n".join([head, *watched_lines(watched), *_report_lines(plan)])
     count = np.bincount(columns.detections.sensor, minlength=len(plan.sensors)).tolist()
     rows = [
         (sensor.id, sensor.type, grouped(number), spans_text(watched.spans[sensor.id]))
         for sensor, number in zip(plan.sensors, count, strict=True)
     ]
     yield table(("sensor", "type", "detections", "watched s"), rows, numbers=(2,))
+
+
+def _report_lines(plan: Plan) -> Iterator[str]:
+    """Yield sentences on when a sensor reports a launch that it sees, which dates launches."""
+    rules = plan.detection.confirmation
+    if rules is None:
+        yield (
+            "assumed: each look that detects is a line, without confirmation over scans (--set"
+            " detection=snr: by confirmation_detections and confirmation_scans of each sensor)"
+        )
+        return
+    for needed, scans in np.unique(rules, axis=0).tolist():
+        ids = [
+            sensor.id
+            for sensor, rule in zip(plan.sensors, rules.tolist(), strict=True)
+            if rule == [needed, scans]
+        ]
+        rule_text = f"{needed} of {scans} looks detect (detection: {plan.scene.detection.name})"
+        yield f"{', '.join(ids)}: a line once {rule_text}"
 
 
 def _head_text(path: str, plan: Plan, reader: FileReader, detections: Detections) -> str:

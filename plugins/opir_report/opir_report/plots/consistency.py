@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from opir_scoring import impact_scores, state_errors
-from scipy.stats import chi2
+from opir_scoring import chi_square_quantiles, impact_scores
 
 from opir_core.interfaces import TRACK_CONTAINMENTS
 from opir_report.canvas import legend_entry, legend_of, log_ticks, without_data
@@ -98,7 +97,7 @@ def nees_history(facts: RunFacts) -> FigureData:
     """Return the states' errors tick by tick: target_id, since_ignition_s, position and velocity
     error, NEES over 6.
     """
-    errors = state_errors(facts.evidence, facts.owners)
+    errors = facts.states
     return FigureData(
         {
             "target_id": facts.target_names(errors.target),
@@ -117,7 +116,9 @@ def nees_plot(axes: Axes, facts: RunFacts, data: FigureData) -> Axes:
     history = _positive(data, "nees_over_6")
     if not len(history):
         return without_data(axes, "no track whose true state is known")
-    low, high = (float(chi2.ppf(share, _FREEDOM)) / _FREEDOM for share in (0.005, 0.995))
+    low, high = (
+        float(chi_square_quantiles(share, _FREEDOM)) / _FREEDOM for share in (0.005, 0.995)
+    )
     axes.axhspan(low, high, color=MUTED, alpha=0.15, linewidth=0)
     axes.axhline(1.0, color=MUTED, linewidth=1.0)
     for hue, name in zip(facts.hues.of_target, facts.ids, strict=False):

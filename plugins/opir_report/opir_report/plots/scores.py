@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
-from opir_scoring import GEOMETRIES, percent_text, scorecard
+from opir_scoring import GEOMETRIES, percent_text, scorecard_of
 
 from opir_report.canvas import without_data
 from opir_report.palette import GRID, INK
-from opir_report.run_facts import RunFacts
+from opir_report.run_facts import SETTINGS, RunFacts
 
 
 def score_rows(facts: RunFacts) -> list[tuple[str, str]]:
@@ -18,7 +18,7 @@ def score_rows(facts: RunFacts) -> list[tuple[str, str]]:
     """
     if not len(facts.run.tracks):
         return []
-    figures = scorecard([facts.evidence]).figures
+    figures = scorecard_of([facts.scored], SETTINGS).figures
     rows = [
         ("launches tracked", _text(figures["launches_tracked"], 3)),
         ("tracks per launch", _text(figures["tracks_a_launch"], 2)),

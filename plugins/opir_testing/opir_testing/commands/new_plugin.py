@@ -32,6 +32,11 @@ _OWN_SENSORS = """\
   - {model: $name, id: S-1, orbital_slot_deg: -100.0}
   - {model: $name, id: S-2, orbital_slot_deg: -150.0, scan_period_ms: 250}"""
 
+_POINTED_SENSORS = """\
+  - {model: generic-scanner, id: WIDE-1, orbital_slot_deg: -100.0}
+  - {model: generic-scanner, id: WIDE-2, orbital_slot_deg: -150.0}
+  - {model: generic-pointed, id: NARROW, orbital_slot_deg: -120.0}"""
+
 
 @frozen
 class TemplateKind:
@@ -77,6 +82,13 @@ KINDS: Mapping[str, TemplateKind] = {
         "tracker part",
         "TrackerPartContract",
         "tracker: {model: imm, association: $name}",
+    ),
+    "director": TemplateKind(
+        "directors",
+        "director",
+        "DirectorContract",
+        "director: $name\ntracker: imm",
+        sensors=_POINTED_SENSORS,
     ),
     "target": TemplateKind(
         "target_models", "target model", "TargetContract", target="    model: $name"

@@ -19,6 +19,7 @@ HOMES: Mapping[str, tuple[str, str]] = {
     "opir_classifiers": ("confidence_and_classifiers", "ClassifierContract"),
     "opir_trackers": ("trackers", "TrackerContract"),
     "opir_tracker_parts": ("tracker_parts", "TrackerPartContract"),
+    "opir_directors": ("directors", "DirectorContract"),
     "opir_target_models": ("targets", "TargetContract"),
     "opir_target_classes": ("target_classes", "TargetClassContract"),
     "opir_signature_models": ("radiometry", "SignatureContract"),

@@ -200,7 +200,9 @@ class SourceContract(EmitterContract):
         )
 
     def test_emitters_have_source_types(self) -> None:
-        """Emitters have types of sources, a start before their end, and positions between them."""
+        """Emitters have types of sources and one kind in truth and reports, a start before their
+        end, and positions between them.
+        """
         trajectories = self.sources().trajectories
         rows = len(self.sources().ids)
         require(
@@ -213,6 +215,13 @@ class SourceContract(EmitterContract):
             ),
             "an emitter has the type of a target",
             "Set type_code to EMITTER_TYPES.index of a source's type.",
+        )
+        names = [*trajectories.class_names]
+        kinds = [row.get("type") for row in trajectories.truth()]
+        require(
+            names == kinds and len(names) == rows,
+            f"class_names {names[:3]} are not the types {kinds[:3]} of the truth",
+            "Name the kind of each emitter in both, or use a type of EMITTER_TYPES.",
         )
         require(
             np.all(trajectories.burnout_s > trajectories.ignition_s),

@@ -4,7 +4,7 @@ neighbour).
 
 from typing import Any
 
-from opir_trackers.association import ambiguous_tracks, associate_nearest
+from opir_trackers.association import ambiguous_tracks
 from opir_trackers.parts import Association, AssociationProblem, Associator, PartContext
 
 
@@ -13,12 +13,11 @@ class NearestAssociator(Associator):
 
     def associate(self, problem: AssociationProblem) -> Association:
         """Return the association of a slice's lines with the predicted tracks."""
-        pairs = problem.pairs
         lines = problem.lines
-        nearest = associate_nearest(pairs, lines, problem.model)
+        nearest = problem.nearest
         if not nearest.is_ambiguous:
             return Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
-        doubtful = ambiguous_tracks(pairs, lines)
+        doubtful = ambiguous_tracks(problem.pairs, lines)
         return Association(
             lines=lines, owner=nearest.owner, pairs=nearest.assigned, doubtful=doubtful
         )

@@ -1,7 +1,8 @@
-"""The associator `jpda`: lines that several tracks may have move each of them by the probability of
-its label (joint probabilistic data association), over all scans of a slice together.
+"""The associator `jpda`, joint probabilistic data association: a line of sight within the gates of
+several tracks updates each of them, weighted by the probability that it belongs to that track. All
+scans of a slice are weighed together.
 
-Tracks that share no line, and have one line in a scan at most, take theirs.
+A track that shares no line with another one, and has at most one line a scan, takes its lines.
 """
 
 from typing import Any
@@ -17,7 +18,7 @@ from opir_estimation import (
 )
 
 from opir_core.arrays import BoolArray, IntArray
-from opir_trackers.association import ambiguous_tracks, associate_nearest, scan_groups
+from opir_trackers.association import ambiguous_tracks, scan_groups
 from opir_trackers.parts import Association, AssociationProblem, Associator, PartContext
 
 
@@ -29,13 +30,14 @@ class JointAssociator(Associator):
 
     def associate(self, problem: AssociationProblem) -> Association:
         """Return the association of a slice's lines with the predicted tracks."""
-        nearest = associate_nearest(problem.pairs, problem.lines, problem.model)
+        nearest = problem.nearest
         lines = problem.lines
+        certain = Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
         if not nearest.is_ambiguous:
-            return Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
+            return certain
         doubtful = ambiguous_tracks(problem.pairs, lines)
         if not doubtful.size:
-            return Association(lines=lines, owner=nearest.owner, pairs=nearest.assigned)
+            return certain
         is_doubtful = np.isin(problem.pairs.track, doubtful)
         lone = nearest.assigned
         lone = lone.take(np.flatnonzero(~np.isin(lone.track, doubtful)))
@@ -57,7 +59,7 @@ class JointAssociator(Associator):
         """Return the track rows (m,) of lines of the next tick by global nearest neighbour: lines
         of other instants may not be there yet.
         """
-        return associate_nearest(problem.pairs, problem.lines, problem.model).owner
+        return problem.nearest.owner
 
 
 def _looks(problem: AssociationProblem, pairs: GatedPairs) -> SharedLooks:

@@ -1,7 +1,7 @@
 """Associate: the track of each line of a slice, by the associator."""
 
 import numpy as np
-from opir_estimation import GatedPairs, LinesOfSight
+from opir_estimation import LinesOfSight
 
 from opir_core.arrays import IntArray
 from opir_trackers.association import unassigned
@@ -24,8 +24,7 @@ def associate(
             memory=state.memory,
         )
     parts = models.parts
-    problem = _problem(models, state, prediction, lines, prediction.pairs)
-    association = parts.associator.associate(problem)
+    association = parts.associator.associate(_problem(models, state, prediction))
     _require_owners(models, association.owner, state, lines)
     return association
 
@@ -49,17 +48,13 @@ def _require_owners(
 
 
 def _problem(
-    models: TrackingModels,
-    state: TrackerState,
-    prediction: SlicePrediction,
-    lines: LinesOfSight,
-    pairs: GatedPairs,
+    models: TrackingModels, state: TrackerState, prediction: SlicePrediction
 ) -> AssociationProblem:
-    """Return the association of lines with the tracks that are predicted, by some pairs."""
+    """Return the association of lines with the tracks that are predicted."""
     table = state.table
     return AssociationProblem(
-        lines=lines,
-        pairs=pairs,
+        lines=prediction.lines,
+        pairs=prediction.pairs,
         number=table.number,
         path=prediction.path,
         reports=table.reports,
@@ -67,6 +62,7 @@ def _problem(
         end_s=prediction.end_s,
         span_s=prediction.span_s,
         memory=state.memory,
+        known_nearest=prediction.nearest,
     )
 
 
@@ -82,11 +78,10 @@ def track_numbers(models: TrackingModels, state: TrackerState, lines: LinesOfSig
     lines = models.corrected(state.registration, lines)
     prediction = predict(models, state, state.time_s + models.config.cadence_s, lines)
     eligible = models.confirmed(state)
-    pairs = prediction.pairs
-    if not eligible.all():
-        pairs = pairs.take(eligible[pairs.track].nonzero()[0])
-    owner = models.parts.associator.labels(
-        _problem(models, state, prediction, lines.of_instants(), pairs), eligible
-    )
+    prediction = prediction._replace(lines=lines.of_instants())
+    if False in eligible:
+        rows = eligible[prediction.pairs.track].nonzero()[0]
+        prediction = prediction._replace(pairs=prediction.pairs.take(rows), nearest=None)
+    owner = models.parts.associator.labels(_problem(models, state, prediction), eligible)
     _require_owners(models, owner, state, lines)
     return np.where(owner < 0, -1, number[owner])

@@ -57,7 +57,7 @@ def initiate(
     `raw` are the slice's lines as they came, `reported` (m,) their types.
     """
     is_free = owner < 0
-    if not is_free.any():
+    if True not in is_free:
         if not state.unclaimed.scan.size:
             return state
         return _with_initiated(models, _forgotten(models, state, prediction.span_s))

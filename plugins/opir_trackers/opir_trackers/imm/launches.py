@@ -8,6 +8,7 @@ import numpy as np
 from attrs import frozen
 from opir_estimation import SPIN, PredictedMeasurements, earth_rotated, emission_s
 from opir_forecast import (
+    FirstMotion,
     InFlight,
     LaunchDelayPrior,
     LaunchPoints,
@@ -22,7 +23,7 @@ from opir_forecast import (
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.state import TrackerState
-from opir_trackers.onset.motion_statistics import LAUNCH
+from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.track_priors import first_motion
 
 
@@ -45,6 +46,9 @@ class YoungLaw:
     #: One sensor alone sees neither height nor climb, which ascents are compared by.
     sensors: int = 2
 
+    #: Light is under way for less than this, s.
+    light_s: float = 0.5
+
 
 LAW = YoungLaw()
 
@@ -53,8 +57,8 @@ _LAUNCH_SIGN = np.array([1.0, 1.0, 1.0, -1.0])
 
 
 class _Young(NamedTuple):
-    """Young tracks: paths, and (n,) times at which the light of first detections was emitted; which
-    sensors see each.
+    """Young tracks: paths, motions by few lines, and (n,) times at which the light of first
+    detections was emitted; which sensors see each.
 
     `at_once` (n, times) is the prior of the times to first detections of what is seen from the
     ground, `biased` (n, 3, 3) the covariances of positions due to the sensors' errors, if there are
@@ -62,6 +66,7 @@ class _Young(NamedTuple):
     """
 
     path: PredictedMeasurements
+    motion: MotionStatistics
     first_s: FloatArray
     visible: BoolArray
     at_once: FloatArray
@@ -76,7 +81,9 @@ class _Young(NamedTuple):
         """Return some of the tracks."""
         path = self.path._replace(derivative=self.path.derivative[rows], root=self.path.root[rows])
         biased = None if self.biased is None else self.biased[rows]
-        return _Young(path, self.first_s[rows], self.visible[rows], self.at_once[rows], biased)
+        motion = self.motion.take(rows)
+        first_s = self.first_s[rows]
+        return _Young(path, motion, first_s, self.visible[rows], self.at_once[rows], biased)
 
 
 def with_launch_points(models: TrackingModels, state: TrackerState, span_s: float) -> TrackerState:
@@ -150,21 +157,25 @@ def _young(models: TrackingModels, state: TrackerState, rows: IntArray) -> _Youn
     range_m = models.biases.ranges_m(estimates.likelier_position_m, state.time_s, visible)
     return _Young(
         path=models.path(estimates, state.time_s),
+        motion=table.motion,
         first_s=emission_s(table.first_s, range_m, models.light_time),
         visible=visible,
-        at_once=delays_at_once(models.period_s, models.association.detection_probability, visible),
+        at_once=delays_at_once(models.unreported, visible),
         biased=None if shared is None else shared[:, :3, :3],
     )
+
+
+def _first_motion(models: TrackingModels, young: _Young) -> FirstMotion:
+    """Return what the filter assumes of tracks at their first detections."""
+    alone = young.visible.sum(axis=1) < LAW.sensors
+    return first_motion(young.path, young.first_s, alone, models.config.thrust)
 
 
 def _followed_back(models: TrackingModels, young: _Young) -> LaunchPoints:
     """Return the launch points of paths that are followed back to rest on the ground."""
     thrust = models.config.thrust
     inland = models.config.hypotheses.inland_share
-    motion = first_motion(
-        young.path, young.first_s, young.visible.sum(axis=1) < LAW.sensors, thrust
-    )
-    prior = LaunchDelayPrior(young.at_once, motion, inland)
+    prior = LaunchDelayPrior(young.at_once, _first_motion(models, young), inland)
     return launches(young.path, young.first_s, prior, thrust.launch_noise_m_s2, young.biased)
 
 
@@ -176,9 +187,16 @@ def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
     points = LaunchPoints.nowhere(len(when_s))
     if not len(when_s):
         return points
-    moments = path_moments(young.path, when_s, models.config.thrust.launch_noise_m_s2, young.biased)
+    states, covariances = _midway(models, young)
     for row in range(len(when_s)):
-        launch = launch_of(models.single.ascents, _in_flight(models, young, row, moments))
+        target = InFlight(
+            states[row],
+            covariances[row],
+            float(when_s[row] - young.first_s[row]),
+            young.at_once[row],
+            models.config.hypotheses.inland_share,
+        )
+        launch = launch_of(models.single.ascents, target)
         if launch is None:
             continue
         mean, covariance = launch
@@ -189,19 +207,43 @@ def _by_ascents(models: TrackingModels, young: _Young) -> LaunchPoints:
     return points
 
 
-def _in_flight(
-    models: TrackingModels,
-    young: _Young,
-    row: int,
-    moments: tuple[FloatArray, FloatArray, FloatArray],
-) -> InFlight:
-    """Return a track in the middle of its lines, relative to the rotating Earth."""
-    position, velocity, covariance = moments
-    time_s = float(young.middle_s[row])
+def _midway(models: TrackingModels, young: _Young) -> tuple[FloatArray, FloatArray]:
+    """Return the states (n, 6), relative to the rotating Earth, and covariances (n, 6, 6) of tracks
+    in the middle of their lines.
+
+    The filter forgets what it saw half of the time ago; of few lines, the cubic that fits them all
+    is better.
+    """
+    states, covariances = _by_filter(models, young)
+    # Statistics that have begun anew lack lines; others begin as the light of the first one arrives.
+    is_whole = young.motion.are_few & (young.motion.epoch_s <= young.first_s + LAW.light_s)
+    few = is_whole.nonzero()[0]
+    if len(few):
+        part = young.take(few)
+        first = _first_motion(models, part)
+        _, _, force, growth = first.sigmas
+        ones = np.ones(len(few))
+        lift = np.array([first.acceleration, force * ones])
+        since_s = part.middle_s - part.first_s
+        motion = part.motion.moved(since_s, lift, np.array([first.jerk, growth])[:, None] * ones)
+        states[few], covariances[few] = motion
+        if part.biased is not None:
+            covariances[few, :3, :3] += part.biased
+    return states, covariances
+
+
+def _by_filter(models: TrackingModels, young: _Young) -> tuple[FloatArray, FloatArray]:
+    """Return the states (n, 6) and covariances (n, 6, 6) of `_midway` by the filter."""
+    noise = models.config.thrust.launch_noise_m_s2
+    when_s = young.middle_s
+    position, velocity, covariance = path_moments(young.path, when_s, noise, young.biased)
+    changes = np.array([_to_earth(time_s) for time_s in when_s.tolist()])
+    states = changes @ np.concatenate([position, velocity]).T[:, :, None]
+    spread = covariance.transpose(2, 0, 1)
+    return states[:, :, 0], changes @ spread @ changes.transpose(0, 2, 1)
+
+
+def _to_earth(time_s: float) -> FloatArray:
+    """Return the matrix (6, 6) that takes an inertial state to ECEF, velocity over the ground."""
     turn = earth_rotated(np.eye(3), np.full(3, -time_s)).T
-    change = np.block([[turn, np.zeros((3, 3))], [-turn @ SPIN, turn]])
-    state = change @ np.concatenate([position[:, row], velocity[:, row]])
-    spread = change @ covariance[:, :, row] @ change.T
-    since_s = time_s - float(young.first_s[row])
-    inland = models.config.hypotheses.inland_share
-    return InFlight(state, spread, since_s, young.at_once[row], inland)
+    return np.block([[turn, np.zeros((3, 3))], [-turn @ SPIN, turn]])

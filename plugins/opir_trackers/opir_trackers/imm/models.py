@@ -20,7 +20,7 @@ from opir_estimation import (
     candidates,
     gated,
 )
-from opir_forecast import Outcomes, site_height_m, vehicle_model
+from opir_forecast import Outcomes, log_unreported, site_height_m, vehicle_model
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.flight import forces_of
@@ -122,6 +122,7 @@ class TrackingModels:
     slowest_s: float
     memory_s: FloatArray
     silence_limit_s: FloatArray
+    unreported: FloatArray
     groups: GroupPosterior
     single: SingleSensor
     parts: TrackingParts
@@ -137,6 +138,7 @@ class TrackingModels:
         biases = Biases.of(context.sensors, config.clock_sigma_s)
         outcomes = Outcomes(vehicle_model(config.boost_prior), context.hypotheses)
         clutter = clutter_per_sr(context, config.false_alarms_per_sr)
+        unreported = log_unreported(period_s, detection_probability, context.confirmation)
         site_m = site_height_m(config.hypotheses.inland_share)
         return cls(
             config=config,
@@ -151,8 +153,9 @@ class TrackingModels:
                 period_s, min(config.slice_s, config.cadence_s), config.recent_scans
             ),
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
+            unreported=unreported,
             groups=GroupPosterior.of(config.hypotheses, clutter, detection_probability),
-            single=SingleSensor(outcomes, filter_, biases, period_s, site_m),
+            single=SingleSensor(outcomes, filter_, biases, unreported, site_m),
             parts=TrackingParts.of(config, context),
             watch=LookSpans.of(context.sensors, period_s, detection_probability),
         )

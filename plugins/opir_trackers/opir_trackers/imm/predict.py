@@ -15,6 +15,8 @@ from opir_estimation import (
     Registration,
 )
 
+from opir_core.arrays import BoolArray, FloatArray
+from opir_trackers.association import NearestLines, lone_lines
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.state import TrackerState, TrackTable
 
@@ -23,8 +25,9 @@ class SlicePrediction(NamedTuple):
     """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are
     those in the slice, `pairs` those within gates.
 
-    `watched` is how long tracks were looked at in it, None for throughout. Without tracks or lines
-    no measurements are predicted.
+    `watched` is how long tracks were looked at in it, None for throughout. `nearest` is the
+    assignment of the lines, and of those of each instant, where it is unambiguous. Without tracks
+    or lines no measurements are predicted.
     """
 
     estimates: ModeEstimates
@@ -34,6 +37,7 @@ class SlicePrediction(NamedTuple):
     end_s: float
     span_s: float
     watched: LookTimes | None = None
+    nearest: NearestLines | None = None
 
 
 def predict(
@@ -62,13 +66,24 @@ def _predicted(
         return SlicePrediction(estimates, _NO_PATH, GatedPairs.empty(), lines, *times)
     path = models.path(estimates, end_s)
     if registration.widens_gates:
-        vantages = models.vantages(registration, end_s)
-        state = estimates.likelier_state
-        path = path._replace(
-            bias_covariance=registration.gate_covariance(state, table.seen, vantages)
-        )
+        path = _widened(path, models, estimates.likelier_state, table.seen, registration)
     pairs = models.gated_pairs(path, lines, span_s)
-    return SlicePrediction(estimates, path, pairs, lines, *times)
+    lone = lone_lines(pairs, lines, models.association)
+    return SlicePrediction(estimates, path, pairs, lines, *times, lone)
+
+
+def _widened(
+    path: PredictedMeasurements,
+    models: TrackingModels,
+    state: FloatArray,
+    seen: BoolArray,
+    registration: Registration,
+) -> PredictedMeasurements:
+    """Return predictions of states (n, 6), seen by sensors (n, sensors), with the errors that these
+    may have.
+    """
+    vantages = models.vantages(registration, path.time_s)
+    return path._replace(bias_covariance=registration.gate_covariance(state, seen, vantages))
 
 
 _NO_PATH = PredictedMeasurements(0.0, np.empty((0, 5, 3)), np.empty((0, BOOST, BOOST)))

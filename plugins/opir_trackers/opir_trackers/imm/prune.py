@@ -81,14 +81,14 @@ class UnlikelyPruner(Pruner):
         uncertain = are_uncertain(tracks.covariance, self.settings.lost_sigma_m)
         below_ground = are_below_ground(tracks.mean[:, :3])
         fallen = below_ground
-        if (uncertain | below_ground | (table.hits < self.needed)).any():
+        if True in (uncertain | below_ground | (table.hits < self.needed)):
             unseen = tracks.silent_s > tracks.silence_limit_s
             drop |= (uncertain | (table.hits < self.needed)) & unseen
             fallen = below_ground & have_come_down(tracks.mean[:, :3], tracks.covariance, unseen)
             drop |= fallen
         if table.number.size > 1:
             drop |= _lesser(tracks)
-        if not drop.any():
+        if True not in drop:
             return np.zeros(drop.shape, dtype=np.int64)
         is_brief = are_brief(motion, table.first_s, table.seen_s)
         return np.where(drop, np.where(fallen & ~is_brief, IMPACT, LOST), 0)
@@ -131,7 +131,7 @@ def prune(
         f"codes 0 to {LOST} of {table.number.size} tracks",
         is_right=end.shape == table.number.shape and end.dtype.kind in "iu",
     )
-    return _without(models, state, end) if end.any() else state
+    return _without(models, state, end) if end.nonzero()[0].size else state
 
 
 def _picture(

@@ -17,26 +17,28 @@ from opir_trackers.imm.state import TrackTable
 
 
 class ReportedTracks(NamedTuple):
-    """Tracks without impacts, their estimates, log likelihoods (n, H) of sensors' reports and group
-    probabilities.
+    """The tracks that are reported at a time, with inertial means (n, 6) and covariances (n, 6, 6).
 
+    `is_brief` is as in `Tracks`, `reports` (n, H) are the log likelihoods of sensors' reports, and
     `end` (n,) are codes into `TRACK_ENDS` of tracks that ended since the last tick.
     """
 
-    tracks: Tracks
-    estimates: ModeEstimates
+    time_s: float
+    table: TrackTable
+    mean: FloatArray
+    covariance: FloatArray
+    is_brief: BoolArray
     reports: FloatArray
-    groups: FloatArray
     end: NDArray[np.uint8]
 
 
 def boost_estimates(reported: ReportedTracks, launched: BoolArray) -> BoostEstimates:
     """Return the record of tracks that forecasts are made from; `launched` (n,) are forecast."""
-    tracks = reported.tracks
-    estimates = reported.estimates
+    table = reported.table
+    estimates = table.estimates
     hits, spell, silent_s = estimates.detection_rate.T
     return BoostEstimates(
-        tracks.track,
+        table.number,
         launched,
         estimates.weight[:, 0],
         estimates.burn_share,
@@ -46,13 +48,13 @@ def boost_estimates(reported: ReportedTracks, launched: BoolArray) -> BoostEstim
         estimates.coast_root,
         silent_s,
         spell / np.maximum(hits, 1.0),
-        tracks.launch,
-        tracks.launch_covariance,
+        table.launch,
+        table.launch_covariance,
         reported.reports,
     )
 
 
-def with_launches(
+def tracks_of(
     reported: ReportedTracks,
     forecasts: LaunchForecasts,
     launched: BoolArray,
@@ -61,28 +63,35 @@ def with_launches(
     """Return tracks with their forecasts and columns of hypotheses; those that are not `launched`
     (n,) have no launch point and no impact.
     """
-    tracks = reported.tracks
-    no_launch = (~launched).nonzero()[0]
-    launch = tracks.launch
-    covariance = tracks.launch_covariance
-    if len(no_launch):
-        launch = launch.copy()
-        covariance = covariance.copy()
-        launch[no_launch] = np.nan
-        covariance[no_launch] = np.nan
-    return evolve(
-        tracks,
-        launch=launch,
-        launch_covariance=covariance,
-        impact=forecasts.impact,
-        impact_covariance=forecasts.impact_covariance,
+    table = reported.table
+    return Tracks(
+        np.array([reported.time_s] * table.number.size),
+        table.number,
+        *earth_fixed(reported.mean, reported.covariance, reported.time_s),
+        *_launches(table, launched),
+        forecasts.impact,
+        forecasts.impact_covariance,
         impact_sigmas=forecasts.impact_sigmas,
         impact_regions=forecasts.impact_regions,
         probability_burning=forecasts.probability_burning,
         probability_relights=forecasts.probability_relights,
+        seen_s=table.seen_s - table.first_s,
+        is_brief=reported.is_brief,
         end=np.where(reported.end > 0, reported.end, forecasts.end).astype(np.uint8),
         **hypotheses,
     )
+
+
+def _launches(table: TrackTable, launched: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return launches (n, 3) and covariances (n, 3, 3), unknown where a track is no launch."""
+    no_launch = (~launched).nonzero()[0]
+    if not no_launch.size:
+        return table.launch, table.launch_covariance
+    launch = table.launch.copy()
+    covariance = table.launch_covariance.copy()
+    launch[no_launch] = np.nan
+    covariance[no_launch] = np.nan
+    return launch, covariance
 
 
 def with_glides(tracks: Tracks, estimates: ModeEstimates, share: FloatArray) -> Tracks:
@@ -92,7 +101,7 @@ def with_glides(tracks: Tracks, estimates: ModeEstimates, share: FloatArray) -> 
     share = share * estimates.weight[:, 1]
     # A less probable glide does not count.
     rows = (share > 0.01).nonzero()[0]
-    if not len(rows):
+    if not rows.size:
         return tracks
     gliding = glided(
         tracks.state[rows], tracks.state_covariance[rows], estimates.detection_rate[rows, 2]
@@ -122,49 +131,6 @@ def mixed_with(
     mixed = weight * alternative[1] + (1.0 - weight) * covariance[rows] + spread
     covariance[rows] = 0.5 * (mixed + mixed.transpose(0, 2, 1))
     return state, covariance
-
-
-def tracks_of(
-    mean: FloatArray,
-    covariance: FloatArray,
-    table: TrackTable,
-    time_s: float,
-    is_brief: BoolArray,
-) -> Tracks:
-    """Return tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without
-    type and impact.
-    """
-    count = len(mean)
-    impact = _unknown(count, 6, 3)
-    probability = _unknown(5, count)
-    state, covariance = earth_fixed(mean, covariance, time_s)
-    return Tracks(
-        tick_s=np.array([time_s] * count),
-        track=table.number,
-        state=state,
-        state_covariance=covariance,
-        launch=table.launch,
-        launch_covariance=table.launch_covariance,
-        impact=impact[:, 0],
-        impact_covariance=impact[:, 1:4],
-        impact_sigmas=impact[:, 4],
-        state_sigmas=impact[:, 5],
-        type_probability=_unknown(count, len(REPORTED_TYPES)),
-        probability_burning=probability[0],
-        probability_relights=probability[1],
-        probability_launch=probability[2],
-        probability_missile=probability[3],
-        probability_orbit=probability[4],
-        hypothesis_probability=np.empty((count, 0)),
-        seen_s=table.seen_s - table.first_s,
-        is_brief=is_brief,
-    )
-
-
-def _unknown(*shape: int) -> FloatArray:
-    nothing = np.empty(shape)
-    nothing.fill(np.nan)
-    return nothing
 
 
 def type_log_likelihoods(sensors: Sequence[Sensor]) -> FloatArray:

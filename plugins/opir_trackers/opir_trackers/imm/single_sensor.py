@@ -19,6 +19,7 @@ from opir_estimation import (
 )
 from opir_forecast import (
     BEFORE_S,
+    EDGES_S,
     AlongSight,
     BoostAscents,
     Outcomes,
@@ -64,13 +65,13 @@ class _View(NamedTuple):
 @frozen(eq=False)
 class SingleSensor:
     """The law of boosts for tracks that one sensor alone sees, from sites of the height `site_m`,
-    root mean square.
+    root mean square; `unreported` (sensors, edges) is that of `log_unreported`.
     """
 
     outcomes: Outcomes
     filter: ImmFilter
     biases: Biases
-    period_s: FloatArray
+    unreported: FloatArray
     site_m: float
 
     def with_ascents(
@@ -119,7 +120,7 @@ class SingleSensor:
         Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
         is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
-        if not is_single.any():
+        if True not in is_single:
             return is_single
         interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
         estimates = table.estimates
@@ -182,8 +183,10 @@ class SingleSensor:
         """Return times (2, n), s, from the ignition of each ascent to its first detection: at once,
         or out of cloud.
         """
-        uniform = _uniform(len(self.ascents.log_weight))
-        return uniform * np.array([[self.period_s[sensor]], [BEFORE_S]])
+        wait, hidden = _uniform(len(self.ascents.log_weight))
+        reported = 1.0 - np.exp(self.unreported[sensor])
+        wait_s = np.interp(wait * reported[-1], reported, EDGES_S)
+        return np.stack([wait_s, wait_s + BEFORE_S * hidden])
 
 
 def _noise(root: FloatArray, axes: FloatArray, spread: FloatArray) -> FloatArray:

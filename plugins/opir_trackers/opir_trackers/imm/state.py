@@ -150,7 +150,7 @@ class TrackTable(Columns):
     ) -> "TrackTable":
         """Return the table after lines (m,), in order of time, of rows `owner`, -1 for none."""
         has_track = owner >= 0
-        if not has_track.all():
+        if False in has_track:
             owner = owner[has_track]
             time_s = time_s[has_track]
             sensor = sensor[has_track]
@@ -161,7 +161,7 @@ class TrackTable(Columns):
         np.maximum.at(seen_s, owner, time_s)
         hits = self.hits + np.bincount(owner, minlength=len(self.number))
         reports = self.reports
-        if (reports[owner, sensor] != reported).any():
+        if True in (reports[owner, sensor] != reported):
             reports = reports.copy()
             reports[owner, sensor] = reported
         return self.changed(first_s=first_s, seen_s=seen_s, hits=hits, reports=reports)

@@ -10,7 +10,7 @@ from opir_forecast import Forecaster
 from opir_core.arrays import IntArray
 from opir_core.plugin import Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
 from opir_trackers.configs import ImmConfig
-from opir_trackers.imm.report import boost_estimates, with_glides, with_launches
+from opir_trackers.imm.report import boost_estimates, tracks_of, with_glides
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.onset.composition import Composition
@@ -64,9 +64,11 @@ class ImmTracker(Tracker):
     def _reported(self) -> Tracks:
         """Return the tracks with forecasts and probabilities of hypotheses."""
         reported = self._tracking.reported_tracks(self._state)
-        launch_probability = reported.groups[:, LAUNCH]
+        table = reported.table
+        groups = table.motion.probability
+        launch_probability = groups[:, LAUNCH]
         launched = launch_probability >= self._tracking.config.least_launch_probability
-        launched &= ~reported.tracks.is_brief
+        launched &= ~reported.is_brief
         estimates = boost_estimates(reported, launched)
         forecasts = self._forecaster.forecasts(estimates, self._state.time_s)
         shape = estimates.log_likelihood.shape
@@ -76,13 +78,14 @@ class ImmTracker(Tracker):
             f"forecasts of {shape[0]} tracks over {shape[1]} hypotheses",
             is_right=forecasts.given_launch.shape == shape,
         )
-        glides = launch_probability * forecasts.given_launch[:, self._glides].sum(axis=1)
-        hypotheses = self._composition.columns(reported.groups, forecasts.given_launch)
-        tracks = with_launches(reported, forecasts, launched, hypotheses)
-        tracks = with_glides(tracks, reported.estimates, glides)
-        if forecasts.end.any():
+        given_glide = np.add.reduce(forecasts.given_launch[:, self._glides], axis=1)
+        hypotheses = self._composition.columns(groups, forecasts.given_launch)
+        tracks = tracks_of(reported, forecasts, launched, hypotheses)
+        tracks = with_glides(tracks, table.estimates, launch_probability * given_glide)
+        is_over = forecasts.end > 0
+        if True in is_over:
             # Nothing new can come of them.
-            ended = tracks.track[forecasts.end > 0]
+            ended = table.number[is_over]
             self._state = self._state.without(np.isin(self._state.table.number, ended))
         return tracks
 

@@ -23,7 +23,7 @@ from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
 from opir_trackers.imm.prune import prune
-from opir_trackers.imm.report import ReportedTracks, tracks_of, type_evidence, type_log_likelihoods
+from opir_trackers.imm.report import ReportedTracks, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
 from opir_trackers.onset.brevity import are_brief
@@ -113,7 +113,7 @@ class ImmTracking:
         """
         table = state.table
         motion = table.motion
-        if motion.is_decided.all():
+        if False not in motion.is_decided:
             return state
         pause_s = self.models.longest(self.models.period_s, table)
         silent_s = self.models.silent_s(table, state.time_s)
@@ -153,9 +153,7 @@ class ImmTracking:
         return track_numbers(self.models, state, lines)
 
     def reported_tracks(self, state: TrackerState) -> ReportedTracks:
-        """Return the confirmed tracks, without impacts, and what their forecast and composition
-        need.
-        """
+        """Return the confirmed tracks and those that ended since the last tick."""
         tracks = self.confirmed_and_ended(state)
         table = tracks.table
         mean, covariance = self.models.moments(table.estimates)
@@ -163,13 +161,8 @@ class ImmTracking:
         if added is not None:
             covariance = covariance + added
         is_brief = self.are_brief(tracks, state.time_s)
-        return ReportedTracks(
-            tracks_of(mean, covariance, table, state.time_s, is_brief),
-            table.estimates,
-            self.models.memo.of_column("reports", self._log_reports, table.reports),
-            table.motion.probability,
-            tracks.end,
-        )
+        reports = self.models.memo.of_column("reports", self._log_reports, table.reports)
+        return ReportedTracks(state.time_s, table, mean, covariance, is_brief, reports, tracks.end)
 
     def _log_reports(self, reports: IntArray) -> FloatArray:
         """Return the log likelihoods (n, H) of the sensors' reports (n, sensors)."""
@@ -195,7 +188,7 @@ class ImmTracking:
         table = state.table
         tracks = EndedTracks(table, np.zeros(table.number.size, dtype=np.uint8))
         confirmed = self.models.confirmed(state)
-        if np.count_nonzero(confirmed) < len(confirmed):
+        if False in confirmed:
             tracks = tracks.take(confirmed.nonzero()[0])
         if state.ended is None:
             return tracks

@@ -56,9 +56,8 @@ def update(
     estimates = models.filter.with_open_coast(
         estimates, prediction.estimates, table.estimates, prediction.span_s
     )
-    table = table.with_estimates(estimates)
-    if outliers is not None:
-        table = table.changed(outliers=outliers)
+    log = table.outliers if outliers is None else outliers
+    table = table.changed(estimates=estimates, outliers=log)
     next_state = state._replace(time_s=prediction.end_s, table=table, memory=association.memory)
     if not lines.scan.size:
         return next_state
@@ -102,13 +101,13 @@ def _relit_motion(
     What shines there again may be another source: two flashes would make one fast motion.
     """
     motion = state.table.motion
-    if motion.is_decided.all():
+    if False not in motion.is_decided:
         return motion
     count = len(state.table)
     owned = owner >= 0
     first_s = group_minima(owner[owned], time_s[owned], count)
     rows = (~motion.is_decided & _were_dark(models, state.table, first_s)).nonzero()[0]
-    if not len(rows):
+    if not rows.size:
         return motion
     position_m = state.table.estimates.likelier_position_m[rows]
     begun = MotionStatistics.fresh(position_m, state.time_s, first_s[rows], models.groups.prior)
@@ -145,7 +144,7 @@ def _updated(
     was_silent = (silence_s > prediction.span_s)[pairs.track]
     rows = (~was_silent).nonzero()[0]
     means = merged(pairs.take(rows), association.sensor[rows], prediction.path)
-    if was_silent.any():
+    if True in was_silent:
         means = GatedPairs.concatenate([means, pairs.take(was_silent.nonzero()[0])])
     posterior = _filtered(models, prediction, hard_measurements(means))
     rate = _with_all_looks(posterior.detection_rate, association, means.track, prediction.end_s)
@@ -196,7 +195,7 @@ def _with_outliers(
     gate = models.config.gate_sigma
     share = fractions.share
     suspects = _suspects(association, share)
-    if not suspects.size and not (share > FEW).any():
+    if not suspects.size and True not in (share > FEW):
         return posterior, None
     outliers = clean_log_likelihood(assigned, fractions, gate)
     if not suspects.size:
@@ -240,7 +239,7 @@ def _registered(
 
     Tracks that share a line with others do not count.
     """
-    is_due = state.registration.is_due(state.time_s, len(state.table))
+    is_due = state.registration.is_due(state.time_s, state.table.number.size)
     if not is_due and not state.registration.has_outliers:
         return state
     assigned = _unshared(association.single, prediction.pairs)
@@ -280,6 +279,6 @@ def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedP
 def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
     """Return the assigned pairs of tracks none of whose lines is in another's gate."""
     shared = np.bincount(pairs.line)[pairs.line] > 1 if len(pairs) else np.zeros(0, dtype=np.bool_)
-    if not shared.any():
+    if True not in shared:
         return assigned
     return assigned.take((~np.isin(assigned.track, pairs.track[shared])).nonzero()[0])

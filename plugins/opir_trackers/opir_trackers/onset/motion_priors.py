@@ -84,6 +84,19 @@ class MotionLaw:
     tilted_m_s2: float = 10.0
     unsteady_m_s3: float = 0.5
 
+    #: Launches from the air: mean and standard deviation of the height, m; mean speed, m/s, and
+    #: accelerations along the course and upwards, m/s², in a pull-up of 1 to 4 g; standard deviations
+    #: along and across the course and upwards of velocity, acceleration and jerk, m/s³: the end of the
+    #: pull-up.
+    air_m: _Pair = (11e3, 3e3)
+    air_m_s: float = 240.0
+    air_pull_m_s2: _Pair = (15.0, 22.0)
+    air_sigmas: tuple[tuple[float, ...], ...] = (
+        (30.0, 80.0, 10.0),
+        (6.0, 2.0, 6.0),
+        (2.0, 0.5, 2.0),
+    )
+
     #: Bolides. CNEOS: brightest at 35.2 km [22-61], entered at 17.3 km/s [11.8-30.2], in any
     #: direction.
     bolide: _Spread = ((40e3, 20e3), (11e3, 11e3), (3e3, 3e3), (3e3, 3e3))
@@ -170,7 +183,8 @@ class MotionPriors:
             *_on_ground(GROUND, 1.0, kinds, still),
             *_others(kinds),
             _drawn(BOLIDE, 1.0, *LAW.bolide)._replace(fades_s=config.bolide_s),
-            *_from_rest(1.0 - config.in_flight_share, kinds),
+            *_from_rest((1.0 - config.in_flight_share) * (1.0 - config.air_share), kinds),
+            *_from_air((1.0 - config.in_flight_share) * config.air_share),
             *_in_flight(config.in_flight_share),
         ]
         likely = [component for component in components if component.weight > 0.0]
@@ -285,6 +299,27 @@ def _in_flight(share: float) -> list[_Component]:
         root[:3, :2] = np.array([WIDE_M, aside_m_s, LAW.tilted_m_s2])[:, None]
         mean[:3, 2], root[:3, 2] = np.array(upwards).T
         components.append(_Component(LAUNCH, weight, mean.ravel(), np.diag(root.ravel())))
+    return components
+
+
+def _from_air(share: float) -> list[_Component]:
+    """Return the priors of launches from the air, by course."""
+    along_m_s2, upwards_m_s2 = LAW.air_pull_m_s2
+    height_m, height_sigma_m = LAW.air_m
+    rates = np.array(
+        [(0.0, 0.0, height_m), (LAW.air_m_s, 0.0, 0.0), (along_m_s2, 0.0, upwards_m_s2)]
+    )
+    sigmas = ((WIDE_M, WIDE_M, height_sigma_m), *LAW.air_sigmas)
+    components = []
+    courses = np.arange(8) * (np.pi / 4.0)
+    for sine, cosine in zip(np.sin(courses), np.cos(courses), strict=True):
+        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
+        mean = np.append(rates @ axes, np.zeros(3))
+        root = np.zeros((ORDERS, 3, ORDERS, 3))
+        for order, sigma in enumerate(sigmas):
+            root[order, :, order] = axes * sigma
+        weight = share / len(courses)
+        components.append(_Component(LAUNCH, weight, mean, root.reshape(3 * ORDERS, -1)))
     return components
 
 

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 from attrs import evolve, frozen
-from opir_estimation import LinesOfSight, dot, earth_rotated
+from opir_estimation import LinesOfSight, dot, earth_rotated, taylor_weights
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic, local_axes
@@ -39,6 +39,10 @@ _LEFT_OUT = 0.03 / (24.0 * 128.0)
 
 #: Information of a prior of any motion: 1000 km, 100 km/s, 10 km/s², 10 km/s³.
 _ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
+
+#: Lines that are as many numbers, two each, as twice the coefficients: what is decided on fewer is
+#: summed further, as they alone say how a slow scanner's target moves.
+_FEW_LINES = 3 * ORDERS
 
 #: The columns that are sums over lines.
 _SUMS = ("information", "pull", "misfit", "lines", "noise_log", "static_information", "static_pull")
@@ -120,6 +124,11 @@ class MotionStatistics(Columns):
         """Return which tracks (n,) are probably false alarms."""
         return self.probability[:, NOISE] > 0.5
 
+    @property
+    def are_few(self) -> BoolArray:
+        """Return which moving tracks (n,) have so few lines that these are summed to the last."""
+        return (self.lines < _FEW_LINES) & ~self.stands
+
     def horizon_s(self) -> FloatArray:
         """Return the time (n,), s, up to which a cubic describes a boost to within the error of the
         lines' mean.
@@ -133,9 +142,9 @@ class MotionStatistics(Columns):
         """Return the statistics with the lines (m,) of rows `owner`, -1 for none.
 
         `log_clutter` (sensors,) is the log density of false alarms over the detection probability.
-        Of what is decided to move nothing more is taken in.
+        Of what is decided to move nothing more is taken in once it has enough lines.
         """
-        is_open = ~self.is_decided | self.stands
+        is_open = ~self.is_decided | self.stands | self.are_few
         if True not in is_open:
             return self
         rows = np.append(is_open, False)[owner].nonzero()[0]
@@ -166,7 +175,8 @@ class MotionStatistics(Columns):
         # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same
         # at the horizon.
         share = 1.0 / (1.0 + (since_s / self.horizon_s()[track]) ** 8)
-        share = np.where(self.is_decided[track], 0.0, share)
+        is_over = self.is_decided & ~self.are_few
+        share = np.where(is_over[track], 0.0, share)
         weight, foot, square = _line_terms(lines, self.reference_m[track], self.axes[track])
         pull = np.sum(weight * foot[:, None, :], axis=2)
         weight = weight.reshape(-1, 9)
@@ -237,6 +247,34 @@ class MotionStatistics(Columns):
         rows[:2, :3] = rows[2:, 3:6] = axes @ self.axes[0].T
         point = self.reference_m[0] - self.height_m[0] * self.axes[0, 2]
         return point, rows @ covariance @ pull[0], rows @ covariance @ rows.T
+
+    def moved(
+        self, since_s: FloatArray, lift: FloatArray, growth: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return states (n, 6), ECEF position and velocity over the ground, and covariances (n, 6,
+        6), at times since the first detections (n,), by the cubics that fit the lines best.
+
+        `lift` and `growth` (2, n) are prior means upwards, and standard deviations on each axis, of
+        acceleration, m/s², and jerk, m/s³.
+        """
+        information, pull, _ = self.of_motion()
+        upwards = 3 * np.arange(ORDERS) + 2
+        for order, (mean, sigma) in ((2, lift), (3, growth)):
+            axes = slice(3 * order, 3 * order + 3)
+            information[:, range(12)[axes], range(12)[axes]] += (sigma**-2.0)[:, None]
+            pull[:, upwards[order]] += mean / sigma**2
+        covariance = np.linalg.inv(information + _ANY_MOTION)
+        weight = taylor_weights(since_s)[:, :ORDERS]
+        share = np.zeros((len(since_s), 2, ORDERS))
+        share[:, 0] = weight
+        share[:, 1, 1:] = weight[:, :-1]
+        turned = self.axes.transpose(0, 2, 1)
+        rows = share[:, :, None, :, None] * turned[:, None, :, None, :]
+        rows = rows.reshape(len(since_s), 6, 3 * ORDERS)
+        point = self.reference_m - self.height_m[:, None] * self.axes[:, 2]
+        state = (rows @ (covariance @ pull[:, :, None]))[:, :, 0]
+        state[:, :3] += point
+        return state, rows @ covariance @ rows.transpose(0, 2, 1)
 
     def static_estimates(self, grounds: FloatArray, wide_m: float) -> tuple[FloatArray, FloatArray]:
         """Return positions (n, 3) in ECEF of sources that stand on the ground, and covariances (n,

@@ -192,7 +192,20 @@ def log_evidence(priors: MotionPriors, statistics: MotionStatistics) -> FloatArr
     log L = log det A + s - 2 mᵀ b + mᵀ J m - vᵀ A⁻¹ v. Determinant and form come from one Cholesky
     factor, of A bordered by v.
     """
-    information, pull, misfit = statistics.of_motion()
+    motions = statistics.of_motion()
+    starts = range(0, max(len(statistics), 1), _BLOCK_TRACKS)
+    blocks = [[column[start : start + _BLOCK_TRACKS] for column in motions] for start in starts]
+    return np.concatenate([_log_evidence(priors, *block) for block in blocks])
+
+
+#: Tracks whose evidence is computed together: a matrix for each prior takes memory.
+_BLOCK_TRACKS = 16
+
+
+def _log_evidence(
+    priors: MotionPriors, information: FloatArray, pull: FloatArray, misfit: FloatArray
+) -> FloatArray:
+    """Return log marginal likelihoods (n, c) of lines with information, pull and misfit."""
     mean = priors.mean
     off = pull[:, :, None] - information @ mean.T
     least = misfit[:, None] - np.sum(mean.T * (pull[:, :, None] + off), axis=1)

@@ -23,6 +23,7 @@ from opir_estimation import (
 from opir_estimation.filter.thrust import THRUST
 from opir_estimation.lines_of_sight import both_earth_rotated, rotate_slightly
 from opir_estimation.motion import noise_roots
+from opir_estimation.square_root import solved
 
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of
@@ -180,3 +181,14 @@ def test_stored_noise_of_a_step_is_read_only() -> None:
         root = motion.noise_root(step, state)
         root[:] = 0.0
         assert np.any(motion.noise_root(step, state))
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_equations_are_solved_and_singular_ones_refused(count: int) -> None:
+    rng = np.random.default_rng(52)
+    matrix = rng.normal(size=(count, 3, 3)) + 3.0 * np.eye(3)
+    right = rng.normal(size=(count, 3))
+    product = np.einsum("nij,nj->ni", matrix, solved(matrix, right))
+    assert product == pytest.approx(right, abs=1e-12)
+    with pytest.raises(np.linalg.LinAlgError):
+        solved(np.zeros_like(matrix), right)

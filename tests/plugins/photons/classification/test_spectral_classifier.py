@@ -88,7 +88,7 @@ def known_bank(**changes: Any) -> TypeDensities:
 
 def known_classifier(**changes: Any) -> SpectralClassifier:
     known = SpectralClassifier(
-        banks=(known_bank(),),
+        make_banks=lambda: (known_bank(),),
         bank_of_sensor=np.zeros(1, dtype=np.int64),
         hypotheses=HYPOTHESES,
         reported_types=REPORTED_TYPES,
@@ -159,7 +159,9 @@ def test_posteriors_follow_bayes_rule() -> None:
 def test_noise_has_the_detections_that_confirm() -> None:
     # Events of which noise alone is as bright, 1e4 times as often as launches.
     bank = known_bank(rates=rates(noise=float(np.log(1e4))))
-    log = known_classifier(banks=(bank,)).log_posterior(sightings([12.0] * 3, 4.0, [2, 3, 5]))
+    log = known_classifier(make_banks=lambda: (bank,)).log_posterior(
+        sightings([12.0] * 3, 4.0, [2, 3, 5])
+    )
     odds = np.diff(log[:, NOISE] - log[:, SRBM])
     # Each further detection makes noise e^12 times less likely; counts of launches hardly change.
     assert odds == pytest.approx([-12.0, -24.0], abs=0.2)
@@ -168,7 +170,7 @@ def test_noise_has_the_detections_that_confirm() -> None:
 def test_a_count_tells_types_apart_that_bands_do_not() -> None:
     flights = [[one(0.0, [50.0, mean], [3.0, 20.0])] for mean in (60.0, 150.0, 300.0, 600.0)]
     bank = known_bank(plumes=Mixture.of([[part for (part,) in flights]] * PLACES))
-    log = known_classifier(banks=(bank,)).log_posterior(
+    log = known_classifier(make_banks=lambda: (bank,)).log_posterior(
         sightings([50.0] * 4, 1.0, [60, 150, 300, 600])
     )
     assert [NAMES[row] for row in np.argmax(log, axis=1)] == ["SRBM", "IRBM", "ICBM", "SLV"]
@@ -177,7 +179,7 @@ def test_a_count_tells_types_apart_that_bands_do_not() -> None:
 def test_unknown_intensities_raise_none_of_these() -> None:
     bank = known_bank(rates=rates(unknown=float(np.log(1e-3))))
     seen = sightings([30.0, 60.0, 100.0, 140.0, 500.0, 5e4], 4.0)
-    chance = np.exp(known_classifier(banks=(bank,)).log_posterior(seen))[:, NONE]
+    chance = np.exp(known_classifier(make_banks=lambda: (bank,)).log_posterior(seen))[:, NONE]
     assert np.all(chance[:4] < 0.01)
     assert np.all(chance[4:] > 0.99)
 

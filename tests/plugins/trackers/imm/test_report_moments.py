@@ -15,8 +15,15 @@ from opir_estimation import (
     tangent_axes,
 )
 from opir_estimation.lines_of_sight import rotate_slightly
+from opir_forecast import LaunchForecasts
 from opir_testing.doubles import stub_window
-from opir_trackers.imm.report import earth_fixed, mixed_with, tracks_of, type_evidence
+from opir_trackers.imm.report import (
+    ReportedTracks,
+    earth_fixed,
+    mixed_with,
+    tracks_of,
+    type_evidence,
+)
 from opir_trackers.imm.state import SharedDetections, TrackTable
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from opir_trackers.sensors import LineOfSightCache
@@ -66,10 +73,20 @@ def test_tracks_have_the_numbers_and_launches_of_their_rows() -> None:
     table = table_of(np.array([3, 5, 8]), 12.0, 2)
     launch = np.arange(9.0).reshape(3, 3)
     table = evolve(table, launch=launch, launch_covariance=covariances(3, 3))
-    tracks = tracks_of(np.ones((3, 6)), covariances(3, 6), table, 20.0, np.zeros(3, dtype=np.bool_))
+    no_track = np.zeros(3, dtype=np.bool_)
+    moments = np.ones((3, 6)), covariances(3, 6)
+    end = np.zeros(3, dtype=np.uint8)
+    reported = ReportedTracks(20.0, table, *moments, no_track, np.zeros((3, 0)), end)
+    unknown = np.full(3, np.nan)
+    forecasts = LaunchForecasts.without_impacts(np.zeros((3, 0)), *[unknown] * 4)
+    launched = np.array([True, True, False])
+    types = {"type_probability": np.zeros((3, 4))}
+    tracks = tracks_of(reported, forecasts, launched, types)
     assert tracks.track.tolist() == [3, 5, 8]
-    assert np.array_equal(tracks.launch, launch)
-    assert np.array_equal(tracks.launch_covariance, covariances(3, 3))
+    assert np.array_equal(tracks.launch[:2], launch[:2])
+    assert np.array_equal(tracks.launch_covariance[:2], covariances(3, 3)[:2])
+    assert np.isnan(tracks.launch[2]).all()
+    assert np.isnan(tracks.launch_covariance[2]).all()
     assert tracks.tick_s.tolist() == [20.0] * 3
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from opir_trackers.onset.brevity import are_brief
 from opir_trackers.onset.motion_statistics import MotionStatistics
+from track_lines import whole_records
 
 import opir_core as opir
 from opir_core.cli.main import main
@@ -114,8 +115,7 @@ def test_a_flash_that_is_gone_has_no_launch_and_no_impact_in_summary_file_and_ta
         assert row["seen_s"] < 0.7
         assert (row["is_brief"], row["launch"], row["impact"]) == (True, None, None)
         assert any(f"seen for {row['seen_s']:.1f} s, too short to tell" in line for line in table)
-    lines = [json.loads(line) for line in (tmp_path / "e.tracks.jsonl").read_text().splitlines()]
-    last = {line["track_id"]: line for line in lines}
+    last = {line["track_id"]: line for line in whole_records(tmp_path / "e.tracks.jsonl")}
     for row in flashes:
         record = last[row["track_id"]]
         assert (record["launch"], record["impact"], record["impact_regions"]) == (None, None, [])

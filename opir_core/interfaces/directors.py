@@ -1,0 +1,98 @@
+"""The contract of directors: what has arrived by a decision, and the commands to sensors."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from attrs import field, frozen
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.geometry.vectors import floats
+from opir_core.interfaces.contract import PluginPart, required
+from opir_core.interfaces.records import CommandRecord, Detections, Tracks
+from opir_core.interfaces.sensors import Sensor
+
+
+@frozen(eq=False, kw_only=True)
+class Command:
+    """Points the narrow field of a sensor, given by its id, at a point that moves evenly.
+
+    `position_ecef_m` (3,) is at the time of the decision, `velocity_m_s` (3,) in ECEF. `track` is
+    the number of the track that the command follows, -1 for none; `reason` is one line for people.
+    """
+
+    sensor: str
+    position_ecef_m: FloatArray = field(converter=floats)
+    velocity_m_s: FloatArray = field(default=(0.0, 0.0, 0.0), converter=floats)
+    track: int = -1
+    reason: str = ""
+
+
+@frozen(eq=False, kw_only=True)
+class Situation:
+    """What is known at the time of a decision, of what has arrived by then.
+
+    `detections` are those reported since the last decision, `tracks` the rows of the last tick that
+    is available. `sensors` are those with a narrow field. `refused` are the commands of the last
+    decision that sensors did not take. `in_reach(sensor, position_ecef_m)` returns which positions
+    (n, 3) a sensor, given by its id, can be pointed at: in its field of regard, not behind the
+    Earth, not beside the Sun.
+    """
+
+    time_s: float
+    detections: Detections
+    tracks: Tracks
+    sensors: tuple[Sensor, ...]
+    refused: tuple[CommandRecord, ...]
+    in_reach: Callable[[str, FloatArray], BoolArray]
+
+
+@frozen(kw_only=True)
+class DirectorContext:
+    """The context of a director: all sensors of the scene, its zero of time and its length."""
+
+    sensors: tuple[Sensor, ...]
+    epoch_us: int
+    duration_s: float
+
+
+class Director(PluginPart):
+    """Decides where sensors with a narrow field look, while a run goes on.
+
+    It is asked at the start of a scene and then every `interval_s`, never at window edges, and
+    knows nothing but what has arrived: no truth.
+
+    >>> class Northward(Director):
+    ...     interval_s = 60.0
+    ...
+    ...     def commands(self, situation):
+    ...         return [
+    ...             Command(sensor=sensor.id, position_ecef_m=[0.0, 0.0, 6.4e6], reason="north")
+    ...             for sensor in situation.sensors
+    ...         ]
+    >>> Northward().interval_s
+    60.0
+    """
+
+    @required
+    def interval_s(self) -> float:
+        """Time between decisions, s; required."""
+
+    @abstractmethod
+    def commands(self, situation: Situation) -> Sequence[Command]:
+        """Return the commands of a decision; a sensor without one goes on as it was.
+
+        Of several commands to a sensor the last one counts.
+        """
+
+
+def command_fault(commands: Any) -> str:
+    """Return what is wrong with the return value of `Director.commands`, or ""."""
+    if not isinstance(commands, Sequence) or isinstance(commands, str):
+        return f"returned {type(commands).__name__}, not a sequence of Command"
+    for command in commands:
+        if not isinstance(command, Command):
+            return f"returned {type(command).__name__} among its commands, not a Command"
+        if command.position_ecef_m.shape != (3,) or command.velocity_m_s.shape != (3,):
+            return f"returned a command to {command.sensor} whose vectors are not of shape (3,)"
+    return ""

@@ -1,0 +1,92 @@
+"""Faults of sensors during a scene: what fails, from when until when."""
+
+import math
+
+from attrs import frozen
+
+from opir_core.scene.fields import number, text
+
+DOWN, BLIND, NOISE, BIAS, CLOCK = FAULTS = ("down", "blind", "noise", "bias", "clock")
+
+#: The settings that each fault reads, of which at least one is to be set.
+_SETTINGS = {
+    DOWN: (),
+    BLIND: (),
+    NOISE: ("factor",),
+    BIAS: ("east_urad", "north_urad"),
+    CLOCK: ("offset_s",),
+}
+
+
+@frozen(kw_only=True)
+class SensorFault:
+    """A fault of one sensor, from `at_s` until `until_s`; repaired then.
+
+    >>> SensorFault(sensor="S2", fault="noise", at_s=60.0, factor=3.0).end_s
+    inf
+    """
+
+    sensor: str = text(help="id of the sensor", source="")
+    fault: str = text(
+        help="down: it does not look, and a tracker knows; blind: it looks and sees nothing, and"
+        " nobody is told; noise: its lines of sight scatter by a factor more than it states; bias:"
+        " it points beside where it states; clock: its times are late or early",
+        choices=FAULTS,
+        source="",
+    )
+    at_s: float = number(help="start of the fault, scene time", unit="s", minimum=0.0, source="")
+    until_s: float | None = number(
+        help="time of the repair; without one the fault stays",
+        unit="s",
+        above=0.0,
+        default=None,
+        source="choice",
+    )
+    factor: float | None = number(
+        help="of noise: true over stated standard deviation",
+        above=0.0,
+        maximum=1e4,
+        default=None,
+        source="choice",
+    )
+    east_urad: float | None = number(
+        help="of bias: by how much a line of sight to nadir moves towards east",
+        unit="urad",
+        default=None,
+        source="choice",
+    )
+    north_urad: float | None = number(
+        help="of bias: the same towards north", unit="urad", default=None, source="choice"
+    )
+    offset_s: float | None = number(
+        help="of clock: its time minus the true time",
+        unit="s",
+        minimum=-60.0,
+        maximum=60.0,
+        default=None,
+        source="choice",
+    )
+
+    def __attrs_post_init__(self) -> None:
+        own = _SETTINGS[self.fault]
+        values = {name: getattr(self, name) for name in set().union(*_SETTINGS.values())}
+        given = {name for name, value in values.items() if value is not None}
+        if strange := sorted(given.difference(own)):
+            raise ValueError(f"{self.fault} has no {strange[0]}")
+        if own and not given:
+            raise ValueError(f"{self.fault} needs {' or '.join(own)}")
+        if not self.at_s < self.end_s:
+            raise ValueError(f"the repair at {self.end_s:g} s is not after {self.at_s:g} s")
+
+    @property
+    def end_s(self) -> float:
+        """The time of the repair, s; inf without one."""
+        return math.inf if self.until_s is None else self.until_s
+
+    def __str__(self) -> str:
+        """Return the fault in words: `S2: noise (factor 3) from 60 s on`."""
+        values = {name: getattr(self, name) for name in _SETTINGS[self.fault]}
+        given = [f"{name} {value:g}" for name, value in values.items() if value is not None]
+        size = f" ({', '.join(given)})" if given else ""
+        end = "on" if self.until_s is None else f"to {self.until_s:g} s"
+        return f"{self.sensor}: {self.fault}{size} from {self.at_s:g} s {end}"

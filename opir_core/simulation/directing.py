@@ -1,0 +1,152 @@
+"""A director in a run: what has arrived by each of its decisions, and its commands to sensors."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.errors import ModelError
+from opir_core.host.boundary import blamed_call, check_hint, owner_text
+from opir_core.interfaces.directors import (
+    Command,
+    Director,
+    Situation,
+    command_fault,
+)
+from opir_core.interfaces.records import CommandRecord, Detections, Tracks, Window
+from opir_core.planning.plan import Plan
+from opir_core.planning.visibility import visible_now
+from opir_core.simulation.pointing import PointedFields
+
+
+class Directing:
+    """Asks a plan's director at its decisions, and points the sensors' fields.
+
+    Decisions depend on scene time and on what has arrived, not on windows.
+    """
+
+    def __init__(self, plan: Plan, director: Director, fields: PointedFields) -> None:
+        self._director = director
+        self._step_ns = max(round(director.interval_s * 1e9), 1)
+        self._next_ns = 0
+        self._detections = [Detections.empty()]
+        self._tracks = [Tracks.empty()]
+        self._latest = Tracks.empty()
+        self._refused: tuple[CommandRecord, ...] = ()
+        self.use(plan, fields)
+
+    def use(self, plan: Plan, fields: PointedFields) -> None:
+        """Go on with a plan of the same sensors, and point these fields."""
+        self._plan = plan
+        self.fields = fields
+        self._numbers = {
+            sensor.id: number
+            for number, sensor in enumerate(plan.sensors)
+            if sensor.pointing is not None
+        }
+
+    def next_edge_ns(self, time_ns: int, end_ns: int) -> int:
+        """Return the next decision after a time, at most an end."""
+        return min((time_ns // self._step_ns + 1) * self._step_ns, end_ns)
+
+    def decided(self, time_ns: int) -> tuple[CommandRecord, ...]:
+        """Decide, if a decision is due at a time, and return what became of the commands."""
+        if time_ns < self._next_ns:
+            return ()
+        self._next_ns = time_ns + self._step_ns
+        time_s = time_ns / 1_000_000_000
+        situation = self._situation(time_s)
+        commands = self._called(situation)
+        latest = {command.sensor: command for command in commands}
+        records = tuple(self._obeyed(command, time_s) for command in latest.values())
+        self._refused = tuple(record for record in records if record.refusal)
+        return records
+
+    def take(self, window: Window) -> None:
+        """Take what a window has; the director gets it as soon as it has been reported."""
+        if len(window.detections):
+            self._detections.append(window.detections)
+        if len(window.tracks):
+            self._tracks.append(window.tracks)
+
+    def _situation(self, time_s: float) -> Situation:
+        detections = Detections.concatenate(self._detections)
+        tracks = Tracks.concatenate(self._tracks)
+        has_come = detections.reported_ns <= time_s * 1e9
+        is_there = tracks.available_s <= time_s
+        self._detections = [detections.take(np.flatnonzero(~has_come))]
+        self._tracks = [tracks.take(np.flatnonzero(~is_there))]
+        arrived = tracks.take(np.flatnonzero(is_there))
+        if len(arrived):
+            self._latest = arrived.take(np.flatnonzero(arrived.tick_s == arrived.tick_s.max()))
+        return Situation(
+            time_s=time_s,
+            detections=detections.take(np.flatnonzero(has_come)),
+            tracks=self._latest,
+            sensors=tuple(self._plan.sensors[number] for number in self._numbers.values()),
+            refused=self._refused,
+            in_reach=partial(self._in_reach, time_s),
+        )
+
+    def _called(self, situation: Situation) -> Sequence[Command]:
+        """Return the director's commands; raises `ModelError` where it raises or returns none."""
+        plan = self._plan
+        choice = plan.scene.director
+        assert choice is not None
+        owner = partial(owner_text, plan.host, choice)
+        hint = check_hint(choice.name)
+        method = f"commands at {situation.time_s:g} s"
+        commands = blamed_call(owner, hint, method, lambda: self._director.commands(situation))
+        fault = command_fault(commands)
+        if fault:
+            raise ModelError(f"{owner()}: {method} {fault}; {hint}")
+        return commands
+
+    def _in_reach(self, time_s: float, sensor: str, position_ecef_m: FloatArray) -> BoolArray:
+        """Return which positions (n, 3) a sensor can be pointed at."""
+        number = self._numbers[sensor]
+        at_s = np.full(len(position_ecef_m), time_s)
+        sensor_m = self._plan.sensors[number].orbit.position_ecef_m(at_s)
+        reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
+        exclusion = self._plan.exclusions[number] if self._plan.exclusions else None
+        if exclusion is not None:
+            reach &= exclusion.is_clear(sensor_m, position_ecef_m, at_s)
+        return reach
+
+    def _obeyed(self, command: Command, time_s: float) -> CommandRecord:
+        """Point the sensor of a command; return what became of it."""
+        refusal = self._refusal(command, time_s)
+        start_s = from_s = np.nan
+        if not refusal:
+            aim = self.fields.point(self._numbers[command.sensor], command, time_s)
+            start_s = aim.start_s
+            from_s = aim.from_s
+        return CommandRecord(
+            time_s=time_s,
+            sensor=command.sensor,
+            track=command.track,
+            reason=command.reason,
+            start_s=start_s,
+            from_s=from_s,
+            refusal=refusal,
+        )
+
+    def _refusal(self, command: Command, time_s: float) -> str:
+        """Return why a sensor does not take a command, "" if it does."""
+        if command.sensor not in self._numbers:
+            return f"{command.sensor} is no sensor with a narrow field"
+        vectors = np.concatenate([command.position_ecef_m, command.velocity_m_s])
+        if not np.isfinite(vectors).all():
+            return "its position or velocity is not finite"
+        if not self._in_reach(time_s, command.sensor, command.position_ecef_m[None])[0]:
+            return "out of its field of regard, behind the Earth or beside the Sun"
+        return ""
+
+
+def directed(plan: Plan) -> tuple[PointedFields, Directing | None]:
+    """Return the narrow fields of a plan's sensors, and what asks its director, None without one."""
+    fields = PointedFields(plan.sensors)
+    if plan.make_director is None:
+        return fields, None
+    return fields, Directing(plan, plan.make_director(), fields)

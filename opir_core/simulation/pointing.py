@@ -1,0 +1,112 @@
+"""Where the narrow fields of sensors are pointed, from time to time, and what is inside of them."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.geometry import dot
+from opir_core.geometry.vectors import angle_between_rad
+from opir_core.interfaces.directors import Command
+from opir_core.interfaces.sensors import Pointing, Sensor
+
+_NOWHERE = np.full(3, np.nan)
+
+
+@frozen(eq=False)
+class Aim:
+    """A direction of a sensor: the turn to it begins at `start_s`, looks in it at `from_s`.
+
+    The point at `position_ecef_m` (3,) at `time_s` moves evenly; nan is nadir.
+    """
+
+    start_s: float
+    from_s: float
+    time_s: float
+    position_ecef_m: FloatArray
+    velocity_m_s: FloatArray
+
+    def direction(self, sensor_ecef_m: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Return directions (n, 3) from positions of the sensor (n, 3) at times (n,), not of unit
+        length.
+        """
+        if np.isnan(self.position_ecef_m[0]):
+            return -sensor_ecef_m
+        since_s = np.subtract(time_s, self.time_s)[:, None]
+        return self.position_ecef_m + self.velocity_m_s * since_s - sensor_ecef_m
+
+
+class PointedFields:
+    """The aims of a run's sensors with a narrow field, in order of time, by the sensors' numbers."""
+
+    def __init__(self, sensors: Sequence[Sensor]) -> None:
+        self.sensors = {
+            number: sensor for number, sensor in enumerate(sensors) if sensor.pointing is not None
+        }
+        self._aims = {
+            number: [_standing_aim(_pointing(sensor))] for number, sensor in self.sensors.items()
+        }
+
+    def take_over(self, former: "PointedFields") -> None:
+        """Go on with the aims of a run of the same sensors."""
+        self._aims.update(former._aims)
+
+    def point(self, number: int, command: Command, time_s: float) -> Aim:
+        """Point a sensor; return the aim, with the times at which it leaves the former and reaches
+        this one.
+
+        A command whose turn has not begun is dropped; one whose turn goes on is finished first.
+        """
+        sensor = self.sensors[number]
+        pointing = _pointing(sensor)
+        ready_s = time_s + pointing.delay_s
+        aims = [aim for aim in self._aims[number] if aim.start_s < ready_s]
+        start_s = max(ready_s, aims[-1].from_s)
+        aim = Aim(start_s, start_s, time_s, command.position_ecef_m, command.velocity_m_s)
+        at_s = np.array([start_s])
+        at_m = sensor.orbit.position_ecef_m(at_s)
+        former, wanted = (each.direction(at_m, at_s) for each in (aims[-1], aim))
+        angle_rad = float(angle_between_rad(former, wanted)[0])
+        if angle_rad > pointing.half_angle_rad:
+            turn_s = angle_rad / pointing.slew_rad_s + pointing.settle_s
+            aim = evolve(aim, from_s=start_s + turn_s)
+        # What ended before this decision is asked of no more.
+        ends_s = [*(later.start_s for later in aims[1:]), start_s]
+        recent = [each for each, end_s in zip(aims, ends_s, strict=True) if end_s >= time_s]
+        self._aims[number] = [*recent, aim]
+        return aim
+
+    def is_inside(
+        self, number: int, sensor_ecef_m: FloatArray, point_ecef_m: FloatArray, time_s: FloatArray
+    ) -> BoolArray:
+        """Return which points (n, 3) a sensor at positions (n, 3) has in its field at times (n,)."""
+        least_cosine = np.cos(_pointing(self.sensors[number]).half_angle_rad)
+        inside = np.zeros(len(time_s), dtype=np.bool_)
+        for aim, rows in self._in_force(number, time_s):
+            sensor_m = sensor_ecef_m[rows]
+            wanted = aim.direction(sensor_m, time_s[rows])
+            seen = point_ecef_m[rows] - sensor_m
+            lengths = np.sqrt(dot(wanted, wanted) * dot(seen, seen))
+            inside[rows] = dot(wanted, seen) >= least_cosine * lengths
+        return inside
+
+    def _in_force(self, number: int, time_s: FloatArray) -> Iterator[tuple[Aim, IntArray]]:
+        """Yield the aims of a sensor with the rows of the times (n,) at which it looks there."""
+        aims = self._aims[number]
+        ends_s = [*(later.start_s for later in aims[1:]), np.inf]
+        for aim, end_s in zip(aims, ends_s, strict=True):
+            rows = np.flatnonzero((time_s >= aim.from_s) & (time_s < end_s))
+            if len(rows):
+                yield aim, rows
+
+
+def _pointing(sensor: Sensor) -> Pointing:
+    assert sensor.pointing is not None
+    return sensor.pointing
+
+
+def _standing_aim(pointing: Pointing) -> Aim:
+    """Return the aim of a sensor without a command."""
+    place = _NOWHERE if pointing.at_ecef_m is None else np.array(pointing.at_ecef_m)
+    return Aim(-np.inf, -np.inf, 0.0, place, np.zeros(3))

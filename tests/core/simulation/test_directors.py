@@ -1,0 +1,289 @@
+"""Sensors with a narrow field that a director points, against what the mechanism promises."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from two_sensor_scene import two_sensor_scene
+
+import opir_core as opir
+from opir_core.plugin import (
+    Command,
+    Director,
+    DirectorModel,
+    Host,
+    PointedSensorConfig,
+    PointingConfig,
+    SensorModel,
+    Situation,
+    hookimpl,
+    scanning_model,
+    with_defaults,
+)
+from opir_core.reading import scene_hash, scene_mapping
+
+
+@with_defaults(
+    bands={"SWIR": (2.5, 3.0)},
+    scan_period_ms=100.0,
+    detection_probability={"ICBM": 1.0},
+    confusion={"ICBM": {"ICBM": 1.0}},
+    pointing=PointingConfig(half_angle_deg=0.5, slew_deg_s=1.0, settle_s=3.0, delay_s=2.0),
+)
+class SpotConfig(PointedSensorConfig):
+    """A sensor whose field is a degree wide."""
+
+
+Decide = Callable[[Situation], Sequence[Command]]
+
+
+class Script(Director):
+    """Gives the commands that a function returns."""
+
+    interval_s = 10.0
+
+    def __init__(self, decide: Decide) -> None:
+        self._decide = decide
+
+    def commands(self, situation: Situation) -> Sequence[Command]:
+        return self._decide(situation)
+
+
+class Scripted:
+    """A plugin with the sensor `SPOT` and the director `script`."""
+
+    def __init__(self, decide: Decide) -> None:
+        self._decide = decide
+
+    @hookimpl
+    def opir_sensor_models(self) -> list[SensorModel]:
+        return [scanning_model("SPOT", "a spot", SpotConfig)]
+
+    @hookimpl
+    def opir_directors(self) -> list[DirectorModel]:
+        build = lambda config, context: Script(self._decide)  # noqa: E731
+        return [DirectorModel(name="script", summary="a script", build=build)]
+
+
+def host_of(decide: Decide) -> Host:
+    host = Host.discover()
+    host.register(Scripted(decide))
+    return host
+
+
+def scene(decide: Decide, **changes: Any) -> opir.Scene:
+    sensors = [
+        {"model": "generic-scanner", "id": "WIDE", "orbital_slot_deg": -150.0},
+        {"model": "SPOT", "id": "SPOT", "orbital_slot_deg": -100.0, **changes.pop("spot", {})},
+    ]
+    changed = {"duration_s": 120.0, "sensors": sensors, "director": "script", **changes}
+    settings = {name: value for name, value in changed.items() if value is not None}
+    return opir.scene_from_mapping(two_sensor_scene(**settings), host=host_of(decide))
+
+
+def run(decide: Decide, **changes: Any) -> opir.Run:
+    return opir.simulate(scene(decide, **changes), host_of(decide))
+
+
+def stay(_situation: Situation) -> Sequence[Command]:
+    return []
+
+
+def spot_times_s(of: opir.Run) -> Any:
+    return of.detections.time_ns[of.detections.sensor == 1] * 1e-9
+
+
+LAUNCH_M = np.array([-2.6536e6, -4.5963e6, 3.5470e6])
+ELSEWHERE_M = np.array([-2.6536e6, -4.5963e6, -3.5470e6])
+
+
+def point_at(position_m: Any, at_s: float = 0.0) -> Decide:
+    def decide(situation: Situation) -> Sequence[Command]:
+        due = situation.time_s == at_s
+        return [Command(sensor="SPOT", position_ecef_m=position_m, reason="test")] if due else []
+
+    return decide
+
+
+def test_a_narrow_field_sees_nothing_where_it_is_not_pointed() -> None:
+    assert not len(spot_times_s(run(stay)))
+    assert not len(spot_times_s(run(point_at(ELSEWHERE_M))))
+    wide = [
+        of.detections.take(np.flatnonzero(of.detections.sensor == 0))
+        for of in (run(stay), run(point_at(LAUNCH_M)))
+    ]
+    assert wide[0].time_ns.tolist() == wide[1].time_ns.tolist()
+    np.testing.assert_array_equal(wide[0].line_of_sight_ecef, wide[1].line_of_sight_ecef)
+
+
+def test_it_looks_after_delay_turn_and_settling() -> None:
+    """From nadir the launch is 6 deg away: after 2 s, 6 s at 1 deg/s and 3 s."""
+    pointed = run(point_at(LAUNCH_M))
+    (record,) = pointed.commands
+    (sensor_m,) = pointed.sensors[1].orbit.position_ecef_m(np.zeros(1))
+    towards = LAUNCH_M - sensor_m
+    cosine = towards @ -sensor_m / np.linalg.norm(towards) / np.linalg.norm(sensor_m)
+    turn_s = np.degrees(np.arccos(cosine))
+    assert record.start_s == 2.0
+    assert record.from_s == pytest.approx(2.0 + turn_s + 3.0, abs=1e-9)
+    times_s = spot_times_s(pointed)
+    assert record.from_s <= times_s[0] < record.from_s + 0.2
+    # The target leaves the field of 0.5 deg, which is 0.0087 * 37 800 km wide.
+    target = pointed.plan.targets.position_ecef_m
+    position_m = target(np.zeros(1, dtype=np.int32), times_s[-1:])[0]
+    aside = np.cross(towards / np.linalg.norm(towards), position_m - sensor_m)
+    assert np.linalg.norm(aside) / np.linalg.norm(position_m - sensor_m) <= np.sin(np.radians(0.5))
+    assert len(times_s) > 300
+
+
+def test_a_correction_within_the_field_costs_no_look() -> None:
+    def decide(situation: Situation) -> Sequence[Command]:
+        moved_m = LAUNCH_M + 1000.0 * situation.time_s
+        return [Command(sensor="SPOT", position_ecef_m=moved_m)]
+
+    pointed = run(decide, duration_s=60.0)
+    times_s = spot_times_s(pointed)
+    assert np.diff(times_s).max() < 0.15
+    assert all(record.start_s == record.from_s for record in pointed.commands[1:])
+
+
+def test_commands_that_a_sensor_cannot_take_are_refused_and_told() -> None:
+    told = []
+
+    def decide(situation: Situation) -> Sequence[Command]:
+        told.append([record.refusal for record in situation.refused])
+        behind_m, lost_m = -LAUNCH_M, np.full(3, np.nan)
+        commands = {0.0: ("SPOT", behind_m), 10.0: ("SPOT", lost_m), 20.0: ("WIDE", LAUNCH_M)}
+        if situation.time_s not in commands:
+            return []
+        sensor, position_m = commands[situation.time_s]
+        return [Command(sensor=sensor, position_ecef_m=position_m)]
+
+    pointed = run(decide, spot={"pointing": {"at_deg": [34.0, -120.0]}})
+    words = [record.refusal for record in pointed.commands]
+    assert [of.split()[0] for of in words] == ["out", "its", "WIDE"]
+    assert told[:4] == [[], words[:1], words[1:2], words[2:]]
+    assert len(spot_times_s(pointed)) > 500  # it goes on as it was: at its own place
+
+
+def test_the_last_of_several_commands_counts() -> None:
+    def decide(situation: Situation) -> Sequence[Command]:
+        places = (ELSEWHERE_M, LAUNCH_M) if situation.time_s == 0.0 else ()
+        return [Command(sensor="SPOT", position_ecef_m=place) for place in places]
+
+    assert spot_times_s(run(decide)).tolist() == spot_times_s(run(point_at(LAUNCH_M))).tolist()
+
+
+def test_a_command_waits_for_the_turn_before_it_and_replaces_those_that_wait() -> None:
+    def decide(situation: Situation) -> Sequence[Command]:
+        place = {0.0: ELSEWHERE_M, 10.0: ELSEWHERE_M + 1e6, 20.0: LAUNCH_M}.get(situation.time_s)
+        return [] if place is None else [Command(sensor="SPOT", position_ecef_m=place)]
+
+    slow = {"pointing": {"slew_deg_s": 0.3, "half_angle_deg": 0.5}}
+    first, second, third = run(decide, spot=slow).commands
+    assert first.from_s > 22.0
+    assert second.start_s == third.start_s == first.from_s
+
+
+def test_a_director_gets_what_has_been_reported_and_no_more() -> None:
+    seen: list[tuple[float, Any]] = []
+
+    def decide(situation: Situation) -> Sequence[Command]:
+        seen.append((situation.time_s, situation.detections))
+        assert (situation.detections.reported_ns <= situation.time_s * 1e9).all()
+        return []
+
+    sensors = [
+        {
+            "model": "generic-scanner",
+            "id": "WIDE",
+            "orbital_slot_deg": -150.0,
+            "reporting": {"downlink": {"mean_s": 12.0, "sigma_s": 4.0}},
+        },
+        {"model": "SPOT", "id": "SPOT", "orbital_slot_deg": -100.0},
+    ]
+    whole = run(decide, sensors=sensors)
+    assert [time_s for time_s, _ in seen] == [10.0 * step for step in range(12)]
+    total = sum(len(detections) for _, detections in seen)
+    assert total == np.count_nonzero(whole.detections.reported_ns <= 110e9)
+
+
+def columns(of: opir.Run) -> list[Any]:
+    return [
+        of.detections.time_ns,
+        of.detections.line_of_sight_ecef,
+        of.tracks.state,
+        of.tracks.track,
+    ]
+
+
+CUED = {
+    "sensors": [
+        {"model": "generic-scanner", "id": "WEST", "orbital_slot_deg": -150.0},
+        {"model": "generic-scanner", "id": "EAST", "orbital_slot_deg": -90.0},
+        {"model": "SPOT", "id": "SPOT", "orbital_slot_deg": -100.0},
+    ],
+    "tracker": "imm",
+    "director": {"model": "cue", "least_probability_launch": 0.0},
+    "duration_s": 150.0,
+}
+
+
+@pytest.mark.parametrize("settings", [{"window_s": 3.7}, {"window_s": 40.0}, {"workers": 2}])
+def test_windows_and_workers_do_not_change_a_directed_run(settings: dict[str, Any]) -> None:
+    pytest.importorskip("opir_trackers")
+    host = host_of(stay)
+    cued = opir.scene_from_mapping(two_sensor_scene(**CUED), host=host)
+    whole, sliced = opir.simulate(cued, host), opir.simulate(cued, host, **settings)
+    assert np.count_nonzero(whole.detections.sensor == 2) > 300
+    for one, other in zip(columns(whole), columns(sliced), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert whole.commands == sliced.commands
+
+
+def test_a_scene_without_a_director_has_no_word_of_it() -> None:
+    assert "director" not in scene_mapping(opir.scene_from_mapping(two_sensor_scene()))
+    directed = scene(stay)
+    assert scene_mapping(directed)["director"] == {"model": "script"}
+    assert scene_hash(directed) != scene_hash(scene(stay, director=None))
+    assert opir.scene_from_mapping(scene_mapping(directed), host=host_of(stay)) == directed
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"director": "scrip"}, "director: no director is named 'scrip'"),
+        (
+            {"sensors": [{"model": "generic-scanner", "id": "A", "orbital_slot_deg": -100.0}]},
+            "director: no sensor of the scene has a narrow field",
+        ),
+        ({"tracking_order": "report"}, "director: a director needs tracking_order: observation"),
+    ],
+)
+def test_scenes_that_cannot_be_directed_are_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(opir.OpirError) as refused:
+        run(stay, **changes)
+    assert words in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("returned", "words"),
+    [
+        (None, "commands at 0 s returned NoneType, not a sequence of Command"),
+        (["SPOT"], "commands at 0 s returned str among its commands, not a Command"),
+        (
+            [Command(sensor="SPOT", position_ecef_m=[1.0, 2.0])],
+            "a command to SPOT whose vectors are not of shape (3,)",
+        ),
+    ],
+)
+def test_a_director_that_returns_something_else_is_named(returned: Any, words: str) -> None:
+    with pytest.raises(opir.ModelError, match="the director 'script' of") as error:
+        run(lambda _situation: returned)
+    assert words in str(error.value)
+
+
+def test_a_director_that_raises_is_named() -> None:
+    with pytest.raises(opir.ModelError, match=r"the director 'script' of .* raised TypeError"):
+        run(lambda situation: situation.tracks["state"])

@@ -1,0 +1,56 @@
+"""Narrow fields in a low orbit that wide ones cue, against the wide ones alone."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import opir_core as opir
+
+SCENE: dict[str, Any] = {
+    "scene": "cued",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 340.0,
+    "sensors": [{"constellation": "SBIRS-GEO"}],
+    "targets": [
+        {
+            "id": "T1",
+            "type": "ICBM",
+            "launch": {"lat_deg": 55.0, "lon_deg": 83.0, "time_s": 10.0},
+            "aim": {"lat_deg": 20.0, "lon_deg": -157.0},
+        }
+    ],
+    "detection": "snr",
+    "atmosphere": "lowtran",
+    "background": "earth",
+    "tracker": "imm",
+}
+CUED = {"sensors": [*SCENE["sensors"], {"constellation": "LEO-NARROW"}], "director": "cue"}
+
+
+def run(seed: int, **changes: Any) -> opir.Run:
+    return opir.simulate(opir.scene_from_mapping({**SCENE, "seed": seed, **changes}))
+
+
+def error_m(of: opir.Run, after_s: float) -> float:
+    """Return the error of the nearest track's position at a time since burnout, inf without one."""
+    tick_s = np.floor(of.plan.targets.burnout_s[:1] + after_s)
+    rows = np.flatnonzero(of.tracks.tick_s == tick_s[0])
+    (true_m,) = of.plan.targets.position_ecef_m(np.zeros(1, dtype=np.int32), tick_s)
+    errors = np.linalg.norm(of.tracks.state[rows, :3] - true_m, axis=1)
+    return float(np.nanmin(np.append(errors, np.inf)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_cued_fields_follow_better_and_beyond_burnout(seed: int) -> None:
+    wide, cued = run(seed), run(seed, **CUED)
+    assert 3.0 * error_m(cued, 0.0) <= error_m(wide, 0.0) < np.inf
+    assert error_m(cued, 60.0) < 200.0
+    assert not any(record.refusal for record in cued.commands)
+
+
+def test_nobody_is_seen_by_narrow_fields_without_a_director() -> None:
+    unled = run(31, sensors=CUED["sensors"], detection="constant", duration_s=120.0)
+    assert len(unled.detections)
+    assert not np.count_nonzero(unled.detections.sensor >= 4)
