@@ -31,6 +31,8 @@ from opir_core.plugin import ImpactRegion, TargetClass, Tracks
 from opir_report.maps.clipping import dense
 from opir_report.palette import Hues
 
+#: The area of a region, km², a hundredth of the Earth, above which maps leave it out.
+WIDE_KM2 = 5e6
 #: Settings of the scores of a report, which shows no tests of distributions.
 SETTINGS = ScoreSettings(distribution_tests=False)
 
@@ -153,10 +155,14 @@ def containment_rings(tracks: Tracks, row: int) -> dict[float, Containment]:
     }
 
 
-def largest_rings(tracks: Tracks, row: int) -> list[FloatArray]:
-    """Return the rings of the largest impact region of an estimate."""
+def mapped_rings(tracks: Tracks, row: int) -> list[FloatArray] | None:
+    """Return the rings of the largest impact region of an estimate; None for a region of over
+    `WIDE_KM2`, which would cover a map and say nothing of where.
+    """
     regions = list(containment_rings(tracks, row).values())
-    return regions[-1].rings if regions else []
+    if not regions:
+        return []
+    return regions[-1].rings if regions[-1].area_km2 <= WIDE_KM2 else None
 
 
 def _region(region: ImpactRegion) -> Containment:

@@ -14,8 +14,10 @@ import pytest
 from opir_report import INK, map_svg, write_run_report
 from opir_report.pages.page import themed
 from opir_report.palette import ROLES
+from opir_report.run_facts import RunFacts, containment_rings, mapped_rings
 from reported_runs import empty_run, example_run, report_page, scored_run
 
+import opir_core
 from opir_core.cli.main import main
 from opir_core.errors import SinkError
 
@@ -151,3 +153,17 @@ def test_a_report_that_cannot_be_written_says_why(tmp_path: Path) -> None:
     (tmp_path / "report.data").write_text("a file where the folder should be")
     with pytest.raises(SinkError, match="is a file; give the path of a folder"):
         write_run_report(scored_run(), tmp_path / "report.html")
+
+
+@pytest.mark.slow
+def test_regions_that_would_cover_the_map_are_left_out() -> None:
+    run = opir_core.simulate(opir_core.example("pacific", overrides=["duration_s=100"]))
+    facts = RunFacts(run)
+    areas = [
+        list(containment_rings(run.tracks, row).values())[-1].area_km2
+        for row in facts.last_with_impact.values()
+    ]
+    assert min(areas) > 5e6
+    assert [mapped_rings(run.tracks, row) for row in facts.last_with_impact.values()] == [None] * 3
+    texts = [text.get_text() for text in run.plot.map().get_legend().get_texts()]
+    assert "over 5 million km²: not drawn" in texts

@@ -2,7 +2,7 @@
 fields of view.
 """
 
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from opir_report.maps.spheres import cap
 from opir_report.palette import INK, MUTED, PAPER, SERIES, Hue
 from opir_report.plots.flights import satellite_track
 from opir_report.plots.impact import draw_region
-from opir_report.run_facts import RunFacts, largest_rings
+from opir_report.run_facts import WIDE_KM2, RunFacts, mapped_rings
 
 #: Width over height of a map.
 RATIO = 1.9
@@ -31,6 +31,8 @@ _PREDICTED = legend_entry(
     linestyle="",
     markersize=5,
 )
+#: Wide regions are left out with their points.
+_WIDE = legend_entry(f"over {1e-6 * WIDE_KM2:g} million km²: not drawn", linestyle="")
 
 
 def launch_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
@@ -38,16 +40,17 @@ def launch_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
     impact regions.
     """
     rows = facts.last_with_impact.values()
-    rings = [ring for row in rows for ring in largest_rings(facts.run.tracks, row)]
-    places = np.concatenate([_flight_points(facts, tracks), *rings])
+    regions = [mapped_rings(facts.run.tracks, row) for row in rows]
+    places = np.concatenate([_flight_points(facts, tracks), *chain(*filter(None, regions))])
     if not len(places):
         return without_data(axes, "the scene has no launches")
     projection = fitting_projection(places)
     drawn_ground(axes, projection, places, RATIO, least_km=600.0)
     _draw_flights(axes, projection, facts, tracks)
     _draw_predictions(axes, projection, facts)
-    marks = [_LAUNCH, _IMPACT, *([_PREDICTED] if facts.last_with_impact else [])]
-    legend_of(axes, facts.hues.legend, marks)
+    predicted = [_PREDICTED] if facts.last_with_impact else []
+    wide = [_WIDE] if None in regions else []
+    legend_of(axes, facts.hues.legend, [_LAUNCH, _IMPACT, *predicted, *wide])
     return axes
 
 
@@ -109,11 +112,16 @@ def _draw_point(axes: Axes, projection: MapProjection, place: FloatArray, **styl
 
 
 def _draw_predictions(axes: Axes, projection: MapProjection, facts: RunFacts) -> None:
-    """Draw the predicted impact points and the largest regions of the last estimates."""
+    """Draw the predicted impact points and the largest regions of the last estimates, unless these
+    are too wide for a map.
+    """
     tracks = facts.run.tracks
     for target, row in facts.last_with_impact.items():
         colour = facts.hues.of_target[target].colour
-        draw_region(axes, projection, largest_rings(tracks, row), colour, alpha=0.25, linewidth=0.9)
+        rings = mapped_rings(tracks, row)
+        if rings is None:
+            continue
+        draw_region(axes, projection, rings, colour, alpha=0.25, linewidth=0.9)
         style = {"color": colour, "marker": "D", "markersize": 4.5, "markerfacecolor": PAPER}
         _draw_point(axes, projection, tracks.impact[row, :2], **style)
 
