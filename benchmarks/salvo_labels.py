@@ -38,7 +38,7 @@ associators `jpda` (the default) and `gnn`, {runs} runs a row.
 
 {table}
 
-*Purity*: of the launches' detections with a track (at least {labelled:.0%}), the share whose track is
+*Purity*: of the launches' detections with a track (at least {labelled:.1f} %), the share whose track is
 of the same launch. *GOSPA* is of position, per launch, with a cut-off of 5 km, while all launches
 burn; *ratio* is that over GOSPA with true association. Targets closer than the error of a look,
 0.7 km for 20 µrad from 37 000 km, cannot be resolved: [salvos](salvos.md) has what true directions
@@ -223,7 +223,7 @@ def page(table):
         least=min(ratios),
         most=max(ratios),
         table=markdown_table(HEAD, lines),
-        labelled=min(table.column("labelled")),
+        labelled=100.0 * min(table.column("labelled")),
     )
 
 
