@@ -1,5 +1,5 @@
-"""What does association cost in a salvo of short-range missiles? `imm` beside the same tracker that
-is told which line is whose.
+"""What does association cost in a salvo of short-range missiles? `imm` beside the same tracker with
+the true association of lines.
 
 Launches of the class SRBM within 38 s from a square of ± `half` km, towards aims in a square of
 ± 1°, two SBIRS-GEO at 10 Hz. Purity is the share of labelled detections on a track of which most
@@ -33,7 +33,7 @@ AIM_DEG = np.array([-2.5, 3.0])
 PAGE = """# Salvos of short-range missiles
 
 What does association cost? GOSPA of `imm` at default settings is {least:.1f} to {most:.1f} times that of
-the same tracker that is told which line is whose. {fields} within 38 s, two SBIRS-GEO at 10 Hz,
+the same tracker with the true association of lines. {fields} within 38 s, two SBIRS-GEO at 10 Hz,
 associators `jpda` (the default) and `gnn`, {runs} runs a row.
 
 {table}
