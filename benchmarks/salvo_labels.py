@@ -1,5 +1,5 @@
-"""What does association cost in a salvo of short-range missiles? `imm` beside the same tracker that
-is told which line is whose.
+"""What does association cost in a salvo of short-range missiles? `imm` beside the same tracker with
+the true association of lines.
 
 Launches of the class SRBM within 38 s from a square of ± `half` km, towards aims in a square of
 ± 1°, two SBIRS-GEO at 10 Hz. Purity is the share of labelled detections on a track of which most
@@ -33,12 +33,12 @@ AIM_DEG = np.array([-2.5, 3.0])
 PAGE = """# Salvos of short-range missiles
 
 What does association cost? GOSPA of `imm` at default settings is {least:.1f} to {most:.1f} times that of
-the same tracker that is told which line is whose. {fields} within 38 s, two SBIRS-GEO at 10 Hz,
+the same tracker with the true association of lines. {fields} within 38 s, two SBIRS-GEO at 10 Hz,
 associators `jpda` (the default) and `gnn`, {runs} runs a row.
 
 {table}
 
-*Purity*: of the launches' detections with a track (at least {labelled:.0%}), the share whose track is
+*Purity*: of the launches' detections with a track (at least {labelled:.1f} %), the share whose track is
 of the same launch. *GOSPA* is of position, per launch, with a cut-off of 5 km, while all launches
 burn; *ratio* is that over GOSPA with true association. Targets closer than the error of a look,
 0.7 km for 20 µrad from 37 000 km, cannot be resolved: [salvos](salvos.md) has what true directions
@@ -223,7 +223,7 @@ def page(table):
         least=min(ratios),
         most=max(ratios),
         table=markdown_table(HEAD, lines),
-        labelled=min(table.column("labelled")),
+        labelled=100.0 * min(table.column("labelled")),
     )
 
 
