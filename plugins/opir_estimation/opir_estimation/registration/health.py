@@ -42,6 +42,9 @@ def sensor_health(registration: Registration, names: tuple[str, ...]) -> SensorH
 def _figures(registration: Registration) -> dict[str, FloatArray]:
     """Return the figures of the sensors (s,), by the names of `SensorHealth`."""
     sums = registration.innovations
+    scales = registration.scales
+    is_shown = scales.degrees >= LAW.shown_degrees
+    noise_scale = np.where(is_shown, np.exp(scales.log_mean), np.nan)
     errors = registration.reported
     mean = errors.mean.reshape(-1, ERRORS)
     variance = np.maximum(np.diagonal(errors.covariance), 0.0)
@@ -51,8 +54,8 @@ def _figures(registration: Registration) -> dict[str, FloatArray]:
         "bias_sigma_rad": sigma[:, :2],
         "clock_s": mean[:, 2],
         "clock_sigma_s": sigma[:, 2],
-        "noise_scale": sums.noise_scale,
-        "noise_scale_sigma": sums.noise_scale_sigma,
+        "noise_scale": noise_scale,
+        "noise_scale_sigma": noise_scale * scales.log_sigma,
         "innovations": sums.mean_square,
         "outlier_share": _outlier_share(registration.tracks),
     }

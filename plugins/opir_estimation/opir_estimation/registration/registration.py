@@ -19,6 +19,11 @@ from opir_estimation.registration.innovations import (
     stated_squares,
 )
 from opir_estimation.registration.misfits import MeanResiduals, mean_residuals, misfits
+from opir_estimation.registration.noise_scales import (
+    NoiseScales,
+    innovation_log_likelihood,
+    scatter_log_likelihood,
+)
 from opir_estimation.registration.shared_errors import ERRORS, Vantages, corrected
 
 
@@ -28,7 +33,7 @@ class Registration:
 
     `known` are the reported and corrected errors, `wide` includes improbable scales; `apart_rad`
     (s,) is the standard deviation that the errors leave between the sensors that see a target,
-    `noise` (s,) the scale of their noise. `period_s` (s,) are their scan periods; `compared_s` is
+    `noise` (s,) the scale of their noise, of which `scales` has the probabilities. `period_s` (s,) are their scan periods; `compared_s` is
     the time of the last comparison.
     """
 
@@ -37,6 +42,7 @@ class Registration:
     wide: Moments
     apart_rad: FloatArray
     noise: FloatArray
+    scales: NoiseScales
     innovations: SensorInnovations
     tracks: TrackInnovations
     period_s: FloatArray
@@ -55,6 +61,7 @@ class Registration:
             errors.moments(),
             apart_rad,
             np.ones(sensors),
+            NoiseScales.of(sensors),
             SensorInnovations.of(sensors),
             TrackInnovations.begun(np.empty(0, dtype=np.int64), sensors),
             period_s,
@@ -69,7 +76,7 @@ class Registration:
     def corrects(self) -> bool:
         """Whether lines of sight are corrected."""
         has_shift = self.known.mean.any() or self.apart_rad.any()
-        return bool(has_shift or self.noise.max(initial=1.0) > 1.0)
+        return bool(has_shift or (self.noise != 1.0).any())
 
     @cached_property
     def has_outliers(self) -> bool:
@@ -120,9 +127,39 @@ class Registration:
 
     def stated_rad(self, sigma_rad: FloatArray, sensor: IntArray) -> FloatArray:
         """Return the stated errors (m,) of lines that `corrected` gave errors (m,), by sensor."""
+        if not self.corrects:
+            return sigma_rad
         return (
             np.sqrt(np.square(sigma_rad) - np.square(self.apart_rad[sensor])) / self.noise[sensor]
         )
+
+    def after_innovations(
+        self, pairs: GatedPairs, sensor: IntArray, before: "Registration"
+    ) -> "Registration":
+        """Return the registration after the noise that innovations of pairs (m,) show, by sensor;
+        their lines were corrected with that of `before`.
+        """
+        if not len(sensor):
+            return self
+        stated = np.square(before.stated_rad(pairs.sigma_rad, sensor))
+        assumed = np.square(before.noise[sensor]) * stated
+        log_likelihood = innovation_log_likelihood(pairs, stated, assumed)
+        return self._with_scales(self.scales.after(sensor, *log_likelihood))
+
+    def after_few_looks(
+        self, pairs: GatedPairs, sensor: IntArray, before: "Registration", tracks: int
+    ) -> "Registration":
+        """Return the registration after the innovations of those of a slice's pairs (m,) of which a
+        sensor has few looks on a track, if there are few tracks; `before` as in `after_innovations`.
+        """
+        group = pairs.track * self.noise.size + sensor
+        few = (np.bincount(group)[group] <= LAW.few_looks).nonzero()[0]
+        if not few.size or tracks > LAW.many_tracks:
+            return self
+        return self.after_innovations(pairs.take(few), sensor[few], before)
+
+    def _with_scales(self, scales: NoiseScales) -> "Registration":
+        return evolve(self, scales=scales, noise=scales.believed)
 
     @property
     def _of_gates(self) -> Moments:
@@ -172,6 +209,7 @@ class Registration:
         return evolve(
             self,
             errors=self.errors.predicted(step_s),
+            scales=self.scales.at(step_s),
             innovations=self.innovations.faded(step_s),
             tracks=self.tracks.faded(step_s, self.period_s),
             time_s=time_s,
@@ -268,10 +306,15 @@ def _with_innovations(
     """Return the registration with the innovations and the scatter of pairs (m,)."""
     square = stated_squares(assigned, registration.stated_rad(assigned.sigma_rad, sensor))
     stated_rad = registration.stated_rad(means.look_rad, means.sensor)
-    innovations = registration.innovations.after(square, sensor, means, stated_rad)
+    innovations = registration.innovations.after(square, sensor)
     sums = registration.tracks.of(tracks.number).after(assigned.track, sensor)
-    noise = innovations.believed_scale
-    return evolve(registration, innovations=innovations, tracks=sums, noise=noise)
+    registration = evolve(registration, innovations=innovations, tracks=sums)
+    if not means.degrees.any():
+        return registration
+    scatter = means.scatter_rad2 / np.square(stated_rad)
+    log_likelihood = scatter_log_likelihood(scatter, means.degrees)
+    scales = registration.scales.after(means.sensor, log_likelihood, means.degrees)
+    return registration._with_scales(scales)
 
 
 def _apart(errors: Moments, tracks: Followed, vantages: Vantages) -> FloatArray:

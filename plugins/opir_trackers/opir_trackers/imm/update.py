@@ -240,17 +240,19 @@ def _registered(
 
     Tracks that share a line with others do not count.
     """
-    is_due = state.registration.is_due(state.time_s, len(state.table))
-    if not is_due and not state.registration.has_outliers:
-        return state
     assigned = _unshared(association.single, prediction.pairs)
     if not len(assigned):
         return state
     sensor = prediction.lines.sensor[assigned.line].astype(np.int64)
-    if is_due:
-        return _with_registration(models, state, assigned, sensor)
-    counted = state.registration.counted(state.time_s, state.table.number, assigned.track, sensor)
-    return state._replace(registration=counted)
+    if state.registration.is_due(state.time_s, len(state.table)):
+        state = _with_registration(models, state, assigned, sensor)
+    elif state.registration.has_outliers:
+        looks = state.table.number, assigned.track, sensor
+        state = state._replace(registration=state.registration.counted(state.time_s, *looks))
+    registration = state.registration.after_few_looks(
+        assigned, sensor, prediction.registration, len(state.table)
+    )
+    return state._replace(registration=registration)
 
 
 def _with_registration(
