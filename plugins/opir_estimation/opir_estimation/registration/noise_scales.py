@@ -93,10 +93,12 @@ class NoiseScales:
     @property
     def believed(self) -> FloatArray:
         """The scale (s,) that is assumed: 1 where the noise is probably as stated, else the root
-        mean square.
+        mean square, or, of less noise than stated, the upper end of its 95 % interval.
         """
         is_stated = self.probability[:, _AS_STATED].sum(axis=1) >= 1.0 - LAW.neglected
-        return np.where(is_stated, 1.0, np.sqrt(self.probability @ _SQUARES))
+        upper = np.minimum(np.exp(self.log_mean + 2.0 * self.log_sigma), 1.0)
+        scale = np.maximum(np.sqrt(self.probability @ _SQUARES), upper)
+        return np.where(is_stated, 1.0, scale)
 
 
 def scatter_log_likelihood(square: FloatArray, degrees: FloatArray) -> FloatArray:
@@ -126,7 +128,8 @@ def innovation_log_likelihood(
     distance = (share * adjoint[:, None] + noise * square[:, None]) / determinant
     density = np.exp(-0.5 * distance) / np.sqrt(determinant)
     outlier = 2.0 / (LAW.outlier_sigmas**2 * np.sqrt(area))
-    weight = 2.0 * np.maximum(stated, assumed) / (trace + 2.0 * np.maximum(stated, assumed))
+    look = LAW.extrapolated * np.maximum(stated, assumed)
+    weight = 1.0 / (1.0 + np.square(0.5 * trace / look))
     mixture = (1.0 - LAW.noise_outliers) * density + (LAW.noise_outliers * outlier)[:, None]
     return weight[:, None] * np.log(mixture), 2.0 * weight
 

@@ -33,7 +33,8 @@ class Registration:
 
     `known` are the reported and corrected errors, `wide` includes improbable scales; `apart_rad`
     (s,) is the standard deviation that the errors leave between the sensors that see a target,
-    `noise` (s,) the scale of their noise, of which `scales` has the probabilities. `period_s` (s,) are their scan periods; `compared_s` is
+    `noise` (s,) the scale of their noise, of which `scales` has the probabilities, and `most_noise`
+    (s,) the largest one since they were as stated. `period_s` (s,) are their scan periods; `compared_s` is
     the time of the last comparison.
     """
 
@@ -42,6 +43,7 @@ class Registration:
     wide: Moments
     apart_rad: FloatArray
     noise: FloatArray
+    most_noise: FloatArray
     scales: NoiseScales
     innovations: SensorInnovations
     tracks: TrackInnovations
@@ -60,6 +62,7 @@ class Registration:
             reported,
             errors.moments(),
             apart_rad,
+            np.ones(sensors),
             np.ones(sensors),
             NoiseScales.of(sensors),
             SensorInnovations.of(sensors),
@@ -159,7 +162,23 @@ class Registration:
         return self.after_innovations(pairs.take(few), sensor[few], before)
 
     def _with_scales(self, scales: NoiseScales) -> "Registration":
-        return evolve(self, scales=scales, noise=scales.believed)
+        noise = scales.believed
+        most_noise = np.where(noise > 1.0, np.maximum(noise, self.most_noise), 1.0)
+        return evolve(self, scales=scales, noise=noise, most_noise=most_noise)
+
+    def widening(self, before: "Registration", is_seen: BoolArray) -> FloatArray | None:
+        """Return the factors (n,) of the deviations of tracks whose looks had the noise of `before`,
+        None where no noise is more; `is_seen` (n, s) as in `gate_covariance`.
+
+        What one sensor does not see, as the range, does not owe to its looks.
+        """
+        factor = self.most_noise / before.most_noise
+        if not (factor > 1.0).any():
+            return None
+        square = np.where(is_seen, np.square(np.maximum(factor, 1.0)), 0.0)
+        sensors = is_seen.sum(axis=1)
+        mean = square.sum(axis=1) / np.maximum(sensors, 1)
+        return np.where(sensors > 1, np.sqrt(mean), 1.0)
 
     @property
     def _of_gates(self) -> Moments:
