@@ -1,11 +1,13 @@
-"""One Kalman filter of all sensors' shared errors, for each of several scales of unstated biases.
+"""One Kalman filter of all sensors' shared errors, for each of several scales of unstated errors.
 
 Each angle of a sensor is a Gauss–Markov process about 0 with the variance b² + s²: b is its stated
 bias, s a scale that all sensors share and no sensor states. It is 0 with a prior probability of
 0.96, or one of a few values, evenly spaced in the logarithm; the misfits decide between them by
 their marginal likelihood (type II: Good, 1965; MacKay, 1992). So sensors that are as stated pay
 nothing, and a bias that is not stated is found. The offset of a clock is constant, with a stated
-standard deviation; 0 if it is assumed to be right.
+standard deviation. Where none is stated, one of the sensors may have a clock that is off: a
+hypothesis for each sensor and scale, beside those of biases. A bias turns all lines of sight alike;
+a clock moves each along the motion of its target.
 """
 
 from typing import NamedTuple
@@ -20,6 +22,9 @@ from opir_estimation.registration.misfits import Misfits
 from opir_estimation.registration.shared_errors import ERRORS
 
 LAW = law_parameters("opir_estimation.registration", "registration")
+
+#: Scales of unstated offsets of one clock, s.
+CLOCK_SCALES_S = np.geomspace(LAW.least_clock_s, LAW.largest_clock_s, LAW.clock_scales)
 
 #: Scales of unstated biases, rad.
 SCALES_RAD = np.append(0.0, np.geomspace(LAW.least_scale_rad, LAW.largest_scale_rad, LAW.scales))
@@ -55,17 +60,29 @@ class ErrorFilter:
         cls, bias_sigma_rad: FloatArray, clock_sigma_s: float, correlation_s: float
     ) -> "ErrorFilter":
         """Return the filter of sensors with stated biases (s,) before the first look."""
-        scales = len(SCALES_RAD)
-        prior = np.empty((scales, len(bias_sigma_rad), ERRORS))
-        prior[:, :, :2] = (np.square(bias_sigma_rad) + np.square(SCALES_RAD)[:, None])[:, :, None]
-        prior[:, :, 2] = clock_sigma_s**2
-        return cls.of_prior(prior.reshape(scales, -1), correlation_s)
+        sensors = len(bias_sigma_rad)
+        is_asked = sensors > 1 and not clock_sigma_s
+        clocks = np.square(CLOCK_SCALES_S)[:, None, None] * np.eye(sensors)
+        clock_variance = clocks.reshape(-1, sensors)[: None if is_asked else 0]
+        biases = len(SCALES_RAD)
+        prior = np.zeros((biases + len(clock_variance), sensors, ERRORS))
+        prior[:, :, :2] = np.square(bias_sigma_rad)[:, None]
+        prior[:biases, :, :2] += np.square(SCALES_RAD)[:, None, None]
+        prior[:biases, :, 2] = clock_sigma_s**2
+        prior[biases:, :, 2] = clock_variance
+        return cls.of_prior(prior.reshape(len(prior), -1), correlation_s)
 
     @classmethod
     def of_prior(cls, prior: FloatArray, correlation_s: float) -> "ErrorFilter":
-        """Return the filter with prior variances (g, q) before the first look."""
-        unstated = len(prior) - 1
-        weight = np.append(1.0 - LAW.unstated, np.full(unstated, LAW.unstated / unstated))
+        """Return the filter with prior variances (g, q) before the first look: of biases by scale,
+        then of clocks.
+        """
+        biases = len(SCALES_RAD) - 1
+        clocks = len(prior) - 1 - biases
+        share = LAW.unstated_clock if clocks else 0.0
+        bias_weight = np.full(biases, (1.0 - share) * LAW.unstated / biases)
+        clock_weight = np.full(clocks, share * LAW.unstated / max(clocks, 1))
+        weight = np.concatenate([[1.0 - LAW.unstated], bias_weight, clock_weight])
         covariance = prior[:, :, None] * np.eye(prior.shape[1])
         return cls(prior, correlation_s, np.zeros_like(prior), covariance, np.log(weight))
 

@@ -122,7 +122,7 @@ def _sentence(sensor: _SensorRow) -> Iterator[str]:
         yield "not judged: no look of it was compared with a track"
     else:
         yield "no sign of a bias"
-    if figures["clock_sigma_s"] == 0.0:
+    if figures["clock_sigma_s"] < LAW.small_s:
         yield "clock assumed to be right"
     else:
         clock = f"clock {figures['clock_s']:+.2f} ± {figures['clock_sigma_s']:.2f} s"
