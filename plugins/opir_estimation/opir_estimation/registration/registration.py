@@ -193,7 +193,8 @@ class Registration:
         since_s = time_s - self.compared_s
         if self.errors.comparisons >= LAW.many_comparisons and tracks > LAW.many_tracks:
             return bool(since_s >= min(LAW.again_s, tracks / LAW.many_tracks) - 1e-6)
-        has_news = self.widens_gates or self.corrects or self.has_outliers
+        is_open = self.is_comparable and self.errors.weight[0] < LAW.settled
+        has_news = is_open or self.widens_gates or self.corrects or self.has_outliers
         return bool(tracks > LAW.few_tracks or has_news or since_s >= LAW.again_s)
 
     def counted(
