@@ -219,7 +219,9 @@ class Registration:
         return relative @ self._of_gates.covariance @ relative.transpose(0, 1, 3, 2)
 
     def covariance(self, state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
-        """Return the covariances (n, 6, 6) of inertial states (n, 6) due to all errors."""
+        """Return the covariances (n, 6, 6) of inertial states (n, 9) with accelerations due to all
+        errors.
+        """
         shift = state_shifts(state, is_seen, vantages)
         return shift @ self.known.covariance @ shift.transpose(0, 2, 1)
 
@@ -243,12 +245,15 @@ def _angle_sigmas(errors: Moments) -> FloatArray:
 
 
 def state_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
-    """Return the shifts (n, 6, q) of inertial states (n, 6) by all errors of 1 rad and 1 s.
+    """Return the shifts (n, 6, q) of positions and velocities of inertial states (n, 9) with
+    accelerations, by all errors of 1 rad and 1 s.
 
     Those of velocities are differences over a second of flight.
     """
-    shift = vantages.shifts(state[:, :3], state[:, 3:], is_seen)
-    later_shift = vantages.shifts(state[:, :3] + state[:, 3:], state[:, 3:], is_seen)
+    position_m, velocity_m_s, acceleration_m_s2 = state[:, :3], state[:, 3:6], state[:, 6:]
+    shift = vantages.shifts(position_m, velocity_m_s, is_seen)
+    later_m_s = velocity_m_s + acceleration_m_s2
+    later_shift = vantages.shifts(position_m + velocity_m_s, later_m_s, is_seen)
     return np.concatenate([shift, later_shift - shift], axis=1)
 
 
@@ -257,8 +262,8 @@ def _relative_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) 
     1 rad and 1 s.
     """
     count, sensors = is_seen.shape
-    displacement = vantages.displacements(state[:, :3], state[:, 3:])
-    shift = vantages.shifts(state[:, :3], state[:, 3:], is_seen)
+    displacement = vantages.displacements(state[:, :3], state[:, 3:6])
+    shift = vantages.shifts(state[:, :3], state[:, 3:6], is_seen)
     relative = np.repeat(-shift[:, None], sensors, axis=1)
     relative = relative.reshape(count, sensors, 3, sensors, ERRORS)
     sensor = np.arange(sensors)
@@ -267,8 +272,8 @@ def _relative_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) 
 
 
 class Followed(NamedTuple):
-    """Tracks (n,) whose looks are compared: numbers, inertial states (n, 6), deviations of speeds,
-    and visibility.
+    """Tracks (n,) whose looks are compared: numbers, inertial states (n, 9) with accelerations,
+    deviations of speeds, and visibility.
 
     `speed_m_s` (n,) is the standard deviation of the speed, `is_seen` (n, s) marks the sensors
     that saw them.
@@ -281,12 +286,16 @@ class Followed(NamedTuple):
 
     @classmethod
     def of(
-        cls, number: IntArray, moments: tuple[FloatArray, FloatArray], is_seen: BoolArray
+        cls,
+        number: IntArray,
+        moments: tuple[FloatArray, FloatArray],
+        acceleration_m_s2: FloatArray,
+        is_seen: BoolArray,
     ) -> "Followed":
-        """Return tracks with moments (n, 6) and (n, 6, 6)."""
+        """Return tracks with moments (n, 6) and (n, 6, 6), and accelerations (n, 3)."""
         state, covariance = moments
         speed_m_s = np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2))
-        return cls(number, state, speed_m_s, is_seen)
+        return cls(number, np.hstack([state, acceleration_m_s2]), speed_m_s, is_seen)
 
 
 def registered(
@@ -306,7 +315,7 @@ def registered(
     if not before.is_comparable:
         return registration
     position_m = tracks.state[:, :3]
-    information = misfits(means, position_m, tracks.state[:, 3:], tracks.speed_m_s, vantages)
+    information = misfits(means, position_m, tracks.state[:, 3:6], tracks.speed_m_s, vantages)
     if not len(information.track):
         return registration
     errors = before.errors.updated(information.about(before.known.mean))

@@ -262,8 +262,10 @@ def _with_registration(
     prior = evolve(state.registration.at(state.time_s), compared_s=state.time_s)
     vantages = models.vantages(prior, state.time_s)
     table = state.table
-    tracks = Followed.of(table.number, models.moments(table.estimates), table.seen)
-    residuals = _with_residuals(assigned, models.path(table.estimates, state.time_s))
+    path = models.path(table.estimates, state.time_s)
+    moments = models.moments(table.estimates)
+    tracks = Followed.of(table.number, moments, path.derivative[:, 2], table.seen)
+    residuals = _with_residuals(assigned, path)
     registration = registered(prior, residuals, sensor, tracks, vantages)
     change = registration.known.mean - prior.known.mean
     estimates = shifted(table.estimates, change, tracks, vantages)
