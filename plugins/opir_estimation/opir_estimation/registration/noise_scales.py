@@ -101,28 +101,31 @@ class NoiseScales:
         return np.where(is_stated, 1.0, scale)
 
 
-def scatter_log_likelihood(square: FloatArray, degrees: FloatArray) -> FloatArray:
+def scatter_log_likelihood(
+    square: FloatArray, degrees: FloatArray, least: FloatArray
+) -> FloatArray:
     """Return the log likelihoods (m, g) of the scales from sums (m,) of squares in stated variances,
-    with degrees of freedom (m,).
+    with degrees of freedom (m,); `least` (m,) are the least variances of looks, in stated ones.
     """
-    return -degrees[:, None] * LOG_SCALES - 0.5 * square[:, None] / _SQUARES
+    variance = np.maximum(_SQUARES, least[:, None])
+    return -0.5 * (degrees[:, None] * np.log(variance) + square[:, None] / variance)
 
 
 def innovation_log_likelihood(
-    pairs: GatedPairs, stated: FloatArray, assumed: FloatArray
+    pairs: GatedPairs, stated: FloatArray, assumed: FloatArray, least: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the log likelihoods (m, g) of the scales from innovations of pairs (m,), and their
     degrees of freedom (m,).
 
     `stated` (m,) are the stated variances of the looks, `assumed` (m,) those within the covariances
-    of the innovations, rad².
+    of the innovations, and `least` (m,) the least ones, rad².
     """
     area = np.exp(pairs.log_volume)
     square = np.sum(pairs.measured * pairs.measured, axis=1)
     trace = np.maximum(pairs.trace - 2.0 * assumed, 0.0)
     volume = np.maximum(area - assumed * pairs.trace + assumed * assumed, 0.0)
     adjoint = np.maximum(pairs.distance * area - assumed * square, 0.0)
-    noise = stated[:, None] * _SQUARES
+    noise = np.maximum(stated[:, None] * _SQUARES, least[:, None])
     share = _prediction_shares(0.5 * trace, assumed, noise)
     determinant = share * (share * volume[:, None] + noise * trace[:, None]) + noise * noise
     distance = (share * adjoint[:, None] + noise * square[:, None]) / determinant
@@ -134,9 +137,7 @@ def innovation_log_likelihood(
     return weight[:, None] * np.log(mixture), 2.0 * weight
 
 
-def _prediction_shares(
-    variance: FloatArray, assumed: FloatArray, noise: FloatArray
-) -> FloatArray:
+def _prediction_shares(variance: FloatArray, assumed: FloatArray, noise: FloatArray) -> FloatArray:
     """Return the variances (m, g) of predictions under other noise (m, g), over those (m,) under
     the assumed one.
     """
@@ -147,4 +148,3 @@ def _prediction_shares(
     other = noise * (np.square(other_gain) - 1.0)
     smallest = np.finfo(np.float64).tiny
     return other / np.maximum(variance, smallest)[:, None]
-

@@ -11,7 +11,7 @@ from attrs import evolve, frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_estimation.filter.estimates import ModeEstimates
 from opir_estimation.gating import GatedPairs
-from opir_estimation.lines_of_sight import LinesOfSight
+from opir_estimation.lines_of_sight import LinesOfSight, least_sigma_rad
 from opir_estimation.registration.error_filter import LAW, ErrorFilter, Moments
 from opir_estimation.registration.innovations import (
     SensorInnovations,
@@ -146,7 +146,8 @@ class Registration:
             return self
         stated = np.square(before.stated_rad(pairs.sigma_rad, sensor))
         assumed = np.square(before.noise[sensor]) * stated
-        log_likelihood = innovation_log_likelihood(pairs, stated, assumed)
+        least = np.square(least_sigma_rad(pairs.origin_m))
+        log_likelihood = innovation_log_likelihood(pairs, stated, assumed, least)
         return self._with_scales(self.scales.after(sensor, *log_likelihood))
 
     def after_few_looks(
@@ -311,7 +312,8 @@ def registered(
     if not len(assigned):
         return before
     means = mean_residuals(assigned, sensor, len(before.apart_rad))
-    registration = _with_innovations(before, assigned, sensor, tracks, means)
+    least_rad = least_sigma_rad(vantages.origin_m)
+    registration = _with_innovations(before, assigned, sensor, tracks, means, least_rad)
     if not before.is_comparable:
         return registration
     position_m = tracks.state[:, :3]
@@ -331,8 +333,11 @@ def _with_innovations(
     sensor: IntArray,
     tracks: Followed,
     means: MeanResiduals,
+    least_rad: FloatArray,
 ) -> Registration:
-    """Return the registration with the innovations and the scatter of pairs (m,)."""
+    """Return the registration with the innovations and the scatter of pairs (m,), of sensors with
+    least errors (s,).
+    """
     square = stated_squares(assigned, registration.stated_rad(assigned.sigma_rad, sensor))
     stated_rad = registration.stated_rad(means.look_rad, means.sensor)
     innovations = registration.innovations.after(square, sensor)
@@ -340,8 +345,10 @@ def _with_innovations(
     registration = evolve(registration, innovations=innovations, tracks=sums)
     if not means.degrees.any():
         return registration
-    scatter = means.scatter_rad2 / np.square(stated_rad)
-    log_likelihood = scatter_log_likelihood(scatter, means.degrees)
+    variance = np.square(stated_rad)
+    least = np.square(least_rad[means.sensor]) / variance
+    scatter = means.scatter_rad2 / variance
+    log_likelihood = scatter_log_likelihood(scatter, means.degrees, least)
     scales = registration.scales.after(means.sensor, log_likelihood, means.degrees)
     return registration._with_scales(scales)
 
