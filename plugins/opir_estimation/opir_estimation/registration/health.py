@@ -29,6 +29,7 @@ def sensor_health(registration: Registration, names: tuple[str, ...]) -> SensorH
         _SensorRow(
             {name: column[row] for name, column in figures.items()},
             float(registration.innovations.looks[row]),
+            bool(registration.noise[row] == 1.0),
             registration.errors.comparisons > 0,
             hidden,
             row,
@@ -101,10 +102,13 @@ def _eliminated(rows: FloatArray) -> FloatArray:
 
 
 class _SensorRow(NamedTuple):
-    """Figures of the sensor with a number, its looks, and the unobservable combinations of all."""
+    """Figures of the sensor with a number, its looks, whether its noise is assumed to be as stated,
+    and the unobservable combinations of all.
+    """
 
     figures: dict[str, Any]
     looks: float
+    is_noise_stated: bool
     is_compared: bool
     hidden: FloatArray
     row: int
@@ -129,14 +133,22 @@ def _sentence(sensor: _SensorRow) -> Iterator[str]:
         yield clock + _unseen(sensor, _NAMES[2:])
     scale = figures["noise_scale"]
     if np.isfinite(scale):
-        yield f"noise {scale:.2f} ± {max(figures['noise_scale_sigma'], 0.01):.2f} × stated"
+        sigma = max(figures["noise_scale_sigma"], 0.01 * scale)
+        used = "" if sensor.is_noise_stated else ", which is used"
+        yield f"noise {_digits(scale)} ± {_digits(sigma)} × stated{used}"
     if figures["outlier_share"] > LAW.outlier_share:
         yield f"outliers {figures['outlier_share']:.0%} of the looks"
     square = figures["innovations"]
     if np.isfinite(square):
-        is_wrong = square > LAW.wrong_square and sensor.looks > LAW.enough_looks
+        is_small = square * LAW.wrong_square < 1.0 and not sensor.is_noise_stated
+        is_wrong = sensor.looks > LAW.enough_looks and (square > LAW.wrong_square or is_small)
         verdict = ": not as stated" if is_wrong else ""
-        yield f"innovations {square:.2f} × their stated variance{verdict}"
+        yield f"innovations {_digits(square)} × their stated variance{verdict}"
+
+
+def _digits(value: float) -> str:
+    """Return a figure with two decimals, a small one with two digits."""
+    return f"{value:.2f}" if value >= 0.01 or value == 0.0 else f"{value:.2g}"
 
 
 def _bias(sensor: _SensorRow) -> str:

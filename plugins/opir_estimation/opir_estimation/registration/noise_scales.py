@@ -93,12 +93,13 @@ class NoiseScales:
     @property
     def believed(self) -> FloatArray:
         """The scale (s,) that is assumed: 1 where the noise is probably as stated, else the root
-        mean square, or, of less noise than stated, the upper end of its 95 % interval.
+        mean square of a log-normal distribution, or, of less noise than stated, the upper end of its
+        95 % interval.
         """
         is_stated = self.probability[:, _AS_STATED].sum(axis=1) >= 1.0 - LAW.neglected
         upper = np.minimum(np.exp(self.log_mean + 2.0 * self.log_sigma), 1.0)
-        scale = np.maximum(np.sqrt(self.probability @ _SQUARES), upper)
-        return np.where(is_stated, 1.0, scale)
+        mean = np.exp(self.log_mean + np.square(self.log_sigma))
+        return np.where(is_stated, 1.0, np.maximum(mean, upper))
 
 
 def scatter_log_likelihood(
