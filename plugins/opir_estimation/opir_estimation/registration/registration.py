@@ -2,6 +2,7 @@
 and widen covariances.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -27,6 +28,15 @@ from opir_estimation.registration.noise_scales import (
 from opir_estimation.registration.shared_errors import ERRORS, Vantages, corrected
 
 
+class _Innovations(NamedTuple):
+    """Pairs (m,), their sensors, and their stated and assumed variances, rad²."""
+
+    pairs: GatedPairs
+    sensor: IntArray
+    stated: FloatArray
+    assumed: FloatArray
+
+
 @frozen(eq=False)
 class Registration:
     """The filter of the sensors' shared errors, and the estimates that correct lines of sight.
@@ -35,7 +45,8 @@ class Registration:
     (s,) is the standard deviation that the errors leave between the sensors that see a target,
     `noise` (s,) the scale of their noise, of which `scales` has the probabilities, and `most_noise`
     (s,) the largest one since they were as stated. `period_s` (s,) are their scan periods; `compared_s` is
-    the time of the last comparison.
+    the time of the last comparison, `is_doubted` whether it spoke against sensors that are as stated
+    without certainty. `waiting` are the innovations since the noise was judged by some, at `judged_s`.
     """
 
     errors: ErrorFilter
@@ -50,6 +61,9 @@ class Registration:
     period_s: FloatArray
     time_s: float = 0.0
     compared_s: float = -np.inf
+    is_doubted: bool = False
+    waiting: tuple[_Innovations, ...] = ()
+    judged_s: float = -np.inf
 
     @classmethod
     def of(cls, errors: ErrorFilter, period_s: FloatArray) -> "Registration":
@@ -142,25 +156,36 @@ class Registration:
         """Return the registration after the noise that innovations of pairs (m,) show, by sensor;
         their lines were corrected with that of `before`.
         """
-        if not len(sensor):
-            return self
-        stated = np.square(before.stated_rad(pairs.sigma_rad, sensor))
-        assumed = np.square(before.noise[sensor]) * stated
-        least = np.square(least_sigma_rad(pairs.origin_m))
-        log_likelihood = innovation_log_likelihood(pairs, stated, assumed, least)
-        return self._with_scales(self.scales.after(sensor, *log_likelihood))
+        return self._judged([_innovations(pairs, sensor, before)]) if len(sensor) else self
 
     def after_few_looks(
         self, pairs: GatedPairs, sensor: IntArray, before: "Registration", tracks: int
     ) -> "Registration":
         """Return the registration after the innovations of those of a slice's pairs (m,) of which a
         sensor has few looks on a track, if there are few tracks; `before` as in `after_innovations`.
+
+        They wait for those of later slices, unless one is improbable.
         """
         group = pairs.track * self.noise.size + sensor
         few = (np.bincount(group)[group] <= LAW.few_looks).nonzero()[0]
         if not few.size or tracks > LAW.many_tracks:
             return self
-        return self.after_innovations(pairs.take(few), sensor[few], before)
+        waiting = [*self.waiting, _innovations(pairs.take(few), sensor[few], before)]
+        first_s = waiting[0].pairs.time_s[0]
+        is_early = pairs.time_s[-1] < max(first_s, self.judged_s) + LAW.judged_s
+        if is_early and not (pairs.distance > LAW.gate).any():
+            return evolve(self, waiting=tuple(waiting))
+        return evolve(self._judged(waiting), waiting=(), judged_s=float(pairs.time_s[-1]))
+
+    def _judged(self, innovations: Sequence[_Innovations]) -> "Registration":
+        sensor, stated, assumed = (
+            np.concatenate([getattr(part, name) for part in innovations])
+            for name in ("sensor", "stated", "assumed")
+        )
+        pairs = GatedPairs.concatenate([part.pairs for part in innovations])
+        least = np.square(least_sigma_rad(pairs.origin_m))
+        log_likelihood = innovation_log_likelihood(pairs, stated, assumed, least)
+        return self._with_scales(self.scales.after(sensor, *log_likelihood))
 
     def _with_scales(self, scales: NoiseScales) -> "Registration":
         noise = scales.believed
@@ -194,8 +219,7 @@ class Registration:
         since_s = time_s - self.compared_s
         if self.errors.comparisons >= LAW.many_comparisons and tracks > LAW.many_tracks:
             return bool(since_s >= min(LAW.again_s, tracks / LAW.many_tracks) - 1e-6)
-        is_open = self.is_comparable and self.errors.weight[0] < LAW.settled
-        has_news = is_open or self.widens_gates or self.corrects or self.has_outliers
+        has_news = self.is_doubted or self.widens_gates or self.corrects or self.has_outliers
         return bool(tracks > LAW.few_tracks or has_news or since_s >= LAW.again_s)
 
     def counted(
@@ -237,6 +261,12 @@ class Registration:
             tracks=self.tracks.faded(step_s, self.period_s),
             time_s=time_s,
         )
+
+
+def _innovations(pairs: GatedPairs, sensor: IntArray, before: Registration) -> _Innovations:
+    """Return the innovations of pairs (m,), by sensor, of lines that a registration corrected."""
+    stated = np.square(before.stated_rad(pairs.sigma_rad, sensor))
+    return _Innovations(pairs, sensor, stated, np.square(before.noise[sensor]) * stated)
 
 
 def _angle_sigmas(errors: Moments) -> FloatArray:
@@ -324,7 +354,15 @@ def registered(
     known = errors.reported()
     apart_rad = _apart(known, tracks, vantages)
     wide = errors.moments()
-    return evolve(registration, errors=errors, known=known, wide=wide, apart_rad=apart_rad)
+    stated = errors.weight[0]
+    return evolve(
+        registration,
+        errors=errors,
+        known=known,
+        wide=wide,
+        apart_rad=apart_rad,
+        is_doubted=bool(stated < min(before.errors.weight[0], LAW.settled)),
+    )
 
 
 def _with_innovations(
