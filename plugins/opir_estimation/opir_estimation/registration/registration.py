@@ -29,12 +29,11 @@ from opir_estimation.registration.shared_errors import ERRORS, Vantages, correct
 
 
 class _Innovations(NamedTuple):
-    """Pairs (m,), their sensors, and their stated and assumed variances, rad²."""
+    """Pairs (m,) with their sensors, whose lines a registration corrected."""
 
     pairs: GatedPairs
     sensor: IntArray
-    stated: FloatArray
-    assumed: FloatArray
+    before: "Registration"
 
 
 @frozen(eq=False)
@@ -156,7 +155,7 @@ class Registration:
         """Return the registration after the noise that innovations of pairs (m,) show, by sensor;
         their lines were corrected with that of `before`.
         """
-        return self._judged([_innovations(pairs, sensor, before)]) if len(sensor) else self
+        return self._judged([_Innovations(pairs, sensor, before)]) if len(sensor) else self
 
     def after_few_looks(
         self, pairs: GatedPairs, sensor: IntArray, before: "Registration", tracks: int
@@ -170,7 +169,10 @@ class Registration:
         few = (np.bincount(group)[group] <= LAW.few_looks).nonzero()[0]
         if not few.size or tracks > LAW.many_tracks:
             return self
-        waiting = [*self.waiting, _innovations(pairs.take(few), sensor[few], before)]
+        if few.size < len(sensor):
+            pairs = pairs.take(few)
+            sensor = sensor[few]
+        waiting = [*self.waiting, _Innovations(pairs, sensor, before)]
         first_s = waiting[0].pairs.time_s[0]
         is_early = pairs.time_s[-1] < max(first_s, self.judged_s) + LAW.judged_s
         if is_early and not (pairs.distance > LAW.gate).any():
@@ -178,12 +180,12 @@ class Registration:
         return evolve(self._judged(waiting), waiting=(), judged_s=float(pairs.time_s[-1]))
 
     def _judged(self, innovations: Sequence[_Innovations]) -> "Registration":
-        sensor, stated, assumed = (
-            np.concatenate([getattr(part, name) for part in innovations])
-            for name in ("sensor", "stated", "assumed")
-        )
+        sensor = np.concatenate([part.sensor for part in innovations])
+        stated_rad, noise = np.hstack([_stated_noise(part) for part in innovations])
         pairs = GatedPairs.concatenate([part.pairs for part in innovations])
         least = np.square(least_sigma_rad(pairs.origin_m))
+        stated = np.square(stated_rad)
+        assumed = np.square(noise) * stated
         log_likelihood = innovation_log_likelihood(pairs, stated, assumed, least)
         return self._with_scales(self.scales.after(sensor, *log_likelihood))
 
@@ -263,10 +265,10 @@ class Registration:
         )
 
 
-def _innovations(pairs: GatedPairs, sensor: IntArray, before: Registration) -> _Innovations:
-    """Return the innovations of pairs (m,), by sensor, of lines that a registration corrected."""
-    stated = np.square(before.stated_rad(pairs.sigma_rad, sensor))
-    return _Innovations(pairs, sensor, stated, np.square(before.noise[sensor]) * stated)
+def _stated_noise(part: _Innovations) -> tuple[FloatArray, FloatArray]:
+    """Return the stated errors (m,), rad, of innovations, and the scales (m,) that were assumed."""
+    stated_rad = part.before.stated_rad(part.pairs.sigma_rad, part.sensor)
+    return stated_rad, part.before.noise[part.sensor]
 
 
 def _angle_sigmas(errors: Moments) -> FloatArray:
