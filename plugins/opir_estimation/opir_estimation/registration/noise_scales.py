@@ -127,7 +127,7 @@ def innovation_log_likelihood(
     volume = np.maximum(area - assumed * pairs.trace + assumed * assumed, 0.0)
     adjoint = np.maximum(pairs.distance * area - assumed * square, 0.0)
     noise = np.maximum(stated[:, None] * _SQUARES, least[:, None])
-    share = _prediction_shares(0.5 * trace, assumed, noise)
+    share = prediction_shares(0.5 * trace, assumed, noise)
     determinant = share * (share * volume[:, None] + noise * trace[:, None]) + noise * noise
     distance = (share * adjoint[:, None] + noise * square[:, None]) / determinant
     density = np.exp(-0.5 * distance) / np.sqrt(determinant)
@@ -138,7 +138,7 @@ def innovation_log_likelihood(
     return weight[:, None] * np.log(mixture), 2.0 * weight
 
 
-def _prediction_shares(variance: FloatArray, assumed: FloatArray, noise: FloatArray) -> FloatArray:
+def prediction_shares(variance: FloatArray, assumed: FloatArray, noise: FloatArray) -> FloatArray:
     """Return the variances (m, g) of predictions under other noise (m, g), over those (m,) under
     the assumed one.
     """

@@ -222,7 +222,9 @@ class Registration:
         if self.errors.comparisons >= LAW.many_comparisons and tracks > LAW.many_tracks:
             return bool(since_s >= min(LAW.again_s, tracks / LAW.many_tracks) - 1e-6)
         has_news = self.is_doubted or self.widens_gates or self.corrects or self.has_outliers
-        return bool(tracks > LAW.few_tracks or has_news or since_s >= LAW.again_s)
+        is_open = self.is_comparable and self.errors.weight[0] < LAW.settled
+        again_s = LAW.open_s if is_open else LAW.again_s
+        return bool(tracks > LAW.few_tracks or has_news or since_s >= again_s)
 
     def counted(
         self, time_s: float, number: IntArray, track: IntArray, sensor: IntArray
