@@ -131,7 +131,8 @@ def innovation_log_likelihood(
     determinant = share * (share * volume[:, None] + noise * trace[:, None]) + noise * noise
     distance = (share * adjoint[:, None] + noise * square[:, None]) / determinant
     density = np.exp(-0.5 * distance) / np.sqrt(determinant)
-    outlier = 2.0 / (LAW.outlier_sigmas**2 * np.sqrt(area))
+    reach = LAW.outlier_sigmas**2 * (np.minimum(stated, assumed) + 0.5 * trace)
+    outlier = 2.0 / reach
     look = LAW.extrapolated * np.maximum(stated, assumed)
     weight = 1.0 / (1.0 + np.square(0.5 * trace / look))
     mixture = (1.0 - LAW.noise_outliers) * density + (LAW.noise_outliers * outlier)[:, None]

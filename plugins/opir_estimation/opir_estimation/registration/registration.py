@@ -149,21 +149,26 @@ class Registration:
             np.sqrt(np.square(sigma_rad) - np.square(self.apart_rad[sensor])) / self.noise[sensor]
         )
 
-    def after_innovations(
+    def after_explained(
         self, pairs: GatedPairs, sensor: IntArray, before: "Registration"
     ) -> "Registration":
-        """Return the registration after the noise that innovations of pairs (m,) show, by sensor;
-        their lines were corrected with that of `before`.
+        """Return the registration after looks beyond the gate (m,), by sensor, which count as noise
+        of sensors whose looks within it show more noise than stated; else they are outliers.
+
+        Their lines were corrected with the registration of `before`.
         """
-        return self._judged([_Innovations(pairs, sensor, before)]) if len(sensor) else self
+        rows = (self.noise[sensor] > 1.0).nonzero()[0]
+        if not rows.size:
+            return self
+        return self._judged([_Innovations(pairs.take(rows), sensor[rows], before)])
 
     def after_few_looks(
         self, pairs: GatedPairs, sensor: IntArray, before: "Registration", tracks: int
     ) -> "Registration":
         """Return the registration after the innovations of those of a slice's pairs (m,) of which a
-        sensor has few looks on a track, if there are few tracks; `before` as in `after_innovations`.
+        sensor has few looks on a track, if there are few tracks; `before` as in `after_explained`.
 
-        They wait for those of later slices, unless one is improbable.
+        They wait for those of later slices, but of slow sensors: one alone may be an outlier.
         """
         group = pairs.track * self.noise.size + sensor
         few = (np.bincount(group)[group] <= LAW.few_looks).nonzero()[0]
@@ -173,9 +178,9 @@ class Registration:
             pairs = pairs.take(few)
             sensor = sensor[few]
         waiting = [*self.waiting, _Innovations(pairs, sensor, before)]
-        first_s = waiting[0].pairs.time_s[0]
-        is_early = pairs.time_s[-1] < max(first_s, self.judged_s) + LAW.judged_s
-        if is_early and not (pairs.distance > LAW.gate).any():
+        begun_s = max(waiting[0].pairs.time_s[0], self.judged_s)
+        is_early = pairs.time_s[-1] < begun_s + LAW.judged_s > begun_s + self.period_s.max()
+        if is_early:
             return evolve(self, waiting=tuple(waiting))
         return evolve(self._judged(waiting), waiting=(), judged_s=float(pairs.time_s[-1]))
 

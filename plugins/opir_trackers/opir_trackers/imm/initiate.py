@@ -88,7 +88,7 @@ def _with_explained(
     claimed[unowned[explained.line]] = 0
     registration = evolve(registration, tracks=tracks)
     sensor = lines.sensor[explained.line].astype(np.int64)
-    registration = registration.after_innovations(explained, sensor, prediction.registration)
+    registration = registration.after_explained(explained, sensor, prediction.registration)
     return state._replace(registration=registration), claimed
 
 
