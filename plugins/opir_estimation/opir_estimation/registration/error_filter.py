@@ -61,15 +61,14 @@ class ErrorFilter:
     ) -> "ErrorFilter":
         """Return the filter of sensors with stated biases (s,) before the first look."""
         sensors = len(bias_sigma_rad)
-        is_asked = sensors > 1 and not clock_sigma_s
-        clocks = np.square(CLOCK_SCALES_S)[:, None, None] * np.eye(sensors)
-        clock_variance = clocks.reshape(-1, sensors)[: None if is_asked else 0]
+        clock_variance = _clock_variances(0 if clock_sigma_s else sensors)
         biases = len(SCALES_RAD)
         prior = np.zeros((biases + len(clock_variance), sensors, ERRORS))
         prior[:, :, :2] = np.square(bias_sigma_rad)[:, None]
         prior[:biases, :, :2] += np.square(SCALES_RAD)[:, None, None]
         prior[:biases, :, 2] = clock_sigma_s**2
-        prior[biases:, :, 2] = clock_variance
+        if len(clock_variance):
+            prior[biases:, :, 2] = clock_variance
         return cls.of_prior(prior.reshape(len(prior), -1), correlation_s)
 
     @classmethod
@@ -167,6 +166,15 @@ class ErrorFilter:
         is_assumed = self.prior == 0.0
         covariance[is_assumed[:, :, None] | is_assumed[:, None]] = 0.0
         return covariance
+
+
+def _clock_variances(sensors: int) -> FloatArray:
+    """Return the prior variances (h, s) of clocks, one of which is off; none of a lone sensor, which
+    is compared with no other.
+    """
+    if sensors < 2:
+        return np.zeros((0, sensors))
+    return (np.square(CLOCK_SCALES_S)[:, None, None] * np.eye(sensors)).reshape(-1, sensors)
 
 
 def distances(misfits: Misfits, errors: Moments) -> FloatArray:

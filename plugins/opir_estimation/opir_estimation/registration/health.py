@@ -131,13 +131,21 @@ def _sentence(sensor: _SensorRow) -> Iterator[str]:
     else:
         clock = f"clock {figures['clock_s']:+.2f} ± {figures['clock_sigma_s']:.2f} s"
         yield clock + _unseen(sensor, _NAMES[2:])
+    yield from _noise(sensor)
+
+
+def _noise(sensor: _SensorRow) -> Iterator[str]:
+    """Yield noise, outliers and innovations in words, as far as they are known."""
+    figures = sensor.figures
     scale = figures["noise_scale"]
     if np.isfinite(scale):
         sigma = max(figures["noise_scale_sigma"], 0.01 * scale)
         used = "" if sensor.is_noise_stated else ", which is used"
         yield f"noise {_digits(scale)} ± {_digits(sigma)} × stated{used}"
-    if figures["outlier_share"] > LAW.outlier_share:
-        yield f"outliers {figures['outlier_share']:.0%} of the looks"
+    share = figures["outlier_share"]
+    if share > LAW.outlier_share:
+        sigma = np.sqrt(share * (1.0 - share) / max(sensor.looks, 1.0))
+        yield f"outliers {share:.0%} ± {max(sigma, 0.01):.0%} of the looks"
     square = figures["innovations"]
     if np.isfinite(square):
         is_small = square * LAW.wrong_square < 1.0 and not sensor.is_noise_stated

@@ -121,22 +121,31 @@ def innovation_log_likelihood(
     `stated` (m,) are the stated variances of the looks, `assumed` (m,) those within the covariances
     of the innovations, and `least` (m,) the least ones, rad².
     """
+    trace = np.maximum(pairs.trace - 2.0 * assumed, 0.0)
+    noise = np.maximum(stated[:, None] * _SQUARES, least[:, None])
+    reach = LAW.outlier_sigmas**2 * (np.minimum(stated, assumed) + 0.5 * trace)
+    outlier = 2.0 * LAW.noise_outliers / reach
+    density = (1.0 - LAW.noise_outliers) * _densities(pairs, assumed, trace, noise)
+    look = LAW.extrapolated * np.maximum(stated, assumed)
+    weight = 1.0 / (1.0 + np.square(0.5 * trace / look))
+    return weight[:, None] * np.log(density + outlier[:, None]), 2.0 * weight
+
+
+def _densities(
+    pairs: GatedPairs, assumed: FloatArray, trace: FloatArray, noise: FloatArray
+) -> FloatArray:
+    """Return the densities (m, g) of innovations under noise (m, g), times 2π; predictions have
+    traces (m,) under the assumed noise (m,).
+    """
     area = np.exp(pairs.log_volume)
     square = np.sum(pairs.measured * pairs.measured, axis=1)
-    trace = np.maximum(pairs.trace - 2.0 * assumed, 0.0)
     volume = np.maximum(area - assumed * pairs.trace + assumed * assumed, 0.0)
     adjoint = np.maximum(pairs.distance * area - assumed * square, 0.0)
-    noise = np.maximum(stated[:, None] * _SQUARES, least[:, None])
     share = prediction_shares(0.5 * trace, assumed, noise)
     determinant = share * (share * volume[:, None] + noise * trace[:, None]) + noise * noise
     distance = (share * adjoint[:, None] + noise * square[:, None]) / determinant
-    density = np.exp(-0.5 * distance) / np.sqrt(determinant)
-    reach = LAW.outlier_sigmas**2 * (np.minimum(stated, assumed) + 0.5 * trace)
-    outlier = 2.0 / reach
-    look = LAW.extrapolated * np.maximum(stated, assumed)
-    weight = 1.0 / (1.0 + np.square(0.5 * trace / look))
-    mixture = (1.0 - LAW.noise_outliers) * density + (LAW.noise_outliers * outlier)[:, None]
-    return weight[:, None] * np.log(mixture), 2.0 * weight
+    density: FloatArray = np.exp(-0.5 * distance) / np.sqrt(determinant)
+    return density
 
 
 def prediction_shares(variance: FloatArray, assumed: FloatArray, noise: FloatArray) -> FloatArray:
