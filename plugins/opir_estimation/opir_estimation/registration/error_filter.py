@@ -74,16 +74,14 @@ class ErrorFilter:
     @classmethod
     def of_prior(cls, prior: FloatArray, correlation_s: float) -> "ErrorFilter":
         """Return the filter with prior variances (g, q) before the first look: of biases by scale,
-        then of clocks.
+        then of clocks, which count once their sensors are compared.
         """
         biases = len(SCALES_RAD) - 1
-        clocks = len(prior) - 1 - biases
-        share = LAW.unstated_clock if clocks else 0.0
-        bias_weight = np.full(biases, (1.0 - share) * LAW.unstated / biases)
-        clock_weight = np.full(clocks, share * LAW.unstated / max(clocks, 1))
-        weight = np.concatenate([[1.0 - LAW.unstated], bias_weight, clock_weight])
+        log_weight = np.full(len(prior), -np.inf)
+        log_weight[0] = np.log(1.0 - LAW.unstated)
+        log_weight[1 : biases + 1] = np.log(LAW.unstated / biases)
         covariance = prior[:, :, None] * np.eye(prior.shape[1])
-        return cls(prior, correlation_s, np.zeros_like(prior), covariance, np.log(weight))
+        return cls(prior, correlation_s, np.zeros_like(prior), covariance, log_weight)
 
     @property
     def weight(self) -> FloatArray:
@@ -150,13 +148,25 @@ class ErrorFilter:
         residual = vector - turned
         step = matvec(covariance, residual)
         log = np.sum(self.mean * (vector - 0.5 * turned) + 0.5 * residual * step, axis=1)
-        log_weight = self.log_weight + (log - 0.5 * np.linalg.slogdet(gain)[1])
+        log_weight = self._open_weight(matrix) + (log - 0.5 * np.linalg.slogdet(gain)[1])
         return evolve(
             self,
             mean=self.mean + step,
             covariance=covariance,
             log_weight=log_weight - log_weight.max(),
         )
+
+    def _open_weight(self, matrix: FloatArray) -> FloatArray:
+        """Return the log weights (g,) with those of clocks that information (q, q) shows for the
+        first time: until then they predict what sensors as stated do.
+        """
+        is_new = np.isneginf(self.log_weight)
+        if not is_new.any():
+            return self.log_weight
+        shown = self.prior[:, ERRORS - 1 :: ERRORS] @ np.diagonal(matrix)[ERRORS - 1 :: ERRORS]
+        odds = LAW.unstated_clock / len(CLOCK_SCALES_S) / (1.0 - LAW.unstated)
+        weight = self.log_weight[0] + np.log(odds)
+        return np.where(is_new & (shown > 0.0), weight, self.log_weight)
 
     def _covariance_after(self, gain: FloatArray) -> FloatArray:
         """Return the covariances (g, q, q) after information with gains (g, q, q)."""
