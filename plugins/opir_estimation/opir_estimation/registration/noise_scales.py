@@ -14,6 +14,8 @@ A sensor is probably as stated; else its scale is log-Laplacian. Evidence is for
 looks, and a sensor changes now and then to a scale of the prior.
 """
 
+from functools import cached_property
+
 import numpy as np
 from attrs import frozen
 
@@ -79,15 +81,27 @@ class NoiseScales:
         chance /= chance.sum(axis=1, keepdims=True)
         return NoiseScales(chance, lasting * self.degrees + gained)
 
+    @cached_property
+    def posterior(self) -> FloatArray:
+        """The probabilities (s, g) of the scales if a sensor may have the scale of another one, as
+        from the same table.
+        """
+        weight = np.where(np.eye(len(self.degrees)) > 0.0, 0.0, self.degrees)
+        weight *= LAW.noise_shared / (weight.sum(axis=1, keepdims=True) + LAW.shown_degrees)
+        prior = weight @ self.probability + (1.0 - weight.sum(axis=1))[:, None] * _PRIOR
+        chance = self.probability / _PRIOR * prior
+        posterior: FloatArray = chance / chance.sum(axis=1, keepdims=True)
+        return posterior
+
     @property
     def log_mean(self) -> FloatArray:
         """The mean (s,) of the logarithm of the scale."""
-        return self.probability @ LOG_SCALES
+        return self.posterior @ LOG_SCALES
 
     @property
     def log_sigma(self) -> FloatArray:
         """The standard deviation (s,) of the logarithm of the scale."""
-        square = self.probability @ np.square(LOG_SCALES) - np.square(self.log_mean)
+        square = self.posterior @ np.square(LOG_SCALES) - np.square(self.log_mean)
         return np.sqrt(np.maximum(square, 0.0))
 
     @property
@@ -96,7 +110,7 @@ class NoiseScales:
         mean square of a log-normal distribution, or, of less noise than stated, the upper end of its
         95 % interval.
         """
-        is_stated = self.probability[:, _AS_STATED].sum(axis=1) >= 1.0 - LAW.neglected
+        is_stated = self.posterior[:, _AS_STATED].sum(axis=1) >= 1.0 - LAW.neglected
         upper = np.minimum(np.exp(self.log_mean + 2.0 * self.log_sigma), 1.0)
         mean = np.exp(self.log_mean + np.square(self.log_sigma))
         return np.where(is_stated, 1.0, np.maximum(mean, upper))

@@ -132,6 +132,18 @@ def test_a_mended_sensor_is_believed_soon() -> None:
     assert few.believed == 1.0
 
 
+def test_a_sensor_may_have_the_noise_of_another_until_its_looks_say_otherwise() -> None:
+    rng = np.random.default_rng(6)
+    scales = judged(NoiseScales.of(2), *drawn(rng, 5.0, np.zeros((2, 2)), 5.0))
+    assert scales.believed[0] == pytest.approx(5.0, rel=0.2)
+    assert 2.0 < scales.believed[1] < 5.0
+    log_likelihood, degrees = drawn(rng, 1.0, np.zeros((2, 2)), scales.believed[1])
+    second = np.ones(10, dtype=np.int64)
+    believed = scales.after(second, log_likelihood[:10], degrees[:10]).believed
+    assert believed[0] == pytest.approx(5.0, rel=0.2)
+    assert believed[1] == 1.0
+
+
 def test_outliers_are_no_noise() -> None:
     rng = np.random.default_rng(5)
     is_far = rng.random(400) < 0.3
