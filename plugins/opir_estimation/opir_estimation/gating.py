@@ -8,7 +8,7 @@ cost grows with the number of gated pairs and not with tracks times lines.
 from typing import Any, NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
@@ -42,12 +42,18 @@ FEW_PAIRS = 128
 _ALL_PAIRS = 512
 
 
+def _circular_trace(pairs: "GatedPairs") -> FloatArray:
+    trace: FloatArray = 2.0 * np.exp(0.5 * pairs.log_volume)
+    return trace
+
+
 @frozen(eq=False, repr=False)
 class GatedPairs(Columns):
     """Gated pairs of a track and a line of sight, in the tangent plane of the predicted direction.
 
     `measured` (n, 2), rad, is the innovation, `distance` (n,) its squared Mahalanobis distance and
-    `log_volume` (n,) the logarithm of the determinant of its covariance. Vectors are inertial, m.
+    `log_volume` (n,) the logarithm of the determinant of its covariance, `trace` (n,) the trace,
+    rad², by default that of a circle. Vectors are inertial, m.
     """
 
     track: IntArray
@@ -59,6 +65,7 @@ class GatedPairs(Columns):
     distance: FloatArray
     log_volume: FloatArray
     sigma_rad: FloatArray
+    trace: FloatArray = field(default=Factory(_circular_trace, takes_self=True))
 
     @classmethod
     def empty(cls) -> "GatedPairs":
@@ -278,6 +285,7 @@ def gated(
         distance,
         np.log(determinant),
         sigma,
+        covariance[:, 0, 0] + covariance[:, 1, 1],
     )
     inside = distance <= gate * gate
     return pairs.take(inside.nonzero()[0]) if False in inside else pairs

@@ -51,7 +51,7 @@ class LinesOfSight(Columns):
             detections.sensor_ecef_m,
             detections.line_of_sight_ecef,
             np.maximum(
-                detections.line_of_sight_sigma_rad, _least_sigma_rad(detections.sensor_ecef_m)
+                detections.line_of_sight_sigma_rad, least_sigma_rad(detections.sensor_ecef_m)
             ),
         )
 
@@ -67,7 +67,7 @@ class LinesOfSight(Columns):
         )
 
 
-def _least_sigma_rad(origin_ecef_m: FloatArray) -> FloatArray:
+def least_sigma_rad(origin_ecef_m: FloatArray) -> FloatArray:
     """Return lower bounds (n,), rad, of sensors at positions (n, 3)."""
     height = (
         np.sqrt(np.add.reduce(origin_ecef_m * origin_ecef_m, axis=1)) - EARTH_EQUATORIAL_RADIUS_M

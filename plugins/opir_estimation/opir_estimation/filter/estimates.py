@@ -256,6 +256,19 @@ class ModeEstimates(Columns):
         burn[:, :, :COAST] += shift[:, None]
         return evolve(self, boost_mean=boost, coast_mean=self.coast_mean + shift, burn_mean=burn)
 
+    def widened(self, factor: FloatArray) -> "ModeEstimates":
+        """Return the estimates with standard deviations of positions and velocities times factors
+        (n,).
+        """
+        share = np.ones((len(factor), 1, self.boost_root.shape[2]))
+        share[:, :, :COAST] = 1.0 / factor[:, None, None]
+        return evolve(
+            self,
+            boost_root=self.boost_root * share,
+            coast_root=self.coast_root * share[:, :, :COAST],
+            burn_root=self.burn_root * share[:, None],
+        )
+
     def put(self, rows: IntArray, values: "ModeEstimates") -> "ModeEstimates":
         """Return the estimates with rows (m,) replaced."""
         columns = []

@@ -1,11 +1,13 @@
-"""One Kalman filter of all sensors' shared errors, for each of several scales of unstated biases.
+"""One Kalman filter of all sensors' shared errors, for each of several scales of unstated errors.
 
 Each angle of a sensor is a Gauss–Markov process about 0 with the variance b² + s²: b is its stated
 bias, s a scale that all sensors share and no sensor states. It is 0 with a prior probability of
 0.96, or one of a few values, evenly spaced in the logarithm; the misfits decide between them by
 their marginal likelihood (type II: Good, 1965; MacKay, 1992). So sensors that are as stated pay
 nothing, and a bias that is not stated is found. The offset of a clock is constant, with a stated
-standard deviation; 0 if it is assumed to be right.
+standard deviation. Where none is stated, one of the sensors may have a clock that is off: a
+hypothesis for each sensor and scale, beside those of biases. A bias turns all lines of sight alike;
+a clock moves each along the motion of its target.
 """
 
 from typing import NamedTuple
@@ -20,6 +22,9 @@ from opir_estimation.registration.misfits import Misfits
 from opir_estimation.registration.shared_errors import ERRORS
 
 LAW = law_parameters("opir_estimation.registration", "registration")
+
+#: Scales of unstated offsets of one clock, s.
+CLOCK_SCALES_S = np.geomspace(LAW.least_clock_s, LAW.largest_clock_s, LAW.clock_scales)
 
 #: Scales of unstated biases, rad.
 SCALES_RAD = np.append(0.0, np.geomspace(LAW.least_scale_rad, LAW.largest_scale_rad, LAW.scales))
@@ -55,19 +60,28 @@ class ErrorFilter:
         cls, bias_sigma_rad: FloatArray, clock_sigma_s: float, correlation_s: float
     ) -> "ErrorFilter":
         """Return the filter of sensors with stated biases (s,) before the first look."""
-        scales = len(SCALES_RAD)
-        prior = np.empty((scales, len(bias_sigma_rad), ERRORS))
-        prior[:, :, :2] = (np.square(bias_sigma_rad) + np.square(SCALES_RAD)[:, None])[:, :, None]
-        prior[:, :, 2] = clock_sigma_s**2
-        return cls.of_prior(prior.reshape(scales, -1), correlation_s)
+        sensors = len(bias_sigma_rad)
+        clock_variance = _clock_variances(0 if clock_sigma_s else sensors)
+        biases = len(SCALES_RAD)
+        prior = np.zeros((biases + len(clock_variance), sensors, ERRORS))
+        prior[:, :, :2] = np.square(bias_sigma_rad)[:, None]
+        prior[:biases, :, :2] += np.square(SCALES_RAD)[:, None, None]
+        prior[:biases, :, 2] = clock_sigma_s**2
+        if len(clock_variance):
+            prior[biases:, :, 2] = clock_variance
+        return cls.of_prior(prior.reshape(len(prior), -1), correlation_s)
 
     @classmethod
     def of_prior(cls, prior: FloatArray, correlation_s: float) -> "ErrorFilter":
-        """Return the filter with prior variances (g, q) before the first look."""
-        unstated = len(prior) - 1
-        weight = np.append(1.0 - LAW.unstated, np.full(unstated, LAW.unstated / unstated))
+        """Return the filter with prior variances (g, q) before the first look: of biases by scale,
+        then of clocks, which count once their sensors are compared.
+        """
+        biases = len(SCALES_RAD) - 1
+        log_weight = np.full(len(prior), -np.inf)
+        log_weight[0] = np.log(1.0 - LAW.unstated)
+        log_weight[1 : biases + 1] = np.log(LAW.unstated / biases)
         covariance = prior[:, :, None] * np.eye(prior.shape[1])
-        return cls(prior, correlation_s, np.zeros_like(prior), covariance, np.log(weight))
+        return cls(prior, correlation_s, np.zeros_like(prior), covariance, log_weight)
 
     @property
     def weight(self) -> FloatArray:
@@ -134,13 +148,25 @@ class ErrorFilter:
         residual = vector - turned
         step = matvec(covariance, residual)
         log = np.sum(self.mean * (vector - 0.5 * turned) + 0.5 * residual * step, axis=1)
-        log_weight = self.log_weight + (log - 0.5 * np.linalg.slogdet(gain)[1])
+        log_weight = self._open_weight(matrix) + (log - 0.5 * np.linalg.slogdet(gain)[1])
         return evolve(
             self,
             mean=self.mean + step,
             covariance=covariance,
             log_weight=log_weight - log_weight.max(),
         )
+
+    def _open_weight(self, matrix: FloatArray) -> FloatArray:
+        """Return the log weights (g,) with those of clocks that information (q, q) shows for the
+        first time: until then they predict what sensors as stated do.
+        """
+        is_new = np.isneginf(self.log_weight)
+        if not is_new.any():
+            return self.log_weight
+        shown = self.prior[:, ERRORS - 1 :: ERRORS] @ np.diagonal(matrix)[ERRORS - 1 :: ERRORS]
+        odds = LAW.unstated_clock / len(CLOCK_SCALES_S) / (1.0 - LAW.unstated)
+        weight = self.log_weight[0] + np.log(odds)
+        return np.where(is_new & (shown > 0.0), weight, self.log_weight)
 
     def _covariance_after(self, gain: FloatArray) -> FloatArray:
         """Return the covariances (g, q, q) after information with gains (g, q, q)."""
@@ -150,6 +176,15 @@ class ErrorFilter:
         is_assumed = self.prior == 0.0
         covariance[is_assumed[:, :, None] | is_assumed[:, None]] = 0.0
         return covariance
+
+
+def _clock_variances(sensors: int) -> FloatArray:
+    """Return the prior variances (h, s) of clocks, one of which is off; none of a lone sensor, which
+    is compared with no other.
+    """
+    if sensors < 2:
+        return np.zeros((0, sensors))
+    return (np.square(CLOCK_SCALES_S)[:, None, None] * np.eye(sensors)).reshape(-1, sensors)
 
 
 def distances(misfits: Misfits, errors: Moments) -> FloatArray:

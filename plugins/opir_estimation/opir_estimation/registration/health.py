@@ -29,6 +29,7 @@ def sensor_health(registration: Registration, names: tuple[str, ...]) -> SensorH
         _SensorRow(
             {name: column[row] for name, column in figures.items()},
             float(registration.innovations.looks[row]),
+            bool(registration.noise[row] == 1.0),
             registration.errors.comparisons > 0,
             hidden,
             row,
@@ -42,6 +43,9 @@ def sensor_health(registration: Registration, names: tuple[str, ...]) -> SensorH
 def _figures(registration: Registration) -> dict[str, FloatArray]:
     """Return the figures of the sensors (s,), by the names of `SensorHealth`."""
     sums = registration.innovations
+    scales = registration.scales
+    is_shown = scales.degrees >= LAW.shown_degrees
+    noise_scale = np.where(is_shown, np.exp(scales.log_mean), np.nan)
     errors = registration.reported
     mean = errors.mean.reshape(-1, ERRORS)
     variance = np.maximum(np.diagonal(errors.covariance), 0.0)
@@ -51,8 +55,8 @@ def _figures(registration: Registration) -> dict[str, FloatArray]:
         "bias_sigma_rad": sigma[:, :2],
         "clock_s": mean[:, 2],
         "clock_sigma_s": sigma[:, 2],
-        "noise_scale": sums.noise_scale,
-        "noise_scale_sigma": sums.noise_scale_sigma,
+        "noise_scale": noise_scale,
+        "noise_scale_sigma": noise_scale * scales.log_sigma,
         "innovations": sums.mean_square,
         "outlier_share": _outlier_share(registration.tracks),
     }
@@ -98,10 +102,13 @@ def _eliminated(rows: FloatArray) -> FloatArray:
 
 
 class _SensorRow(NamedTuple):
-    """Figures of the sensor with a number, its looks, and the unobservable combinations of all."""
+    """Figures of the sensor with a number, its looks, whether its noise is assumed to be as stated,
+    and the unobservable combinations of all.
+    """
 
     figures: dict[str, Any]
     looks: float
+    is_noise_stated: bool
     is_compared: bool
     hidden: FloatArray
     row: int
@@ -119,21 +126,37 @@ def _sentence(sensor: _SensorRow) -> Iterator[str]:
         yield "not judged: no look of it was compared with a track"
     else:
         yield "no sign of a bias"
-    if figures["clock_sigma_s"] == 0.0:
+    if figures["clock_sigma_s"] < LAW.small_s:
         yield "clock assumed to be right"
     else:
         clock = f"clock {figures['clock_s']:+.2f} ± {figures['clock_sigma_s']:.2f} s"
         yield clock + _unseen(sensor, _NAMES[2:])
+    yield from _noise(sensor)
+
+
+def _noise(sensor: _SensorRow) -> Iterator[str]:
+    """Yield noise, outliers and innovations in words, as far as they are known."""
+    figures = sensor.figures
     scale = figures["noise_scale"]
     if np.isfinite(scale):
-        yield f"noise {scale:.2f} ± {max(figures['noise_scale_sigma'], 0.01):.2f} × stated"
-    if figures["outlier_share"] > LAW.outlier_share:
-        yield f"outliers {figures['outlier_share']:.0%} of the looks"
+        sigma = max(figures["noise_scale_sigma"], 0.01 * scale)
+        used = "" if sensor.is_noise_stated else ", which is used"
+        yield f"noise {_digits(scale)} ± {_digits(sigma)} × stated{used}"
+    share = figures["outlier_share"]
+    if share > LAW.outlier_share:
+        sigma = np.sqrt(share * (1.0 - share) / max(sensor.looks, 1.0))
+        yield f"outliers {share:.0%} ± {max(sigma, 0.01):.0%} of the looks"
     square = figures["innovations"]
     if np.isfinite(square):
-        is_wrong = square > LAW.wrong_square and sensor.looks > LAW.enough_looks
+        is_small = square * LAW.wrong_square < 1.0 and not sensor.is_noise_stated
+        is_wrong = sensor.looks > LAW.enough_looks and (square > LAW.wrong_square or is_small)
         verdict = ": not as stated" if is_wrong else ""
-        yield f"innovations {square:.2f} × their stated variance{verdict}"
+        yield f"innovations {_digits(square)} × their stated variance{verdict}"
+
+
+def _digits(value: float) -> str:
+    """Return a figure with two decimals, a small one with two digits."""
+    return f"{value:.2f}" if value >= 0.01 or value == 0.0 else f"{value:.2g}"
 
 
 def _bias(sensor: _SensorRow) -> str:

@@ -1,14 +1,8 @@
-"""Normalised innovations by sensor, the scale of each sensor's noise, and looks that a track
-explains.
+"""Normalised innovations by sensor, and looks that a track explains.
 
 **Innovations.** Of each assigned look the squared distance from its prediction, in units of its
 *stated* variance, is 1 in the mean for each of its two angles. Where the mean is far above 1, the
 sensor is not as stated.
-
-**Noise.** The looks of one sensor on one track within a slice scatter about a straight line by its
-noise alone, whatever track and bias are. Their mean square, over some time, gives the scale of the
-noise; once it is significantly above 1, lines of sight get the larger error. A sensor that is
-better than stated gains nothing.
 
 **Explained looks.** A target gives at most one look a scan. So outliers of a track's target lie
 near it in scans in which it has no look of its own, while a second target is seen in both kinds of
@@ -28,55 +22,29 @@ from opir_core.interfaces import Columns
 from opir_estimation.assignment import scan_numbers
 from opir_estimation.gating import GatedPairs
 from opir_estimation.lines_of_sight import LinesOfSight
-from opir_estimation.registration.misfits import LAW, MeanResiduals
+from opir_estimation.registration.misfits import LAW
 
-#: An outlier may be this far from its track, standard deviations of a look, beyond the gate of the
-#: track: 44 km at 20 µrad from geostationary height. Farther ones seldom form the clusters that
-#: tracks begin with. Notional.
-OUTLIER_SIGMAS = 60.0
+OUTLIER_SIGMAS: float = LAW.outlier_sigmas
 
 
 @frozen(eq=False)
 class SensorInnovations:
-    """Sums over looks of each sensor (s,), with exponential forgetting.
-
-    `square` of the normalised innovations and `looks`; `scatter` of looks about their line, in
-    stated variances, and its `degrees` of freedom.
+    """Sums over looks of each sensor (s,), with exponential forgetting: `square` of the normalised
+    innovations, and `looks`.
     """
 
     square: FloatArray
     looks: FloatArray
-    scatter: FloatArray
-    degrees: FloatArray
 
     @classmethod
     def of(cls, sensors: int) -> "SensorInnovations":
         """Return the sums before the first look."""
-        return cls(*(np.zeros(sensors) for _ in range(4)))
+        return cls(np.zeros(sensors), np.zeros(sensors))
 
     def faded(self, step_s: float) -> "SensorInnovations":
         """Return the sums a step later."""
         decay = np.exp(-step_s / LAW.memory_s)
-        sums = self.square, self.looks, self.scatter, self.degrees
-        return SensorInnovations(*(decay * column for column in sums))
-
-    @property
-    def noise_scale(self) -> FloatArray:
-        """The noise (s,) in units of the stated one; nan where too few looks show it."""
-        prior = LAW.prior_degrees
-        scale = np.sqrt((self.scatter + prior) / (self.degrees + prior))
-        return np.where(self.degrees > prior, scale, np.nan)
-
-    @property
-    def noise_scale_sigma(self) -> FloatArray:
-        """The standard deviation (s,) of `noise_scale`."""
-        return self.noise_scale / np.sqrt(2.0 * np.maximum(self.degrees, 1.0))
-
-    @property
-    def believed_scale(self) -> FloatArray:
-        """The noise (s,) that is assumed, at least 1."""
-        lowest = self.noise_scale - LAW.noise_sigmas * self.noise_scale_sigma
-        return np.where(lowest > 1.0, lowest, 1.0)
+        return SensorInnovations(decay * self.square, decay * self.looks)
 
     @property
     def mean_square(self) -> FloatArray:
@@ -88,21 +56,12 @@ class SensorInnovations:
             where=self.looks > 0.0,
         )
 
-    def after(
-        self, square: FloatArray, sensor: IntArray, means: MeanResiduals, stated_rad: FloatArray
-    ) -> "SensorInnovations":
-        """Return the sums after looks (m,) with normalised squares by `sensor`, and their means
-        (k,).
-
-        `stated_rad` (k,) is the stated error of the looks of each mean.
-        """
+    def after(self, square: FloatArray, sensor: IntArray) -> "SensorInnovations":
+        """Return the sums after looks (m,) with normalised squares by `sensor`."""
         count = len(self.looks)
-        scatter = means.scatter_rad2 / np.square(stated_rad)
         return SensorInnovations(
             self.square + np.bincount(sensor, square, count),
             self.looks + np.bincount(sensor, minlength=count),
-            self.scatter + np.bincount(means.sensor, scatter, count),
-            self.degrees + np.bincount(means.sensor, means.degrees, count),
         )
 
 
@@ -170,8 +129,9 @@ def explained_looks(
     owned: tuple[IntArray, LinesOfSight],
     tracks: TrackInnovations,
     gate: float,
-) -> tuple[BoolArray, TrackInnovations]:
-    """Return which unassigned lines (f,) tracks (n,) explain, and the tracks' sums with these.
+) -> tuple[GatedPairs, TrackInnovations]:
+    """Return the pairs of unassigned lines (f,) and the tracks (n,) that explain them, and the
+    tracks' sums with these.
 
     `pairs` are those of tracks and lines `free` within a wide gate; `owned` are the rows of the
     tracks of the slice's other lines, and these lines; `gate` is that of tracks, in standard
@@ -192,9 +152,7 @@ def explained_looks(
     explained = _counted(tracks.explained, track[of_target], sensor[of_target])
     limit = np.maximum(tracks.looks, owned_looks) + LAW.first_looks
     of_target &= (explained <= limit)[track, sensor]
-    is_explained = np.zeros(len(free.time_s), dtype=np.bool_)
-    is_explained[line[of_target]] = True
-    return is_explained, evolve(
+    return pairs.take(rows[of_target]), evolve(
         tracks, explained=explained, owned=owned_looks, instead=instead, beside=beside
     )
 

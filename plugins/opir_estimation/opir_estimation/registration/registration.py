@@ -2,6 +2,7 @@
 and widen covariances.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ from attrs import evolve, frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_estimation.filter.estimates import ModeEstimates
 from opir_estimation.gating import GatedPairs
-from opir_estimation.lines_of_sight import LinesOfSight
+from opir_estimation.lines_of_sight import LinesOfSight, least_sigma_rad
 from opir_estimation.registration.error_filter import LAW, ErrorFilter, Moments
 from opir_estimation.registration.innovations import (
     SensorInnovations,
@@ -19,7 +20,20 @@ from opir_estimation.registration.innovations import (
     stated_squares,
 )
 from opir_estimation.registration.misfits import MeanResiduals, mean_residuals, misfits
+from opir_estimation.registration.noise_scales import (
+    NoiseScales,
+    innovation_log_likelihood,
+    scatter_log_likelihood,
+)
 from opir_estimation.registration.shared_errors import ERRORS, Vantages, corrected
+
+
+class _Innovations(NamedTuple):
+    """Pairs (m,) with their sensors, whose lines a registration corrected."""
+
+    pairs: GatedPairs
+    sensor: IntArray
+    before: "Registration"
 
 
 @frozen(eq=False)
@@ -28,8 +42,10 @@ class Registration:
 
     `known` are the reported and corrected errors, `wide` includes improbable scales; `apart_rad`
     (s,) is the standard deviation that the errors leave between the sensors that see a target,
-    `noise` (s,) the scale of their noise. `period_s` (s,) are their scan periods; `compared_s` is
-    the time of the last comparison.
+    `noise` (s,) the scale of their noise, of which `scales` has the probabilities, and `most_noise`
+    (s,) the largest one since they were as stated. `period_s` (s,) are their scan periods; `compared_s` is
+    the time of the last comparison, `is_doubted` whether it spoke against sensors that are as stated
+    without certainty. `waiting` are the innovations since the noise was judged by some, at `judged_s`.
     """
 
     errors: ErrorFilter
@@ -37,11 +53,16 @@ class Registration:
     wide: Moments
     apart_rad: FloatArray
     noise: FloatArray
+    most_noise: FloatArray
+    scales: NoiseScales
     innovations: SensorInnovations
     tracks: TrackInnovations
     period_s: FloatArray
     time_s: float = 0.0
     compared_s: float = -np.inf
+    is_doubted: bool = False
+    waiting: tuple[_Innovations, ...] = ()
+    judged_s: float = -np.inf
 
     @classmethod
     def of(cls, errors: ErrorFilter, period_s: FloatArray) -> "Registration":
@@ -55,6 +76,8 @@ class Registration:
             errors.moments(),
             apart_rad,
             np.ones(sensors),
+            np.ones(sensors),
+            NoiseScales.of(sensors),
             SensorInnovations.of(sensors),
             TrackInnovations.begun(np.empty(0, dtype=np.int64), sensors),
             period_s,
@@ -69,7 +92,7 @@ class Registration:
     def corrects(self) -> bool:
         """Whether lines of sight are corrected."""
         has_shift = self.known.mean.any() or self.apart_rad.any()
-        return bool(has_shift or self.noise.max(initial=1.0) > 1.0)
+        return bool(has_shift or (self.noise != 1.0).any())
 
     @cached_property
     def has_outliers(self) -> bool:
@@ -120,9 +143,75 @@ class Registration:
 
     def stated_rad(self, sigma_rad: FloatArray, sensor: IntArray) -> FloatArray:
         """Return the stated errors (m,) of lines that `corrected` gave errors (m,), by sensor."""
+        if not self.corrects:
+            return sigma_rad
         return (
             np.sqrt(np.square(sigma_rad) - np.square(self.apart_rad[sensor])) / self.noise[sensor]
         )
+
+    def after_explained(
+        self, pairs: GatedPairs, sensor: IntArray, before: "Registration"
+    ) -> "Registration":
+        """Return the registration after looks beyond the gate (m,), by sensor, which count as noise
+        of sensors whose looks within it show more noise than stated; else they are outliers.
+
+        Their lines were corrected with the registration of `before`.
+        """
+        rows = (self.noise[sensor] > 1.0).nonzero()[0]
+        if not rows.size:
+            return self
+        return self._judged([_Innovations(pairs.take(rows), sensor[rows], before)])
+
+    def after_few_looks(
+        self, pairs: GatedPairs, sensor: IntArray, before: "Registration", tracks: int
+    ) -> "Registration":
+        """Return the registration after the innovations of those of a slice's pairs (m,) of which a
+        sensor has few looks on a track, if there are few tracks; `before` as in `after_explained`.
+
+        They wait for those of later slices, but of slow sensors: one alone may be an outlier.
+        """
+        group = pairs.track * self.noise.size + sensor
+        few = (np.bincount(group)[group] <= LAW.few_looks).nonzero()[0]
+        if not few.size or tracks > LAW.many_tracks:
+            return self
+        if few.size < len(sensor):
+            pairs = pairs.take(few)
+            sensor = sensor[few]
+        waiting = [*self.waiting, _Innovations(pairs, sensor, before)]
+        begun_s = max(waiting[0].pairs.time_s[0], self.judged_s)
+        is_early = pairs.time_s[-1] < begun_s + LAW.judged_s > begun_s + self.period_s.max()
+        if is_early:
+            return evolve(self, waiting=tuple(waiting))
+        return evolve(self._judged(waiting), waiting=(), judged_s=float(pairs.time_s[-1]))
+
+    def _judged(self, innovations: Sequence[_Innovations]) -> "Registration":
+        sensor = np.concatenate([part.sensor for part in innovations])
+        stated_rad, noise = np.hstack([_stated_noise(part) for part in innovations])
+        pairs = GatedPairs.concatenate([part.pairs for part in innovations])
+        least = np.square(least_sigma_rad(pairs.origin_m))
+        stated = np.square(stated_rad)
+        assumed = np.square(noise) * stated
+        log_likelihood = innovation_log_likelihood(pairs, stated, assumed, least)
+        return self._with_scales(self.scales.after(sensor, *log_likelihood))
+
+    def _with_scales(self, scales: NoiseScales) -> "Registration":
+        noise = scales.believed
+        most_noise = np.where(noise > 1.0, np.maximum(noise, self.most_noise), 1.0)
+        return evolve(self, scales=scales, noise=noise, most_noise=most_noise)
+
+    def widening(self, before: "Registration", is_seen: BoolArray) -> FloatArray | None:
+        """Return the factors (n,) of the deviations of tracks whose looks had the noise of `before`,
+        None where no noise is more; `is_seen` (n, s) as in `gate_covariance`.
+
+        What one sensor does not see, as the range, does not owe to its looks.
+        """
+        factor = self.most_noise / before.most_noise
+        if not (factor > 1.0).any():
+            return None
+        square = np.where(is_seen, np.square(np.maximum(factor, 1.0)), 0.0)
+        sensors = is_seen.sum(axis=1)
+        mean = square.sum(axis=1) / np.maximum(sensors, 1)
+        return np.where(sensors > 1, np.sqrt(mean), 1.0)
 
     @property
     def _of_gates(self) -> Moments:
@@ -137,8 +226,10 @@ class Registration:
         since_s = time_s - self.compared_s
         if self.errors.comparisons >= LAW.many_comparisons and tracks > LAW.many_tracks:
             return bool(since_s >= min(LAW.again_s, tracks / LAW.many_tracks) - 1e-6)
-        has_news = self.widens_gates or self.corrects or self.has_outliers
-        return bool(tracks > LAW.few_tracks or has_news or since_s >= LAW.again_s)
+        has_news = self.is_doubted or self.widens_gates or self.corrects or self.has_outliers
+        is_open = self.is_comparable and self.errors.weight[0] < LAW.settled
+        again_s = LAW.open_s if is_open else LAW.again_s
+        return bool(tracks > LAW.few_tracks or has_news or since_s >= again_s)
 
     def counted(
         self, time_s: float, number: IntArray, track: IntArray, sensor: IntArray
@@ -162,7 +253,9 @@ class Registration:
         return relative @ self._of_gates.covariance @ relative.transpose(0, 1, 3, 2)
 
     def covariance(self, state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
-        """Return the covariances (n, 6, 6) of inertial states (n, 6) due to all errors."""
+        """Return the covariances (n, 6, 6) of inertial states (n, 9) with accelerations due to all
+        errors.
+        """
         shift = state_shifts(state, is_seen, vantages)
         return shift @ self.known.covariance @ shift.transpose(0, 2, 1)
 
@@ -172,10 +265,17 @@ class Registration:
         return evolve(
             self,
             errors=self.errors.predicted(step_s),
+            scales=self.scales.at(step_s),
             innovations=self.innovations.faded(step_s),
             tracks=self.tracks.faded(step_s, self.period_s),
             time_s=time_s,
         )
+
+
+def _stated_noise(part: _Innovations) -> tuple[FloatArray, FloatArray]:
+    """Return the stated errors (m,), rad, of innovations, and the scales (m,) that were assumed."""
+    stated_rad = part.before.stated_rad(part.pairs.sigma_rad, part.sensor)
+    return stated_rad, part.before.noise[part.sensor]
 
 
 def _angle_sigmas(errors: Moments) -> FloatArray:
@@ -185,12 +285,15 @@ def _angle_sigmas(errors: Moments) -> FloatArray:
 
 
 def state_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
-    """Return the shifts (n, 6, q) of inertial states (n, 6) by all errors of 1 rad and 1 s.
+    """Return the shifts (n, 6, q) of positions and velocities of inertial states (n, 9) with
+    accelerations, by all errors of 1 rad and 1 s.
 
     Those of velocities are differences over a second of flight.
     """
-    shift = vantages.shifts(state[:, :3], state[:, 3:], is_seen)
-    later_shift = vantages.shifts(state[:, :3] + state[:, 3:], state[:, 3:], is_seen)
+    position_m, velocity_m_s, acceleration_m_s2 = state[:, :3], state[:, 3:6], state[:, 6:]
+    shift = vantages.shifts(position_m, velocity_m_s, is_seen)
+    later_m_s = velocity_m_s + acceleration_m_s2
+    later_shift = vantages.shifts(position_m + velocity_m_s, later_m_s, is_seen)
     return np.concatenate([shift, later_shift - shift], axis=1)
 
 
@@ -199,8 +302,8 @@ def _relative_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) 
     1 rad and 1 s.
     """
     count, sensors = is_seen.shape
-    displacement = vantages.displacements(state[:, :3], state[:, 3:])
-    shift = vantages.shifts(state[:, :3], state[:, 3:], is_seen)
+    displacement = vantages.displacements(state[:, :3], state[:, 3:6])
+    shift = vantages.shifts(state[:, :3], state[:, 3:6], is_seen)
     relative = np.repeat(-shift[:, None], sensors, axis=1)
     relative = relative.reshape(count, sensors, 3, sensors, ERRORS)
     sensor = np.arange(sensors)
@@ -209,8 +312,8 @@ def _relative_shifts(state: FloatArray, is_seen: BoolArray, vantages: Vantages) 
 
 
 class Followed(NamedTuple):
-    """Tracks (n,) whose looks are compared: numbers, inertial states (n, 6), deviations of speeds,
-    and visibility.
+    """Tracks (n,) whose looks are compared: numbers, inertial states (n, 9) with accelerations,
+    deviations of speeds, and visibility.
 
     `speed_m_s` (n,) is the standard deviation of the speed, `is_seen` (n, s) marks the sensors
     that saw them.
@@ -223,12 +326,16 @@ class Followed(NamedTuple):
 
     @classmethod
     def of(
-        cls, number: IntArray, moments: tuple[FloatArray, FloatArray], is_seen: BoolArray
+        cls,
+        number: IntArray,
+        moments: tuple[FloatArray, FloatArray],
+        acceleration_m_s2: FloatArray,
+        is_seen: BoolArray,
     ) -> "Followed":
-        """Return tracks with moments (n, 6) and (n, 6, 6)."""
+        """Return tracks with moments (n, 6) and (n, 6, 6), and accelerations (n, 3)."""
         state, covariance = moments
         speed_m_s = np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2))
-        return cls(number, state, speed_m_s, is_seen)
+        return cls(number, np.hstack([state, acceleration_m_s2]), speed_m_s, is_seen)
 
 
 def registered(
@@ -244,18 +351,27 @@ def registered(
     if not len(assigned):
         return before
     means = mean_residuals(assigned, sensor, len(before.apart_rad))
-    registration = _with_innovations(before, assigned, sensor, tracks, means)
+    least_rad = least_sigma_rad(vantages.origin_m)
+    registration = _with_innovations(before, assigned, sensor, tracks, means, least_rad)
     if not before.is_comparable:
         return registration
     position_m = tracks.state[:, :3]
-    information = misfits(means, position_m, tracks.state[:, 3:], tracks.speed_m_s, vantages)
+    information = misfits(means, position_m, tracks.state[:, 3:6], tracks.speed_m_s, vantages)
     if not len(information.track):
         return registration
     errors = before.errors.updated(information.about(before.known.mean))
     known = errors.reported()
     apart_rad = _apart(known, tracks, vantages)
     wide = errors.moments()
-    return evolve(registration, errors=errors, known=known, wide=wide, apart_rad=apart_rad)
+    stated = errors.weight[0]
+    return evolve(
+        registration,
+        errors=errors,
+        known=known,
+        wide=wide,
+        apart_rad=apart_rad,
+        is_doubted=bool(stated < min(before.errors.weight[0], LAW.settled)),
+    )
 
 
 def _with_innovations(
@@ -264,14 +380,24 @@ def _with_innovations(
     sensor: IntArray,
     tracks: Followed,
     means: MeanResiduals,
+    least_rad: FloatArray,
 ) -> Registration:
-    """Return the registration with the innovations and the scatter of pairs (m,)."""
+    """Return the registration with the innovations and the scatter of pairs (m,), of sensors with
+    least errors (s,).
+    """
     square = stated_squares(assigned, registration.stated_rad(assigned.sigma_rad, sensor))
     stated_rad = registration.stated_rad(means.look_rad, means.sensor)
-    innovations = registration.innovations.after(square, sensor, means, stated_rad)
+    innovations = registration.innovations.after(square, sensor)
     sums = registration.tracks.of(tracks.number).after(assigned.track, sensor)
-    noise = innovations.believed_scale
-    return evolve(registration, innovations=innovations, tracks=sums, noise=noise)
+    registration = evolve(registration, innovations=innovations, tracks=sums)
+    if not means.degrees.any():
+        return registration
+    variance = np.square(stated_rad)
+    least = np.square(least_rad[means.sensor]) / variance
+    scatter = means.scatter_rad2 / variance
+    log_likelihood = scatter_log_likelihood(scatter, means.degrees, least)
+    scales = registration.scales.after(means.sensor, log_likelihood, means.degrees)
+    return registration._with_scales(scales)
 
 
 def _apart(errors: Moments, tracks: Followed, vantages: Vantages) -> FloatArray:

@@ -85,8 +85,10 @@ def _with_explained(
     tracks = registration.tracks.of(state.table.number)
     explained, tracks = explained_looks(pairs, lines, owned, tracks, models.config.gate_sigma)
     claimed = owner.copy()
-    claimed[unowned[explained]] = 0
+    claimed[unowned[explained.line]] = 0
     registration = evolve(registration, tracks=tracks)
+    sensor = lines.sensor[explained.line].astype(np.int64)
+    registration = registration.after_explained(explained, sensor, prediction.registration)
     return state._replace(registration=registration), claimed
 
 

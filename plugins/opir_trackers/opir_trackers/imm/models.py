@@ -221,8 +221,9 @@ class TrackingModels:
         """Return the covariances (n, 6, 6) of tracks due to the errors that sensors share; None for
         none.
         """
-        if not state.registration.has_errors:
+        if not (state.registration.has_errors and table.number.size):
             return None
         vantages = self.vantages(state.registration, state.time_s)
-        likelier = table.estimates.likelier_state
+        path = self.path(table.estimates, state.time_s)
+        likelier = np.hstack([table.estimates.likelier_state, path.derivative[:, 2]])
         return state.registration.covariance(likelier, table.seen, vantages)

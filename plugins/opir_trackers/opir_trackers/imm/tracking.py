@@ -104,6 +104,7 @@ class ImmTracking:
         owner = association.owner
         state = update(models, state, prediction, association, reported)
         state = initiate(models, state, prediction, owner, raw, reported)
+        state = _with_noise(state, prediction.registration)
         state = with_launch_points(models, state, prediction.span_s)
         return prune(models, state, lines, owner, association.existence)
 
@@ -194,6 +195,15 @@ class ImmTracking:
             return tracks
         tracks = state.ended.and_others(tracks)
         return tracks.take(np.argsort(tracks.table.number, kind="stable"))
+
+
+def _with_noise(state: TrackerState, before: Registration) -> TrackerState:
+    """Return the state with covariances of tracks as wide as the noise that a slice has shown."""
+    table = state.table
+    factor = state.registration.widening(before, table.seen)
+    if factor is None:
+        return state
+    return state._replace(table=table.with_estimates(table.estimates.widened(factor)))
 
 
 def _slice_ends(start_s: float, end_s: float, slice_s: float) -> list[float]:

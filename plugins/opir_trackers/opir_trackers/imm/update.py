@@ -239,17 +239,19 @@ def _registered(
 
     Tracks that share a line with others do not count.
     """
-    is_due = state.registration.is_due(state.time_s, state.table.number.size)
-    if not is_due and not state.registration.has_outliers:
-        return state
     assigned = _unshared(association.single, prediction.pairs)
     if not len(assigned):
         return state
     sensor = prediction.lines.sensor[assigned.line].astype(np.int64)
-    if is_due:
-        return _with_registration(models, state, assigned, sensor)
-    counted = state.registration.counted(state.time_s, state.table.number, assigned.track, sensor)
-    return state._replace(registration=counted)
+    if state.registration.is_due(state.time_s, len(state.table)):
+        state = _with_registration(models, state, assigned, sensor)
+    elif state.registration.has_outliers:
+        looks = state.table.number, assigned.track, sensor
+        state = state._replace(registration=state.registration.counted(state.time_s, *looks))
+    registration = state.registration.after_few_looks(
+        assigned, sensor, prediction.registration, len(state.table)
+    )
+    return state._replace(registration=registration)
 
 
 def _with_registration(
@@ -259,8 +261,10 @@ def _with_registration(
     prior = evolve(state.registration.at(state.time_s), compared_s=state.time_s)
     vantages = models.vantages(prior, state.time_s)
     table = state.table
-    tracks = Followed.of(table.number, models.moments(table.estimates), table.seen)
-    residuals = _with_residuals(assigned, models.path(table.estimates, state.time_s))
+    path = models.path(table.estimates, state.time_s)
+    moments = models.moments(table.estimates)
+    tracks = Followed.of(table.number, moments, path.derivative[:, 2], table.seen)
+    residuals = _with_residuals(assigned, path)
     registration = registered(prior, residuals, sensor, tracks, vantages)
     change = registration.known.mean - prior.known.mean
     estimates = shifted(table.estimates, change, tracks, vantages)

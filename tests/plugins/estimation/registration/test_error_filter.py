@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_estimation.registration.error_filter import SCALES_RAD, ErrorFilter
+from opir_estimation.registration.error_filter import CLOCK_SCALES_S, SCALES_RAD, ErrorFilter
 from opir_estimation.registration.misfits import Misfits
 from scipy.stats import multivariate_normal
 
@@ -64,6 +64,34 @@ def test_against_a_batch_solution_of_each_scale() -> None:
     prior = np.append(0.96, np.full(unstated, 0.04 / unstated))
     weight = prior * np.exp(np.array(log) - max(log))
     assert filter_.weight == pytest.approx(weight / weight.sum(), rel=1e-5)
+
+
+def test_against_a_batch_solution_of_each_clock() -> None:
+    """Three sensors whose clocks are not stated; that of the second is off by 0.4 s."""
+    scale = np.tile([1e6, 1e6, 10.0], 3)
+    error = np.zeros(9)
+    error[5] = 0.4
+    measured = slices(8, error * scale, 60)
+    filter_ = informed(ErrorFilter.of(np.zeros(3), 0.0, NEVER_S), measured, scale)
+    rows = np.concatenate([slice_rows * scale for slice_rows, _ in measured])
+    measurement = np.concatenate([values for _, values in measured])
+    biases = [np.tile([scale_rad**2, scale_rad**2, 0.0], 3) for scale_rad in SCALES_RAD]
+    clocks = [
+        np.eye(9)[3 * sensor + 2] * scale_s**2 for scale_s in CLOCK_SCALES_S for sensor in range(3)
+    ]
+    log = [
+        multivariate_normal(
+            np.zeros(len(rows)), rows @ np.diag(variance) @ rows.T + np.eye(len(rows))
+        ).logpdf(measurement)
+        for variance in (*biases, *clocks)
+    ]
+    prior = np.concatenate([[0.96], np.full(6, 0.04 / 6), np.full(6, 0.001)])
+    weight = prior * np.exp(np.array(log) - max(log))
+    assert filter_.weight == pytest.approx(weight / weight.sum(), rel=1e-5, abs=1e-12)
+    reported = filter_.reported()
+    assert reported.mean[5] == pytest.approx(0.4, abs=4.0 * np.sqrt(reported.covariance[5, 5]))
+    assert np.abs(reported.mean[[0, 1, 3, 4, 6, 7]]).max() < 1e-7
+    assert np.abs(reported.mean[[2, 8]]).max() < 0.01
 
 
 def test_sensors_that_are_as_stated_pay_nothing() -> None:
