@@ -143,12 +143,12 @@ def _drawn_boost(model: VehicleModel, kind: str, count: int, number: int) -> Pla
     stages = drawn_stages(model, KINDS[kind], count, rng)
     steering = drawn_steering(count, model.data, 11 + number)
     height_m = _heights_m(model, kind, count, rng)
-    program = [
-        rng.uniform(*ORBITS.guided_m, count),
-        np.radians(rng.uniform(*ORBITS.tilt_deg, count)),
-        rng.uniform(*ORBITS.tilt_power, count),
-    ]
-    return PlanarBoost(stages, steering, height_m, np.array(program))
+    guided_m, tilt_deg, tilt_power = (
+        rng.uniform(low, high, count)
+        for low, high in (ORBITS.guided_m, ORBITS.tilt_deg, ORBITS.tilt_power)
+    )
+    program = np.array([guided_m, np.radians(tilt_deg), tilt_power])
+    return PlanarBoost(stages, steering, height_m, program)
 
 
 def _flights_of(
