@@ -85,7 +85,7 @@ def test_against_a_batch_solution_of_each_clock() -> None:
         ).logpdf(measurement)
         for variance in (*biases, *clocks)
     ]
-    prior = np.concatenate([[0.96], np.full(6, 0.04 / 6), np.full(6, 0.001)])
+    prior = np.concatenate([[0.96], np.full(6, 0.04 / 6), np.full(6, 0.0015)])
     weight = prior * np.exp(np.array(log) - max(log))
     assert filter_.weight == pytest.approx(weight / weight.sum(), rel=1e-5, abs=1e-12)
     reported = filter_.reported()
