@@ -1,6 +1,7 @@
 from opir_estimation.assignment import (
     belief_propagation as belief_propagation,
     cheapest_assignment as cheapest_assignment,
+    components as components,
     group_maxima as group_maxima,
     group_minima as group_minima,
     group_sums as group_sums,
@@ -62,6 +63,7 @@ from opir_estimation.labels import (
     SharedLooks as SharedLooks,
     equivalent_pairs as equivalent_pairs,
     label_posterior as label_posterior,
+    place_probabilities as place_probabilities,
 )
 from opir_estimation.law_files import (
     law_parameters as law_parameters,

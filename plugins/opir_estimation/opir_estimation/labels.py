@@ -42,6 +42,7 @@ class SharedLooks(NamedTuple):
     look: IntArray
     log_odds: FloatArray
     sensor: IndexArray
+    newcomers: float = LAW.newcomers
 
 
 class LabelPosterior(NamedTuple):
@@ -77,6 +78,17 @@ def label_posterior(
         if np.abs(mean[:, :3] - before[:, :3]).max() < LAW.settled_m:
             break
     return LabelPosterior(probability, log_ratio, residual)
+
+
+def place_probabilities(
+    looks: SharedLooks, path: PredictedMeasurements, *, light_time: bool
+) -> FloatArray:
+    """Return the probabilities (k,) of the pairs by predicted paths alone, whatever the lines of the
+    slice say of them.
+    """
+    motion = _PathDeviations.of(looks.pairs, path, light_time=light_time)
+    spread = motion.slope @ motion.prior[motion.track] @ motion.slope.transpose(0, 2, 1)
+    return _probabilities(looks, looks.pairs.measured, spread)[1]
 
 
 class _PathDeviations(NamedTuple):
@@ -141,7 +153,7 @@ def _probabilities(
     distance, determinant = squared_distances(residual, errors)
     log_ratio = looks.log_odds - 0.5 * (distance + np.log(determinant))
     density = variance / np.sqrt(determinant) * np.exp(-0.5 * distance)
-    ratio = np.minimum(np.exp(np.minimum(log_ratio, 300.0)), density / LAW.newcomers)
+    ratio = np.minimum(np.exp(np.minimum(log_ratio, 300.0)), density / looks.newcomers)
     return log_ratio, belief_propagation(looks.look, looks.pairs.line, ratio, LAW.sweeps)
 
 

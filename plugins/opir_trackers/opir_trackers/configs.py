@@ -201,21 +201,53 @@ class HypothesesConfig:
         source="CNEOS fireballs: 35.8 a year on Earth",
         help="prior rate of bolides in view",
     )
+    flashes_per_day: float = number(
+        default=7.5,
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e6,
+        source="of 44 lightning flashes a second on Earth (Christian et al., J. Geophys. Res."
+        " 108(D1), 4005, 2003) those bright for long enough to be tracked: superbolts above 1 MJ"
+        " are 2.5 a day (Holzworth et al., J. Geophys. Res. Atmos. 124, 9996, 2019: 8171 in nine"
+        " years); three times as many: notional",
+        help="prior rate of flashes of lightning in view that last for half a second in the mean;"
+        " more where storms are in view",
+    )
+    aircraft_per_day: float = number(
+        default=2.2,
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e6,
+        source="of some 1e5 flights a day (ICAO) those on afterburner that no cloud hides: notional",
+        help="prior rate of aircraft in view that are hot enough to be tracked in flight: level,"
+        " climbing, turning; more where air bases are in view",
+    )
+    take_offs_per_day: float = number(
+        default=0.001,
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e6,
+        source="notional: no air base in view",
+        help="prior rate of take-offs on afterburner in view; more where air bases are in view: then"
+        " one sensor alone does not tell them from launches that rise slowly",
+    )
+    reentries_per_day: float = number(
+        default=0.5,
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e6,
+        source="several hundred catalogued bodies re-enter a year, 1 to 2 a day (ESA, Annual Space"
+        " Environment Report), a third of them in view",
+        help="prior rate of bodies in view that enter the air from an orbit",
+    )
     others_per_day: float = number(
-        default=10.0,
+        default=0.15,
         unit="1/day",
         above=0.0,
         maximum=1e6,
-        source="what is bright for long enough to be tracked: of 44 lightning flashes a second on"
-        " Earth (Christian et"
-        " al., J. Geophys. Res. 108(D1), 4005, 2003) the strongest, superbolts above 1 MJ, 2.5 a"
-        " day (Holzworth et al.,"
-        " J. Geophys. Res. Atmos. 124, 9996, 2019: 8171 in nine years); several hundred catalogued"
-        " re-entries a year,"
-        " 1 to 2 a day; of some 1e5 flights a day those on afterburner, a few a day: notional",
-        help="prior rate of objects in view that are none of these: lightning, aircraft, balloons,"
-        " re-entries, what"
-        " nobody thought of; where storms or air bases are in view, more",
+        source="notional: one for seven launches",
+        help="prior rate of objects in view that are none of these: ships, vehicles, balloons, what"
+        " nobody thought of",
     )
     in_flight_share: float = number(
         default=0.15,
@@ -258,6 +290,12 @@ class HypothesesConfig:
         maximum=1000.0,
         help="mean time for which a bolide is bright",
     )
+
+    @property
+    def none_per_day(self) -> float:
+        """The rate of all that is no ground source, bolide or launch, 1/day."""
+        aloft = self.aircraft_per_day + self.take_offs_per_day + self.reentries_per_day
+        return self.flashes_per_day + aloft + self.others_per_day
 
 
 def _least_launch_probability() -> float:

@@ -86,7 +86,8 @@ class AssociationProblem:
     target at most once a `scan`. `number` (n,) are the track numbers, ascending, and `path` predicts
     their positions; `reports` (n, sensors) are as in `TrackTable`. The slice ends at `end_s`, s,
     and is `span_s` long; `memory` is that of the last association, None at first. `known_nearest`
-    is `nearest` if it is known already.
+    is `nearest` if it is known already. Tracks that `stands` (n,) marks are where their lines say
+    that a source stands, whatever the association says.
     """
 
     lines: LinesOfSight
@@ -99,6 +100,7 @@ class AssociationProblem:
     span_s: float
     memory: Any = None
     known_nearest: NearestLines | None = None
+    stands: BoolArray | None = None
 
     @property
     def nearest(self) -> NearestLines:

@@ -13,6 +13,7 @@ from opir_estimation import (
     GatedPairs,
     SharedLooks,
     cheapest_assignment,
+    components,
     equivalent_pairs,
     label_posterior,
 )
@@ -38,10 +39,13 @@ class JointAssociator(Associator):
         doubtful = ambiguous_tracks(problem.pairs, lines)
         if not doubtful.size:
             return certain
-        is_doubtful = np.isin(problem.pairs.track, doubtful)
+        moving = _beside_moving(problem, doubtful)
+        is_moving = np.isin(problem.pairs.track, moving)
         lone = nearest.assigned
-        lone = lone.take(np.flatnonzero(~np.isin(lone.track, doubtful)))
-        looks = _looks(problem, problem.pairs.take(np.flatnonzero(is_doubtful)))
+        lone = lone.take(np.flatnonzero(~np.isin(lone.track, moving)))
+        if not moving.size:
+            return Association(lines=lines, owner=nearest.owner, pairs=lone, doubtful=doubtful)
+        looks = _looks(problem, problem.pairs.take(np.flatnonzero(is_moving)))
         posterior = label_posterior(looks, problem.path, light_time=self.light_time)
         choice = cheapest_assignment(looks.look, looks.pairs.line, -posterior.log_ratio)
         chosen = looks.pairs.take(np.flatnonzero(choice))
@@ -60,6 +64,18 @@ class JointAssociator(Associator):
         of other instants may not be there yet.
         """
         return problem.nearest.owner
+
+
+def _beside_moving(problem: AssociationProblem, doubtful: IntArray) -> IntArray:
+    """Return those tracks among `doubtful` that share lines, over any number of others, with one
+    that need not stand.
+    """
+    if problem.stands is None or not problem.stands[doubtful].any():
+        return doubtful
+    pairs = problem.pairs
+    group, count = components(pairs.track, pairs.line)
+    moves = np.bincount(group, ~problem.stands[pairs.track], count) > 0.0
+    return np.intersect1d(doubtful, pairs.track[moves[group]])
 
 
 def _looks(problem: AssociationProblem, pairs: GatedPairs) -> SharedLooks:

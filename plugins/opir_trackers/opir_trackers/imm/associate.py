@@ -8,6 +8,7 @@ from opir_trackers.association import unassigned
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import SlicePrediction, predict
 from opir_trackers.imm.state import TrackerState
+from opir_trackers.onset.posterior import standing
 from opir_trackers.parts import Association, AssociationProblem, require_shape
 
 
@@ -63,6 +64,7 @@ def _problem(
         span_s=prediction.span_s,
         memory=state.memory,
         known_nearest=prediction.nearest,
+        stands=standing(table.motion),
     )
 
 

@@ -10,7 +10,7 @@ from math import ceil
 
 import numpy as np
 from attrs import frozen
-from opir_estimation import LinesOfSight, Registration, earth_rotated
+from opir_estimation import LinesOfSight, Registration
 from opir_forecast import grounds, hypothesis_log_likelihood
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
@@ -28,7 +28,7 @@ from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
 from opir_trackers.onset.brevity import are_brief
 from opir_trackers.onset.motion_priors import WIDE_M
-from opir_trackers.onset.motion_statistics import MotionStatistics
+from opir_trackers.onset.posterior import standing
 from opir_trackers.sensors import registration_of
 from opir_trackers.track_priors import standing_estimates
 
@@ -114,7 +114,8 @@ class ImmTracking:
         """
         table = state.table
         motion = table.motion
-        if False not in motion.is_decided:
+        is_settled = False not in motion.is_decided
+        if is_settled and not motion.are_launches(state.time_s).any():
             return state
         pause_s = self.models.longest(self.models.period_s, table)
         silent_s = self.models.silent_s(table, state.time_s)
@@ -130,24 +131,15 @@ class ImmTracking:
         Lines of what rises from there leave their gate and initiate a track of their own.
         """
         table = state.table
-        rows = (table.motion.is_decided & table.motion.stands).nonzero()[0]
+        motion = table.motion
+        rows = standing(motion).nonzero()[0]
         if not rows.size:
             return state
-        where = self._static_estimates(table.motion.take(rows), state.time_s)
+        kinds = np.array(grounds(self.config.hypotheses.inland_share))
+        where = table.motion.take(rows).of_all_lines().inertial_places(kinds, WIDE_M, state.time_s)
         drift_m_s = self.config.hypotheses.ground_drift_m_s
         still = standing_estimates(table.estimates.take(rows), *where, drift_m_s, self.config)
         return state._replace(table=table.with_estimates(table.estimates.put(rows, still)))
-
-    def _static_estimates(
-        self, motion: MotionStatistics, time_s: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return inertial positions (n, 3) and covariances (n, 3, 3) of sources that stand on the
-        ground.
-        """
-        kinds = np.array(grounds(self.config.hypotheses.inland_share))
-        position, covariance = motion.static_estimates(kinds, WIDE_M)
-        turn = earth_rotated(np.eye(3), np.full(3, time_s)).T
-        return position @ turn.T, turn @ covariance @ turn.T
 
     def track_numbers(self, state: TrackerState, lines: LinesOfSight) -> IntArray:
         """Return the track number (n,) of each line of sight of the next tick, -1 for none."""

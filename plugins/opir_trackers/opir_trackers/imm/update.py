@@ -9,19 +9,18 @@ from opir_estimation import (
     AngleMeasurements,
     Followed,
     GatedPairs,
-    LinesOfSight,
     ModeEstimates,
     PredictedMeasurements,
     group_maxima,
-    group_minima,
     no_measurements,
     registered,
     shifted,
 )
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.association import hard_measurements, merged
 from opir_trackers.imm.models import TrackingModels
+from opir_trackers.imm.motion import motion_after
 from opir_trackers.imm.outliers import (
     FEW,
     OutlierFractions,
@@ -32,9 +31,7 @@ from opir_trackers.imm.outliers import (
     suspect_tracks,
 )
 from opir_trackers.imm.predict import SlicePrediction
-from opir_trackers.imm.state import TrackerState, TrackTable
-from opir_trackers.onset.motion_statistics import MotionStatistics
-from opir_trackers.onset.posterior import DARK_S, GONE_SCANS
+from opir_trackers.imm.state import TrackerState
 from opir_trackers.parts import Association
 
 
@@ -62,58 +59,28 @@ def update(
     if not lines.scan.size:
         return next_state
     next_state = _registered(models, next_state, prediction, association)
-    return _with_detections(models, next_state, association.owner, lines, reported)
+    return _with_detections(models, next_state, prediction, association, reported)
 
 
 def _with_detections(
     models: TrackingModels,
     state: TrackerState,
-    owner: IntArray,
-    lines: LinesOfSight,
+    prediction: SlicePrediction,
+    association: Association,
     reported: IntArray,
 ) -> TrackerState:
-    """Return the state with lines of rows `owner` (m,) in its table, and single sensors' tracks as
-    ascents say.
+    """Return the state with the lines of a slice in its table, and single sensors' tracks as ascents
+    say.
     """
     before = state.table
-    table = before.with_detections(owner, lines.time_s, lines.sensor, reported)
-    motion = _relit_motion(models, state, owner, lines.time_s)
-    motion = motion.with_lines(owner, lines, models.groups.log_clutter)
+    lines = prediction.lines
+    table = before.with_detections(association.owner, lines.time_s, lines.sensor, reported)
+    motion = motion_after(models, state, prediction, association)
     if motion is not table.motion:
         table = table.changed(motion=motion)
     if table.reports.shape[1] == 1 or -1 in table.reports:
         table = models.single.with_ascents(table, before.seen_s, state.time_s)
     return state._replace(table=table)
-
-
-def _were_dark(models: TrackingModels, table: TrackTable, first_s: FloatArray) -> BoolArray:
-    """Return which tracks (n,) had been dark for long at their first lines, inf without any."""
-    limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, table))
-    return np.isfinite(first_s) & (models.silent_s(table, first_s) > limit_s)
-
-
-def _relit_motion(
-    models: TrackingModels, state: TrackerState, owner: IntArray, time_s: FloatArray
-) -> MotionStatistics:
-    """Return the motion before lines of rows `owner` (m,) at times, begun anew where an undecided
-    track was dark.
-
-    What shines there again may be another source: two flashes would make one fast motion.
-    """
-    motion = state.table.motion
-    if False not in motion.is_decided:
-        return motion
-    count = len(state.table)
-    owned = owner >= 0
-    first_s = group_minima(owner[owned], time_s[owned], count)
-    rows = (~motion.is_decided & _were_dark(models, state.table, first_s)).nonzero()[0]
-    if not rows.size:
-        return motion
-    position_m = state.table.estimates.likelier_position_m[rows]
-    begun = MotionStatistics.fresh(position_m, state.time_s, first_s[rows], models.groups.prior)
-    order = np.arange(count)
-    order[rows] = count + np.arange(len(rows))
-    return MotionStatistics.concatenate([motion, begun]).take(order)
 
 
 def _updated_estimates(

@@ -7,7 +7,6 @@ position, which stands for "anywhere in view".
 """
 
 from collections.abc import Sequence
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +45,20 @@ _Pair = tuple[float, float]
 #: Mean and standard deviation of the height, m, and standard deviations aside and upwards of
 #: velocity, m/s, acceleration, m/s², and jerk, m/s³.
 _Spread = tuple[_Pair, _Pair, _Pair, _Pair]
+
+
+class Flight(NamedTuple):
+    """Flights of aircraft: their share; mean speed and standard deviations along and across the
+    course, m/s; that of the climb, m/s; mean acceleration along the course and standard deviations
+    along, across and upwards, m/s²; that of the jerk, m/s³; whether they begin near the ground.
+    """
+
+    share: float
+    speed_m_s: tuple[float, float, float]
+    climb_m_s: float
+    gain_m_s2: tuple[float, float, float, float]
+    jerk_m_s3: float
+    near_ground: bool = False
 
 
 @frozen
@@ -102,42 +115,44 @@ class MotionLaw:
     bolide: _Spread = ((40e3, 20e3), (11e3, 11e3), (3e3, 3e3), (3e3, 3e3))
 
     #: Share of vehicles, ships, glints and edges of clouds, which creep over the ground, among
-    #: objects that are none of these, and standard deviations of their rates: two or three for a
-    #: hundred thousand fires.
-    creeping_share: float = 0.0025
+    #: other objects, and standard deviations of their rates: two or three for a hundred thousand
+    #: fires.
+    creeping_share: float = 0.17
     creeping: tuple[_Pair, ...] = ((20.0, 2.0), (0.05, 0.05), (0.003, 0.003))
 
-    #: Share of flashes of lightning, which are most of them, in and above clouds, and the mean time
-    #: for which they are bright, s.
-    flash_share: float = 0.7375
+    #: Flashes of lightning, in and above clouds, and the mean time for which they are bright, s.
     flash: _Spread = ((10e3, 4e3), (10.0, 10.0), (0.0, 0.0), (0.0, 0.0))
     flash_s: float = 0.5
 
-    #: Shares of balloons and other lights that stand aloft or drift with the wind; of what enters
-    #: the air from an orbit; of anything else.
+    #: What enters the air from an orbit.
+    reentry: _Spread = ((80e3, 25e3), (5e3, 500.0), (30.0, 15.0), (1.0, 1.0))
+
+    #: Shares among others of balloons and other lights that stand aloft or drift with the wind; of
+    #: anything else.
     aloft: tuple[tuple[float, _Spread], ...] = (
-        (0.0025, ((10e3, 8e3), (30.0, 5.0), (0.2, 0.1), (0.01, 0.01))),
-        (0.05, ((80e3, 25e3), (5e3, 500.0), (30.0, 15.0), (1.0, 1.0))),
-        (0.01, ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0))),
+        (0.17, ((10e3, 8e3), (30.0, 5.0), (0.2, 0.1), (0.01, 0.01))),
+        (0.66, ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0))),
     )
 
     #: Mean and standard deviation of the height of aircraft, m, which have speed where a launch has
     #: none.
     aircraft_m: _Pair = (8e3, 6e3)
 
-    #: Subsonic and supersonic aircraft: share, speed, m/s, and its standard deviations along and
-    #: across the course.
-    aircraft: tuple[tuple[float, float, _Pair], ...] = (
-        (0.8, 230.0, (60.0, 90.0)),
-        (0.2, 450.0, (120.0, 180.0)),
+    #: Take-offs: a thrust of 0.6 to 1.1 of the weight on afterburner less drag, from rest to some 90
+    #: m/s (Raymer, "Aircraft Design", 2018, 17.8).
+    take_offs: tuple[Flight, ...] = (
+        Flight(1.0, (50.0, 25.0, 15.0), 5.0, (4.5, 1.0, 0.5, 0.3), 0.05, near_ground=True),
     )
 
-    #: Flights of aircraft: share; standard deviations of the climb, m/s; of the acceleration, m/s²,
-    #: and the jerk, m/s³, along and across the course, and upwards. Straight on, as many as
-    #: launches: one sensor alone can hardly tell both; with turns or a gain of speed.
-    flights: tuple[tuple[float, float, tuple[tuple[float, ...], ...]], ...] = (
-        (0.1, 15.0, ((0.2, 0.2, 0.1), (0.01, 0.01, 0.01))),
-        (0.1, 60.0, ((2.0, 6.0, 3.0), (0.5, 0.5, 0.5))),
+    #: Flights of aircraft, subsonic and supersonic: straight on, with turns or a gain of speed, and
+    #: turning at several times the weight. One sensor alone can hardly tell what flies straight on
+    #: from a launch.
+    flights: tuple[Flight, ...] = (
+        Flight(0.36, (230.0, 60.0, 90.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01),
+        Flight(0.09, (450.0, 120.0, 180.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01),
+        Flight(0.36, (230.0, 60.0, 90.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5),
+        Flight(0.09, (450.0, 120.0, 180.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5),
+        Flight(0.1, (330.0, 100.0, 140.0), 60.0, (0.0, 3.0, 20.0, 5.0), 1.0),
     )
 
 
@@ -181,7 +196,7 @@ class MotionPriors:
         still = ((config.ground_drift_m_s,) * 2, (0.0, 0.0), (0.0, 0.0))
         components = [
             *_on_ground(GROUND, 1.0, kinds, still),
-            *_others(kinds),
+            *_others(config, kinds),
             _drawn(BOLIDE, 1.0, *LAW.bolide)._replace(fades_s=config.bolide_s),
             *_from_rest((1.0 - config.in_flight_share) * (1.0 - config.air_share), kinds),
             *_from_air((1.0 - config.in_flight_share) * config.air_share),
@@ -206,36 +221,57 @@ class MotionPriors:
         return self.log_weight + intervals[:, self.interval] - age_s[:, None] / self.fades_s
 
 
-def _others(kinds: Sequence[Ground]) -> list[_Component]:
+def _others(config: HypothesesConfig, kinds: Sequence[Ground]) -> list[_Component]:
+    """Return the priors of what is neither noise, on the ground, a bolide nor a launch."""
+    share = 1.0 / config.none_per_day
+    rest = config.others_per_day * share
+    flashes = _drawn(NONE, config.flashes_per_day * share, *LAW.flash)
     return [
-        _drawn(NONE, LAW.flash_share, *LAW.flash)._replace(fades_s=LAW.flash_s),
-        *_on_ground(NONE, LAW.creeping_share, kinds, LAW.creeping),
-        *(_drawn(NONE, share, *spread) for share, spread in LAW.aloft),
-        *_aircraft(),
+        flashes._replace(fades_s=LAW.flash_s),
+        _drawn(NONE, config.reentries_per_day * share, *LAW.reentry),
+        *_on_ground(NONE, rest * LAW.creeping_share, kinds, LAW.creeping),
+        *(_drawn(NONE, rest * weight, *spread) for weight, spread in LAW.aloft),
+        *_aircraft(config.aircraft_per_day * share, LAW.flights, kinds),
+        *_aircraft(config.take_offs_per_day * share, LAW.take_offs, kinds),
     ]
 
 
-def _aircraft() -> list[_Component]:
-    """Return the priors of each kind of aircraft, flight and course."""
-    components = []
+def _aircraft(
+    weight: float, flights: Sequence[Flight], kinds: Sequence[Ground]
+) -> list[_Component]:
+    """Return the priors of each kind of flight, course and height of aircraft."""
+    aloft = Ground(1.0, *LAW.aircraft_m)
     courses = np.arange(8) * (np.pi / 4.0)
-    height_m, height_sigma_m = LAW.aircraft_m
-    for flight, aircraft, course in product(LAW.flights, LAW.aircraft, courses):
-        flight_share, climb_m_s, rates = flight
-        share, speed_m_s, sigmas_m_s = aircraft
-        sine = np.sin(course)
-        cosine = np.cos(course)
-        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
-        mean = np.zeros((ORDERS, 3))
-        mean[0, 2] = height_m
-        mean[1] = speed_m_s * axes[0]
-        root = np.zeros((ORDERS, 3, ORDERS, 3))
-        spreads = (WIDE_M, WIDE_M, height_sigma_m), (*sigmas_m_s, climb_m_s), *rates
-        for order, sigmas in enumerate(spreads):
-            root[order, :, order] = axes * sigmas
-        weight = flight_share * share / len(courses)
-        components.append(_Component(NONE, weight, mean.ravel(), root.reshape(3 * ORDERS, -1)))
-    return components
+    return [
+        _flown(weight * height.share / len(courses), flight, course, height)
+        for flight in flights
+        for course in courses.tolist()
+        for height in (kinds if flight.near_ground else [aloft])
+    ]
+
+
+def _flown(weight: float, flight: Flight, course: float, height: Ground) -> _Component:
+    """Return the prior of flights with a course, rad, from a height."""
+    sine = np.sin(course)
+    cosine = np.cos(course)
+    axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
+    speed, *sigmas = flight.speed_m_s
+    gain, *unsteady = flight.gain_m_s2
+    mean = np.zeros((ORDERS, 3))
+    mean[0, 2] = height.mean_m
+    mean[1] = speed * axes[0]
+    mean[2] = gain * axes[0]
+    root = np.zeros((ORDERS, 3, ORDERS, 3))
+    spreads = (
+        (WIDE_M, WIDE_M, height.sigma_m),
+        (*sigmas, flight.climb_m_s),
+        unsteady,
+        (flight.jerk_m_s3,) * 3,
+    )
+    for order, spread in enumerate(spreads):
+        root[order, :, order] = axes * spread
+    share = weight * flight.share
+    return _Component(NONE, share, mean.ravel(), root.reshape(3 * ORDERS, -1))
 
 
 def _on_ground(

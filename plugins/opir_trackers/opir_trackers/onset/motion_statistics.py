@@ -43,9 +43,16 @@ _ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
 #: Lines that are as many numbers, two each, as twice the coefficients: what is decided on fewer is
 #: summed further, as they alone say how a slow scanner's target moves.
 _FEW_LINES = 3 * ORDERS
+#: Ages, s, at which a decided launch is asked again: what still burns then has gained speed and
+#: height that nothing else does.
+ASKED_AGAIN_S = (30.0, 60.0)
 
 #: The columns that are sums over lines.
-_SUMS = ("information", "pull", "misfit", "lines", "noise_log", "static_information", "static_pull")
+_PLACES = ("static_information", "static_pull")
+_SUMS = ("information", "pull", "misfit", "lines", "noise_log", *_PLACES)
+
+#: The columns with those of places of all lines before the statistics began anew.
+_LABEL_PLACES = ("label_information", "label_pull")
 
 
 @frozen(eq=False, repr=False)
@@ -68,6 +75,9 @@ class MotionStatistics(Columns):
             "pull": (ORDERS, 3),
             "static_information": (3, 3),
             "static_pull": (3,),
+            "label_information": (3, 3),
+            "label_pull": (3,),
+            "carried": (5,),
             "probability": (5,),
         }
     )
@@ -83,8 +93,12 @@ class MotionStatistics(Columns):
     noise_log: FloatArray
     static_information: FloatArray
     static_pull: FloatArray
+    label_information: FloatArray
+    label_pull: FloatArray
+    carried: FloatArray
     probability: FloatArray
     is_decided: BoolArray
+    has_shared: BoolArray
 
     @classmethod
     def fresh(
@@ -108,16 +122,26 @@ class MotionStatistics(Columns):
             misfit=zeros,
             static_information=np.zeros((count, 3, 3)),
             static_pull=np.zeros((count, 3)),
+            label_information=np.zeros((count, 3, 3)),
+            label_pull=np.zeros((count, 3)),
             lines=zeros,
             noise_log=zeros,
+            carried=np.zeros((count, 5)),
             probability=np.tile(prior, (count, 1)),
             is_decided=np.zeros(count, dtype=np.bool_),
+            has_shared=np.zeros(count, dtype=np.bool_),
         )
 
     @property
     def stands(self) -> BoolArray:
         """Return for which tracks (n,) a ground source is the likeliest."""
         return self.probability.argmax(axis=1) == GROUND
+
+    @property
+    def may_stand(self) -> BoolArray:
+        """Return which tracks (n,) have lines and are not decided to be anything that moves."""
+        has_lines = self.static_information[:, 0, 0] + self.label_information[:, 0, 0] > 0.0
+        return has_lines & (~self.is_decided | self.stands)
 
     @property
     def are_noise(self) -> BoolArray:
@@ -137,14 +161,21 @@ class MotionStatistics(Columns):
         return (_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25
 
     def with_lines(
-        self, owner: IntArray, lines: LinesOfSight, log_clutter: FloatArray
+        self,
+        owner: IntArray,
+        lines: LinesOfSight,
+        log_clutter: FloatArray,
+        probability: FloatArray | None = None,
     ) -> "MotionStatistics":
         """Return the statistics with the lines (m,) of rows `owner`, -1 for none.
 
-        `log_clutter` (sensors,) is the log density of false alarms over the detection probability.
-        Of what is decided to move nothing more is taken in once it has enough lines.
+        `log_clutter` (sensors,) is the log density of false alarms over the detection probability;
+        `probability` (m,) are those that lines are their owners', by default 1. Of what is decided
+        to move nothing more is taken in once it has enough lines, but for launches that are asked
+        again.
         """
-        is_open = ~self.is_decided | self.stands | self.are_few
+        last_s = float(lines.time_s.max(initial=-np.inf))
+        is_open = ~self.is_decided | self.stands | self.are_few | self.are_launches(last_s)
         if True not in is_open:
             return self
         rows = np.append(is_open, False)[owner].nonzero()[0]
@@ -152,7 +183,9 @@ class MotionStatistics(Columns):
             return self
         rows = rows[owner[rows].argsort(kind="stable")]
         track = owner[rows]
-        return self._with_sums(track, self._terms(track, lines.take(rows), log_clutter))
+        owned = np.ones(len(rows)) if probability is None else probability[rows]
+        terms = self._terms(track, lines.take(rows), log_clutter, owned)
+        return self._with_sums(track, terms)
 
     def _with_sums(self, track: IntArray, terms: Mapping[str, FloatArray]) -> "MotionStatistics":
         """Return the statistics with the terms of lines of tracks (m,), in order, added."""
@@ -166,7 +199,11 @@ class MotionStatistics(Columns):
         return evolve(self, **changed)
 
     def _terms(
-        self, track: IntArray, lines: LinesOfSight, log_clutter: FloatArray
+        self,
+        track: IntArray,
+        lines: LinesOfSight,
+        log_clutter: FloatArray,
+        probability: FloatArray,
     ) -> dict[str, FloatArray]:
         """Return the terms (m, ...) of each column that is a sum over lines, of rows `track`
         (m,).
@@ -175,11 +212,12 @@ class MotionStatistics(Columns):
         # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same
         # at the horizon.
         share = 1.0 / (1.0 + (since_s / self.horizon_s()[track]) ** 8)
-        is_over = self.is_decided & ~self.are_few
-        share = np.where(is_over[track], 0.0, share)
+        settled = self.is_decided & self.stands
+        share = np.where(settled[track], 0.0, share * probability)
         weight, foot, square = _line_terms(lines, self.reference_m[track], self.axes[track])
         pull = np.sum(weight * foot[:, None, :], axis=2)
         weight = weight.reshape(-1, 9)
+        known = probability[:, None]
         powers = share[:, None] * since_s[:, None] ** np.arange(_POWERS)
         sums = np.array([square, np.ones(len(track)), _noise_log(lines, log_clutter)])
         # No clutter has the log density -inf.
@@ -190,15 +228,24 @@ class MotionStatistics(Columns):
             "misfit": sums[0],
             "lines": sums[1],
             "noise_log": sums[2],
-            "static_information": weight,
-            "static_pull": pull,
+            "static_information": known * weight,
+            "static_pull": known * pull,
         }
 
-    def restarted(self, rows: IntArray, time_s: float) -> "MotionStatistics":
-        """Return the statistics with those of some rows begun anew at a time, without lines."""
-        changed = {name: getattr(self, name).copy() for name in _SUMS}
-        for column in changed.values():
-            column[rows] = 0.0
+    def restarted(
+        self, rows: IntArray, time_s: float, *, adds_up: bool = True
+    ) -> "MotionStatistics":
+        """Return the statistics with those of some rows begun anew at a time, without lines.
+
+        The lines so far say where the row stands, with those before them or, if these do not
+        `adds_up`, in their place.
+        """
+        changed = {name: getattr(self, name).copy() for name in (*_SUMS, *_LABEL_PLACES)}
+        for name, place in zip(_PLACES, _LABEL_PLACES, strict=True):
+            before = changed[place][rows] if adds_up else 0.0
+            changed[place][rows] = before + changed[name][rows]
+        for name in _SUMS:
+            changed[name][rows] = 0.0
         epoch_s = self.epoch_s.copy()
         epoch_s[rows] = time_s
         return evolve(self, epoch_s=epoch_s, **changed)
@@ -275,6 +322,53 @@ class MotionStatistics(Columns):
         state = (rows @ (covariance @ pull[:, :, None]))[:, :, 0]
         state[:, :3] += point
         return state, rows @ covariance @ rows.transpose(0, 2, 1)
+
+    def are_launches(self, time_s: float) -> BoolArray:
+        """Return which tracks (n,) are launches that are asked again: the lines are theirs alone."""
+        is_launch = self.probability.argmax(axis=1) == LAUNCH
+        is_alone = self.is_decided & is_launch & ~self.has_shared
+        return is_alone & (time_s - self.epoch_s < ASKED_AGAIN_S[-1] + 1.0)
+
+    def stand_among_others(self, rare: float) -> BoolArray:
+        """Return which tracks (n,) share lines, and likeliest stand: a launch is less probable than
+        `rare`.
+        """
+        return self.has_shared & self.stands & (self.probability[:, LAUNCH] < rare)
+
+    def sharing(self, rows: IntArray) -> "MotionStatistics":
+        """Return the statistics of tracks of which some rows share lines."""
+        has_shared = self.has_shared.copy()
+        has_shared[rows] = True
+        return evolve(self, has_shared=has_shared)
+
+    def of_labels(self) -> "MotionStatistics":
+        """Return the statistics with the places of the lines before they began anew, where they
+        have.
+        """
+        has_begun = self.label_information[:, 0, 0] > 0.0
+        places = self.label_information, self.static_information
+        pulls = self.label_pull, self.static_pull
+        return evolve(
+            self,
+            static_information=np.where(has_begun[:, None, None], *places),
+            static_pull=np.where(has_begun[:, None], *pulls),
+        )
+
+    def of_all_lines(self) -> "MotionStatistics":
+        """Return the statistics with the places of the lines before and after they began anew."""
+        return evolve(
+            self,
+            static_information=self.static_information + self.label_information,
+            static_pull=self.static_pull + self.label_pull,
+        )
+
+    def inertial_places(
+        self, grounds: FloatArray, wide_m: float, time_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `static_estimates` in the inertial frame at a time."""
+        position, covariance = self.static_estimates(grounds, wide_m)
+        turn = earth_rotated(np.eye(3), np.full(3, time_s)).T
+        return position @ turn.T, turn @ covariance @ turn.T
 
     def static_estimates(self, grounds: FloatArray, wide_m: float) -> tuple[FloatArray, FloatArray]:
         """Return positions (n, 3) in ECEF of sources that stand on the ground, and covariances (n,

@@ -13,7 +13,13 @@ from attrs import evolve, frozen
 from opir_core.arrays import BoolArray, FloatArray
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.onset.motion_priors import LOG_IN_VIEW, MotionPriors
-from opir_trackers.onset.motion_statistics import GROUND, LAUNCH, NOISE, MotionStatistics
+from opir_trackers.onset.motion_statistics import (
+    ASKED_AGAIN_S,
+    GROUND,
+    LAUNCH,
+    NOISE,
+    MotionStatistics,
+)
 
 #: A track is decided once ground and noise together are less probable than the first and a launch
 #: more than the second.
@@ -39,6 +45,11 @@ class DecisionLaw:
     #: All else is decided after this number of horizons, where a line has 1/257 of its weight.
     horizons: float = 2.0
 
+    #: Odds of a launch from the place of a ground source, while it is watched: of one launch a day,
+    #: in 40 s, within 1 km somewhere in view, 5e-12; far above, so that a source that hid a launch
+    #: may still become one.
+    same_place: float = 1e-9
+
     #: Mean time of a burn, s, notional.
     burn_s: float = 100.0
 
@@ -50,6 +61,12 @@ class DecisionLaw:
 
 
 LAW = DecisionLaw()
+
+
+def standing(statistics: MotionStatistics) -> BoolArray:
+    """Return which tracks (n,) are where their lines say that they stand, whatever the filter says."""
+    decided = statistics.is_decided & statistics.stands
+    return decided | statistics.stand_among_others(RARE)
 
 
 @frozen(eq=False)
@@ -76,7 +93,7 @@ class GroupPosterior:
             config.ground_sources_per_day,
             config.bolides_per_day,
             config.launches_per_day,
-            config.others_per_day,
+            config.none_per_day,
         ]
         with np.errstate(divide="ignore"):
             return cls(
@@ -85,6 +102,11 @@ class GroupPosterior:
                 bolide_s=config.bolide_s,
                 log_clutter=np.log(clutter_per_sr / detection_probability),
             )
+
+    @property
+    def launches_per_ground_source(self) -> float:
+        """The rate of launches over that of ground sources, at most 1."""
+        return float(np.exp(min(self.log_rate[LAUNCH - GROUND] - self.log_rate[0], 0.0)))
 
     @property
     def prior(self) -> FloatArray:
@@ -115,8 +137,10 @@ class GroupPosterior:
         silent_s = time_s - seen_s if silent_s is None else silent_s
         is_seen = silent_s < pause_s + step_s
         improbable = is_seen & (statistics.probability[:, LAUNCH] < self.prior[LAUNCH])
-        waits = improbable & _wait(time_s - first_s, time_s - step_s - first_s)
-        rows = (~statistics.is_decided & ~waits).nonzero()[0]
+        stand = statistics.stand_among_others(RARE)
+        waits = improbable & _wait(time_s - first_s, time_s - step_s - first_s, stand)
+        again = _asked_again(statistics, time_s, step_s) & is_seen
+        rows = ((~statistics.is_decided & ~waits) | again).nonzero()[0]
         if not len(rows):
             return statistics
         open_tracks = statistics.part(rows)
@@ -124,12 +148,35 @@ class GroupPosterior:
         gone = silent_s[rows] > GONE_SCANS * pause_s[rows]
         result = self.probabilities(open_tracks, bright_s, pause_s[rows], gone)
         is_decided, restarts = _decisions(open_tracks, result, time_s, is_seen[rows])
+        # What no motion explains is no reason to doubt a launch: its lines may be those of others.
+        remains = again[rows] & (restarts | (result[:, LAUNCH] > 0.5))
+        result[remains] = statistics.probability[rows[remains]]
+        is_decided |= remains
+        restarts &= ~remains
         probability = statistics.probability.copy()
         decided = statistics.is_decided.copy()
         probability[rows] = result
         decided[rows] = is_decided
         statistics = evolve(statistics, probability=probability, is_decided=decided)
-        return statistics.restarted(rows[restarts], time_s) if restarts.any() else statistics
+        if not restarts.any():
+            return statistics
+        begun = rows[restarts]
+        carried = statistics.carried.copy()
+        carried[begun] = self._carried(result[restarts])
+        return evolve(statistics, carried=carried).restarted(begun, time_s)
+
+    def _carried(self, probability: FloatArray) -> FloatArray:
+        """Return what statistics (n,) that begin anew keep of probabilities (n, 5): log likelihood
+        ratios (n, 5) of the groups to a ground source, where that is the likeliest.
+
+        What stood for a horizon has not become a launch since, but for one from the same place: that
+        is as rare as `LAW.same_place`. False alarms are judged anew.
+        """
+        prior = np.maximum(self.prior, LAW.same_place)
+        log = np.log(np.maximum(probability / prior, LAW.same_place))
+        log = np.clip(log - log[:, [GROUND]], np.log(LAW.same_place), 0.0)
+        log[:, NOISE] = 0.0
+        return np.where((probability.argmax(axis=1) == GROUND)[:, None], log, 0.0)
 
     def _log_densities(self, evidence: FloatArray) -> FloatArray:
         """Return the log densities (n, 5) of the groups by the evidence of their motions; that of
@@ -153,15 +200,27 @@ class GroupPosterior:
         evidence = log_evidence(self.priors, statistics) + self.priors.log_weights(pause_s, age_s)
         log = self._log_densities(evidence)
         log[:, NOISE] = statistics.noise_log - np.log(pause_s) - LOG_IN_VIEW
+        log += statistics.carried
         log[gone, LAUNCH] += min(np.log(self.bolide_s / LAW.burn_s), 0.0)
         share = np.exp(log - log.max(axis=1, keepdims=True))
         return share / share.sum(axis=1, keepdims=True)
 
 
-def _wait(age_s: FloatArray, age_before_s: FloatArray) -> BoolArray:
-    """Return which ages (n,), s, are not those of a new assessment of what is improbable."""
+def _asked_again(statistics: MotionStatistics, time_s: float, step_s: float) -> BoolArray:
+    """Return which decided launches (n,) have come to an age at which they are asked again."""
+    age_s = time_s - statistics.epoch_s
+    is_due = np.zeros(len(age_s), dtype=np.bool_)
+    for mark_s in ASKED_AGAIN_S:
+        is_due |= (age_s >= mark_s) & (age_s - step_s < mark_s)
+    return is_due & statistics.are_launches(time_s)
+
+
+def _wait(age_s: FloatArray, age_before_s: FloatArray, stand: BoolArray) -> BoolArray:
+    """Return which ages (n,), s, are not those of a new assessment of what is improbable; what
+    `stand` (n,) marks is assessed as seldom from the beginning.
+    """
     same = np.floor(age_s / LAW.again_s) == np.floor(age_before_s / LAW.again_s)
-    return (age_s > LAW.young_s) & same
+    return ((age_s > LAW.young_s) | stand) & same
 
 
 def _decisions(

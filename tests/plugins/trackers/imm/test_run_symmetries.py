@@ -16,7 +16,16 @@ ITERATED = (*DRAWN, "state", "state_covariance")
 
 
 #: Where aircraft are rare, 40 s tell one sensor a launch.
-IMM = {"model": "imm", "hypotheses": {"others_per_day": 0.1}}
+IMM = {
+    "model": "imm",
+    "hypotheses": {
+        "flashes_per_day": 0.07,
+        "aircraft_per_day": 0.02,
+        "take_offs_per_day": 0.0,
+        "reentries_per_day": 0.005,
+        "others_per_day": 0.0015,
+    },
+}
 
 
 @pytest.fixture(scope="module")
