@@ -3,6 +3,7 @@
 import asyncio
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -148,10 +149,10 @@ class Server(uvicorn.Server):
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
         """Handle the signals that end the server, that of a closed terminal too."""
+        is_main = threading.current_thread() is threading.main_thread()
+        numbers = ending_signals() if is_main else []
         with super().capture_signals():
-            former = {
-                number: signal.signal(number, self.handle_exit) for number in ending_signals()
-            }
+            former = {number: signal.signal(number, self.handle_exit) for number in numbers}
             try:
                 yield
             finally:
