@@ -105,20 +105,15 @@ PARTS = (
         "Not estimated; light within an order of magnitude",
     ),
     Part(
-        "Bodies that enter the air, meteors that graze it",
+        "Lightning; bodies that enter the air, meteors that graze it",
         "computed",
-        "[free fall](moving-sources.md) with J2 and drag; stagnation heating of a nose; sizes"
-        " notional",
-        "break-up, ablation, glowing air and wakes",
-        "Real re-entries are brighter where they break up, at 70 to 80 km",
-    ),
-    Part(
-        "Lightning",
-        "computed",
-        "[flashes](moving-sources.md) with published rates, strokes, durations and energies; one"
-        " temperature, notional",
-        "pulses of half a millisecond; absorption in clouds; lines; the path of a flash",
-        "Energies in the optical are published; near 2.7 µm clouds take most of them: too bright",
+        "[flashes](moving-sources.md) with published rates, strokes, durations and energies; free"
+        " fall with J2 and drag, and stagnation heating of a nose; sizes and the temperature of"
+        " flashes notional",
+        "flashes: pulses of half a millisecond, absorption in clouds, lines, the path; bodies:"
+        " break-up, ablation, glowing air and wakes",
+        "Flashes: energies in the optical are published; near 2.7 µm clouds take most of them: too"
+        " bright. Real re-entries are brighter where they break up, at 70 to 80 km",
     ),
     Part(
         "Sun glint",
@@ -142,23 +137,13 @@ PARTS = (
         "Atmospheric transmittance",
         "tabulated",
         "LOWTRAN7 band means for six climates, zenith to horizon. Interpolation error 0.003 at 360"
-        " places"
-        " ([benchmark](../benchmarks/atmosphere.md))",
+        " places ([benchmark](../benchmarks/atmosphere.md)). Limb paths: for targets up to 100 km, by"
+        " the lowest height of the straight path, 2.5 km and above; below, as at 2.5 km. Error 0.008"
+        " at 360 places",
         "coincidence of hot gas lines with cold absorption lines; weather; change of trace gases"
-        " since 1986",
+        " since 1986; refraction below 2.5 km, where rays can meet the ground",
         "Lines: not estimated, transmittance too high for plumes. Gases: 30 % more CO₂ lowers a"
-        " transmittance by at"
-        " most 0.10",
-    ),
-    Part(
-        "Transmittance of limb paths",
-        "tabulated",
-        "sensor below the target's horizon: LOWTRAN7 for targets up to 100 km, by the lowest height"
-        " of the straight"
-        " path, 2.5 km and above; below, as at 2.5 km. From higher targets the path enters the air"
-        " at 100 km. Error 0.008 at 360 places",
-        "refraction below 2.5 km, where rays can meet the ground",
-        "Not estimated. Transmittance too high",
+        " transmittance by at most 0.10. Limb below 2.5 km: not estimated, too high",
     ),
     Part(
         "Cloud",
@@ -242,23 +227,15 @@ PARTS = (
         " the rest is not estimated",
     ),
     Part(
-        "Sensor orbits",
+        "Sensor orbits; Sun outages and eclipses",
         "computed",
-        "two-body motion or SGP4",
-        "two-body: oblateness, Moon and Sun. SGP4: UT1 and polar motion",
+        "two-body motion or SGP4; Sun to 0.001°, ellipsoid without air, umbra and penumbra; the"
+        " exclusion angle is notional ([the Sun](sun.md))",
+        "two-body: oblateness, Moon and Sun. SGP4: UT1 and polar motion. Stray light beyond the"
+        " exclusion angle; refraction; the Moon; trackers do not know of outages",
         "Two-body: a few km in the first revolution of a low orbit, hundreds of m a day at"
-        " geostationary distance."
-        " [All figures](../reference/orbits.md)",
-    ),
-    Part(
-        "Solar outages and eclipses",
-        "computed",
-        "Sun to 0.001°, ellipsoid without air, umbra and penumbra; the exclusion angle is notional"
-        " ([the Sun](sun.md))",
-        "stray light beyond the exclusion angle; refraction; the Moon; trackers do not know of"
-        " outages",
-        "Edges in time: 0.2 s against astropy, and up to 0.9 s where UT1 differs from UTC. Air at"
-        " the limb: not"
+        " geostationary distance. [All figures](../reference/orbits.md). Edges of outages: 0.2 s"
+        " against astropy, and up to 0.9 s where UT1 differs from UTC. Air at the limb: not"
         " estimated",
     ),
     Part(

@@ -257,7 +257,7 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
         frozenset(("opir_sensor_models", f"generic-{name}") for name in ("scanner", "pointed")),
     ),
     "directors": (
-        "opir_core.builtin.directors",
+        "opir_core.builtin.director_models",
         frozenset({("opir_directors", "round-robin"), ("opir_directors", "cue")}),
     ),
     "target-classes": (

@@ -35,6 +35,9 @@ _RANGES = {
     "solar_exclusion_rad": (0.0, math.pi),
 }
 
+#: The methods of `opir_core.interfaces.trackers.Tracker`.
+_TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
+
 
 def sensor_fault(sensor: Any) -> str:
     """Return the first error of a sensor, or ""; calls its orbit once."""
@@ -219,4 +222,32 @@ def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
     hint = check_hint(choice.name)
     return blamed_call(
         lambda: owner_text(host, choice), hint, "build", lambda: component.build(settings, context)
+    )
+
+
+def tracker_fault(tracker: Any) -> str:
+    """Return the missing or invalid attribute of a tracker, or ""; one that never steps needs no
+    methods.
+    """
+    if getattr(tracker, "cadence_s", 0.0) is None:
+        return ""
+    kind = kind_of(tracker)
+    missing = [
+        method
+        for method in _TRACKER_METHODS
+        if not callable(getattr(tracker, method.partition("(")[0], None))
+    ]
+    if missing:
+        return f"build made {kind} without {' and '.join(missing)}"
+    if not hasattr(tracker, "cadence_s"):
+        return f"build made {kind} without cadence_s, the seconds between two ticks"
+    cadence_s = tracker.cadence_s
+    try:
+        is_time = cadence_s is None or 0.0 < cadence_s < float("inf")
+    except TypeError:
+        is_time = False
+    return (
+        ""
+        if is_time
+        else f"cadence_s is {cadence_s!r}, neither a positive number of seconds nor None"
     )

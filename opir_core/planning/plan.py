@@ -34,6 +34,7 @@ from opir_core.planning.built_parts import (
     built,
     motion_fault,
     sensor_fault,
+    tracker_fault,
     trajectories_fault,
 )
 from opir_core.planning.faults import SensorFaults, watching
@@ -60,10 +61,6 @@ if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
     from opir_core.interfaces.directors import Director
     from opir_core.interfaces.radiometric_models import Sources
-
-
-#: The methods of `opir_core.interfaces.trackers.Tracker`.
-_TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
 
 
 @frozen(eq=False, kw_only=True, repr=False)
@@ -442,7 +439,7 @@ def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:
     tracker.
     """
     tracker: Tracker = built(host, scene.tracker, context)
-    fault = _tracker_fault(tracker)
+    fault = tracker_fault(tracker)
     if fault:
         raise ModelError(
             f"{owner_text(host, scene.tracker)}: {fault}; {check_hint(scene.tracker.name)}"
@@ -470,34 +467,6 @@ def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:
 def _owner(host: Host, choice: Choice) -> Callable[[], str]:
     """Return the function that makes the beginning of messages about a component."""
     return partial(owner_text, host, choice)
-
-
-def _tracker_fault(tracker: Any) -> str:
-    """Return the missing or invalid attribute of a tracker, or ""; one that never steps needs no
-    methods.
-    """
-    if getattr(tracker, "cadence_s", 0.0) is None:
-        return ""
-    kind = kind_of(tracker)
-    missing = [
-        method
-        for method in _TRACKER_METHODS
-        if not callable(getattr(tracker, method.partition("(")[0], None))
-    ]
-    if missing:
-        return f"build made {kind} without {' and '.join(missing)}"
-    if not hasattr(tracker, "cadence_s"):
-        return f"build made {kind} without cadence_s, the seconds between two ticks"
-    cadence_s = tracker.cadence_s
-    try:
-        is_time = cadence_s is None or 0.0 < cadence_s < float("inf")
-    except TypeError:
-        is_time = False
-    return (
-        ""
-        if is_time
-        else f"cadence_s is {cadence_s!r}, neither a positive number of seconds nor None"
-    )
 
 
 def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sources, ...]":

@@ -29,7 +29,7 @@ class SensorFault:
     sensor: str = text(help="id of the sensor", source="")
     fault: str = text(
         help="down: it does not look, and a tracker knows; blind: it looks and sees nothing, and"
-        " nobody is told; noise: its lines of sight scatter by a factor more than it states; bias:"
+        " nothing reports it; noise: its lines of sight scatter by a factor more than it states; bias:"
         " it points beside where it states; clock: its times are late or early",
         choices=FAULTS,
         source="",

@@ -106,7 +106,7 @@ def test_all_is_well(broker, spool):
     message = messages(broker.address, topic)[0]
     assert dict(message.headers()) == {
         "content-type": b"application/json",
-        "schema-version": b"1.0",
+        "schema-version": b"2.0",
     }
 
 

@@ -86,8 +86,7 @@ _ID = b'{"detection_id":"'
 _TIME = b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
 _POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
-_VERSION = b',"schema_version":"%b"' % SCHEMA_VERSION.encode()
-_REPORTED_AT = b',"reported_at":"'
+_VERSION = b',"schema_version":"%b","reported_at":"' % SCHEMA_VERSION.encode()
 _TRACK = b',"track_id":%b,"azimuth_deg":'
 _SIGMA = b',"line_of_sight_sigma_urad":'
 _BANDS = b',"bands":%b,"snr":'
@@ -103,11 +102,10 @@ _NO_POSITION = b',"latitude_deg":null,"longitude_deg":null,"altitude_m":null'
 class ForgeEncoder(Encoder):
     """Detections as lines of JSON, one flat object each; the bytes do not depend on the windows.
 
-    An event says when it was reported where some sensor reports late. With `has_irradiances` it has
-    the irradiance measured in each band, if the detection model measures it; with `has_positions`
-    where its track puts the object; with `has_tracks` that too, and the times and uncertainties of
-    launch and impact point, the state of its track, the state at burnout, their covariances, the
-    probabilities of types and hypotheses, and how it ended.
+    With `has_irradiances` they have the irradiance measured in each band, if the detection model
+    measures it; with `has_positions` where its track puts the object; with `has_tracks` that too,
+    and the times and uncertainties of launch and impact point, the state of its track, the state at
+    burnout, their covariances, the probabilities of types and hypotheses, and how it ended.
     """
 
     content_type = "application/json"
@@ -127,7 +125,6 @@ class ForgeEncoder(Encoder):
         self._epoch_us = context.epoch_us
         self._has_tracks = has_tracks
         self._has_positions = has_positions or has_tracks
-        self._is_delayed = any(sensor.reporting for sensor in context.sensors)
         self._hypotheses = context.hypotheses
         sensors = context.sensors
         self._sensor_texts = [
@@ -150,7 +147,6 @@ class ForgeEncoder(Encoder):
         require_valid(window, self._sensors, self._types)
         sensor = detections.sensor.astype(np.int64)
         look, report = event_times(detections, self._epoch_us)
-        is_delayed = self._is_delayed or _is_late(detections)
         viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
         angles = viewpoints.angles(detections.line_of_sight_ecef)
         return self._render(
@@ -160,8 +156,7 @@ class ForgeEncoder(Encoder):
                 Looked(self._sensor_texts, sensor * self._types + detections.reported_type),
                 _points(window, self._epoch_us, self._has_tracks),
                 Decimal(detections.confidence, SHARE_DECIMALS),
-                _VERSION,
-                *((_REPORTED_AT, report, b'"') if is_delayed else ()),
+                *(_VERSION, report, b'"'),
                 _tracks(detections.track),
                 Decimal(
                     rounded_bearing_deg(angles.azimuth_rad, decimals=SIGHT_DECIMALS), SIGHT_DECIMALS
@@ -196,11 +191,6 @@ class ForgeEncoder(Encoder):
             Decimal(significant(sigma_rad * 1e6, SIGMA_DIGITS), DEGREE_DECIMALS),
             Looked(self._band_texts, row),
         ]
-
-
-def _is_late(detections: Detections) -> bool:
-    """Return whether any report is later than its look, whatever the sensors' settings say."""
-    return detections.is_delayed and bool(np.any(detections.reported_ns != detections.time_ns))
 
 
 def _sensor_texts(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:

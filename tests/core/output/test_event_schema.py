@@ -56,9 +56,8 @@ def test_schema_and_encoder_have_the_same_fields() -> None:
     # test_forge_tracks.py.
     of_tracks = {"burnout", *(name for name in fields if name.startswith("track_"))} - {"track_id"}
     assert len(of_tracks) == 10
-    # The times of reports are there where some sensor reports late.
     of_tracks |= {"latitude_deg", "longitude_deg", "altitude_m"}
-    for name in ("type_probability", "band_irradiance_w_m2", "reported_at", *of_tracks):
+    for name in ("type_probability", "band_irradiance_w_m2", *of_tracks):
         fields.remove(name)
     assert list(sample_event()) == SCHEMA["required"] == fields
 

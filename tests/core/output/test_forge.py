@@ -43,9 +43,7 @@ PAPER_FIELDS = [
     "impact_point",
     "confidence",
 ]
-#: The fields of each event, where some sensor reports late.
 FIELDS = list(detection_schema()["required"])
-FIELDS.insert(FIELDS.index("schema_version") + 1, "reported_at")
 POSITION = st.floats(-1e100, 1e100)
 ANGLE = st.floats(-2 * np.pi, 2 * np.pi)
 

@@ -19,8 +19,9 @@ def scene(threshold: float, duration_s: float) -> Any:
         "orbital_slot_deg": -120.0,
         "threshold_sigma": threshold,
     }
+    limits = {"false_alarms_per_s": 1e6}
     return opir.scene_from_mapping(
-        two_sensor_scene(duration_s=duration_s, sensors=[sensor], detection="snr")
+        two_sensor_scene(duration_s=duration_s, sensors=[sensor], detection="snr", limits=limits)
     )
 
 
