@@ -219,16 +219,21 @@ def _midway(models: TrackingModels, young: _Young) -> tuple[FloatArray, FloatArr
     is_whole = young.motion.are_few & (young.motion.epoch_s <= young.first_s + LAW.light_s)
     few = is_whole.nonzero()[0]
     if len(few):
-        part = young.take(few)
-        first = _first_motion(models, part)
-        _, _, force, growth = first.sigmas
-        ones = np.ones(len(few))
-        lift = np.array([first.acceleration, force * ones])
-        since_s = part.middle_s - part.first_s
-        motion = part.motion.moved(since_s, lift, np.array([first.jerk, growth])[:, None] * ones)
-        states[few], covariances[few] = motion
-        if part.biased is not None:
-            covariances[few, :3, :3] += part.biased
+        states[few], covariances[few] = _by_cubic(models, young.take(few))
+    return states, covariances
+
+
+def _by_cubic(models: TrackingModels, young: _Young) -> tuple[FloatArray, FloatArray]:
+    """Return the states (n, 6) and covariances (n, 6, 6) of `_midway` by cubics of all lines."""
+    first = _first_motion(models, young)
+    _, _, force, growth = first.sigmas
+    since_s = young.middle_s - young.first_s
+    ones = np.ones(len(since_s))
+    lift = np.array([first.acceleration, force * ones])
+    jerk = np.array([first.jerk, growth])[:, None] * ones
+    states, covariances = young.motion.moved(since_s, lift, jerk)
+    if young.biased is not None:
+        covariances[:, :3, :3] += young.biased
     return states, covariances
 
 

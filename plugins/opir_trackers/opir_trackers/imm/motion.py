@@ -1,7 +1,7 @@
 """The motion statistics of tracks after the lines of a slice."""
 
 import numpy as np
-from opir_estimation import SharedLooks, group_minima
+from opir_estimation import PredictedMeasurements, SharedLooks, group_minima
 from opir_forecast import grounds
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
@@ -52,16 +52,24 @@ def _owned_lines(
     kinds = np.array(grounds(models.config.hypotheses.inland_share))
     places = motion.take(rows).of_labels().inertial_places(kinds, WIDE_M, prediction.end_s)
     path = path_of_places(*places, prediction.end_s)
+    looks = _shared_looks(models, path, prediction)
+    return shared_lines(looks, path, rows, owned, light_time=models.light_time)
+
+
+def _shared_looks(
+    models: TrackingModels, path: PredictedMeasurements, prediction: SlicePrediction
+) -> SharedLooks:
+    """Return the looks of a slice at the places of a path."""
+    lines = prediction.lines
     pairs = models.gated_pairs(path, lines, prediction.span_s)
     sensor = lines.sensor.take(pairs.line)
-    looks = SharedLooks(
+    return SharedLooks(
         pairs,
         scan_groups(pairs, lines),
         models.association.log_odds.take(sensor),
         sensor,
         models.groups.launches_per_ground_source,
     )
-    return shared_lines(looks, path, rows, owned, light_time=models.light_time)
 
 
 def _were_dark(models: TrackingModels, table: TrackTable, first_s: FloatArray) -> BoolArray:

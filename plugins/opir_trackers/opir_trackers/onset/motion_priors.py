@@ -241,37 +241,49 @@ def _aircraft(
 ) -> list[_Component]:
     """Return the priors of each kind of flight, course and height of aircraft."""
     aloft = Ground(1.0, *LAW.aircraft_m)
-    courses = np.arange(8) * (np.pi / 4.0)
+    courses = _course_axes()
     return [
-        _flown(weight * height.share / len(courses), flight, course, height)
+        _flown(weight * height.share / len(courses), flight, axes, height)
         for flight in flights
-        for course in courses.tolist()
+        for axes in courses
         for height in (kinds if flight.near_ground else [aloft])
     ]
 
 
-def _flown(weight: float, flight: Flight, course: float, height: Ground) -> _Component:
-    """Return the prior of flights with a course, rad, from a height."""
-    sine = np.sin(course)
-    cosine = np.cos(course)
-    axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
+def _flown(weight: float, flight: Flight, axes: FloatArray, height: Ground) -> _Component:
+    """Return the prior of flights with the axes (3, 3) of a course, from a height."""
     speed, *sigmas = flight.speed_m_s
     gain, *unsteady = flight.gain_m_s2
     mean = np.zeros((ORDERS, 3))
     mean[0, 2] = height.mean_m
     mean[1] = speed * axes[0]
     mean[2] = gain * axes[0]
-    root = np.zeros((ORDERS, 3, ORDERS, 3))
     spreads = (
         (WIDE_M, WIDE_M, height.sigma_m),
         (*sigmas, flight.climb_m_s),
         unsteady,
         (flight.jerk_m_s3,) * 3,
     )
+    return _Component(NONE, weight * flight.share, mean.ravel(), _course_root(axes, spreads))
+
+
+def _course_axes() -> FloatArray:
+    """Return the axes (8, 3, 3) along and across each of eight courses, and up, as rows."""
+    courses = np.arange(8) * (np.pi / 4.0)
+    return np.array(
+        [
+            [[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]]
+            for sine, cosine in zip(np.sin(courses), np.cos(courses), strict=True)
+        ]
+    )
+
+
+def _course_root(axes: FloatArray, spreads: Sequence[Sequence[float]]) -> FloatArray:
+    """Return the root (12, 12) of coefficients with standard deviations along axes (3, 3)."""
+    root = np.zeros((ORDERS, 3, ORDERS, 3))
     for order, spread in enumerate(spreads):
         root[order, :, order] = axes * spread
-    share = weight * flight.share
-    return _Component(NONE, share, mean.ravel(), root.reshape(3 * ORDERS, -1))
+    return root.reshape(3 * ORDERS, -1)
 
 
 def _on_ground(
@@ -346,17 +358,12 @@ def _from_air(share: float) -> list[_Component]:
         [(0.0, 0.0, height_m), (LAW.air_m_s, 0.0, 0.0), (along_m_s2, 0.0, upwards_m_s2)]
     )
     sigmas = ((WIDE_M, WIDE_M, height_sigma_m), *LAW.air_sigmas)
-    components = []
-    courses = np.arange(8) * (np.pi / 4.0)
-    for sine, cosine in zip(np.sin(courses), np.cos(courses), strict=True):
-        axes = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, 1.0]])
-        mean = np.append(rates @ axes, np.zeros(3))
-        root = np.zeros((ORDERS, 3, ORDERS, 3))
-        for order, sigma in enumerate(sigmas):
-            root[order, :, order] = axes * sigma
-        weight = share / len(courses)
-        components.append(_Component(LAUNCH, weight, mean, root.reshape(3 * ORDERS, -1)))
-    return components
+    courses = _course_axes()
+    means = [np.append(rates @ axes, np.zeros(3)) for axes in courses]
+    return [
+        _Component(LAUNCH, share / len(courses), mean, _course_root(axes, sigmas))
+        for mean, axes in zip(means, courses, strict=True)
+    ]
 
 
 def _drawn(group: int, weight: float, height: _Pair, *rates: _Pair) -> _Component:

@@ -110,23 +110,17 @@ class MotionStatistics(Columns):
         `epoch_s` (n,) are the times of their first detections.
         """
         count = len(position_m)
-        zeros = np.zeros(count)
+        sums = {
+            name: np.zeros((count, *cls.row_shapes.get(name, ())))
+            for name in (*_SUMS, *_LABEL_PLACES, "carried")
+        }
         reference_m = earth_rotated(position_m, np.full(count, -time_s))
         return cls(
             reference_m=reference_m,
             height_m=ecef_to_geodetic(reference_m).height_m,
             axes=local_axes(reference_m),
             epoch_s=epoch_s,
-            information=np.zeros((count, _POWERS, 3, 3)),
-            pull=np.zeros((count, ORDERS, 3)),
-            misfit=zeros,
-            static_information=np.zeros((count, 3, 3)),
-            static_pull=np.zeros((count, 3)),
-            label_information=np.zeros((count, 3, 3)),
-            label_pull=np.zeros((count, 3)),
-            lines=zeros,
-            noise_log=zeros,
-            carried=np.zeros((count, 5)),
+            **sums,
             probability=np.tile(prior, (count, 1)),
             is_decided=np.zeros(count, dtype=np.bool_),
             has_shared=np.zeros(count, dtype=np.bool_),
@@ -209,11 +203,7 @@ class MotionStatistics(Columns):
         (m,).
         """
         since_s = lines.time_s - self.epoch_s[track]
-        # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same
-        # at the horizon.
-        share = 1.0 / (1.0 + (since_s / self.horizon_s()[track]) ** 8)
-        settled = self.is_decided & self.stands
-        share = np.where(settled[track], 0.0, share * probability)
+        share = self._share_of_cubic(track, since_s) * probability
         weight, foot, square = _line_terms(lines, self.reference_m[track], self.axes[track])
         pull = np.sum(weight * foot[:, None, :], axis=2)
         weight = weight.reshape(-1, 9)
@@ -231,6 +221,16 @@ class MotionStatistics(Columns):
             "static_information": known * weight,
             "static_pull": known * pull,
         }
+
+    def _share_of_cubic(self, track: IntArray, since_s: FloatArray) -> FloatArray:
+        """Return the weights (m,) that the horizon of a cubic leaves lines of rows `track` (m,) at
+        times since the first detections; none of what is decided to stand.
+        """
+        # The error of a cubic grows as τ⁴; its variance adds to that of the lines' mean, the same
+        # at the horizon.
+        share = 1.0 / (1.0 + (since_s / self.horizon_s()[track]) ** 8)
+        settled = self.is_decided & self.stands
+        return np.where(settled[track], 0.0, share)
 
     def restarted(
         self, rows: IntArray, time_s: float, *, adds_up: bool = True
@@ -304,24 +304,34 @@ class MotionStatistics(Columns):
         `lift` and `growth` (2, n) are prior means upwards, and standard deviations on each axis, of
         acceleration, m/s², and jerk, m/s³.
         """
-        information, pull, _ = self.of_motion()
-        upwards = 3 * np.arange(ORDERS) + 2
-        for order, (mean, sigma) in ((2, lift), (3, growth)):
-            axes = slice(3 * order, 3 * order + 3)
-            information[:, range(12)[axes], range(12)[axes]] += (sigma**-2.0)[:, None]
-            pull[:, upwards[order]] += mean / sigma**2
+        information, pull = self._of_burn(lift, growth)
         covariance = np.linalg.inv(information + _ANY_MOTION)
+        rows = self._state_of_cubic(since_s)
+        state = (rows @ (covariance @ pull[:, :, None]))[:, :, 0]
+        state[:, :3] += self.reference_m - self.height_m[:, None] * self.axes[:, 2]
+        return state, rows @ covariance @ rows.transpose(0, 2, 1)
+
+    def _of_burn(self, lift: FloatArray, growth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the information and pull of `of_motion` with the priors of `moved`."""
+        information, pull, _ = self.of_motion()
+        for order, (mean, sigma) in ((2, lift), (3, growth)):
+            axes = range(3 * order, 3 * order + 3)
+            information[:, axes, axes] += (sigma**-2.0)[:, None]
+            pull[:, axes[2]] += mean / sigma**2
+        return information, pull
+
+    def _state_of_cubic(self, since_s: FloatArray) -> FloatArray:
+        """Return the matrices (n, 6, 12) that take the coefficients of cubics to ECEF position and
+        velocity at times since the first detections (n,).
+        """
+        count = len(since_s)
         weight = taylor_weights(since_s)[:, :ORDERS]
-        share = np.zeros((len(since_s), 2, ORDERS))
+        share = np.zeros((count, 2, ORDERS))
         share[:, 0] = weight
         share[:, 1, 1:] = weight[:, :-1]
         turned = self.axes.transpose(0, 2, 1)
         rows = share[:, :, None, :, None] * turned[:, None, :, None, :]
-        rows = rows.reshape(len(since_s), 6, 3 * ORDERS)
-        point = self.reference_m - self.height_m[:, None] * self.axes[:, 2]
-        state = (rows @ (covariance @ pull[:, :, None]))[:, :, 0]
-        state[:, :3] += point
-        return state, rows @ covariance @ rows.transpose(0, 2, 1)
+        return rows.reshape(count, 6, 3 * ORDERS)
 
     def are_launches(self, time_s: float) -> BoolArray:
         """Return which tracks (n,) are launches that are asked again: the lines are theirs alone."""
@@ -377,6 +387,17 @@ class MotionStatistics(Columns):
         They are moments of the mixture over kinds of ground, rows (k, 3) of a share, and mean and
         standard deviation of the height, m; the standard deviation of places is `wide_m`, m.
         """
+        local, covariance = _mixture(*self._places_by_ground(grounds, wide_m))
+        turned = self.axes.transpose(0, 2, 1)
+        position_m = self.reference_m + np.sum(turned * local[:, None, :], axis=2)
+        return position_m, turned @ covariance @ self.axes
+
+    def _places_by_ground(
+        self, grounds: FloatArray, wide_m: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return weights (n, k, 1), local places (n, k, 3) and covariances (n, k, 3, 3) of sources
+        that stand, by kind of ground.
+        """
         share, mean_m, sigma_m = grounds.T
         precision = sigma_m**-2.0
         information = np.repeat(self.static_information[:, None], len(grounds), axis=1)
@@ -391,10 +412,7 @@ class MotionStatistics(Columns):
         fit = fit + np.log(np.linalg.det(inverse))
         weight = share / sigma_m * np.exp(0.5 * (fit - fit.max(axis=1, keepdims=True)))
         weight = weight / weight.sum(axis=1, keepdims=True)
-        local, covariance = _mixture(weight[..., None], place, inverse)
-        turned = self.axes.transpose(0, 2, 1)
-        position_m = self.reference_m + np.sum(turned * local[:, None, :], axis=2)
-        return position_m, turned @ covariance @ self.axes
+        return weight[..., None], place, inverse
 
 
 def _mixture(

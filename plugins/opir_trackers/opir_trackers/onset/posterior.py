@@ -10,7 +10,7 @@ Blackman and Popoli, "Design and Analysis of Modern Tracking Systems", 1999, 6.2
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.onset.motion_priors import LOG_IN_VIEW, MotionPriors
 from opir_trackers.onset.motion_statistics import (
@@ -136,9 +136,7 @@ class GroupPosterior:
         """
         silent_s = time_s - seen_s if silent_s is None else silent_s
         is_seen = silent_s < pause_s + step_s
-        improbable = is_seen & (statistics.probability[:, LAUNCH] < self.prior[LAUNCH])
-        stand = statistics.stand_among_others(RARE)
-        waits = improbable & _wait(time_s - first_s, time_s - step_s - first_s, stand)
+        waits = is_seen & self._wait(statistics, time_s - first_s, time_s - step_s - first_s)
         again = _asked_again(statistics, time_s, step_s) & is_seen
         rows = ((~statistics.is_decided & ~waits) | again).nonzero()[0]
         if not len(rows):
@@ -151,19 +149,25 @@ class GroupPosterior:
         # What no motion explains is no reason to doubt a launch: its lines may be those of others.
         remains = again[rows] & (restarts | (result[:, LAUNCH] > 0.5))
         result[remains] = statistics.probability[rows[remains]]
-        is_decided |= remains
+        statistics = _with_decisions(statistics, rows, result, is_decided | remains)
         restarts &= ~remains
-        probability = statistics.probability.copy()
-        decided = statistics.is_decided.copy()
-        probability[rows] = result
-        decided[rows] = is_decided
-        statistics = evolve(statistics, probability=probability, is_decided=decided)
         if not restarts.any():
             return statistics
         begun = rows[restarts]
         carried = statistics.carried.copy()
         carried[begun] = self._carried(result[restarts])
         return evolve(statistics, carried=carried).restarted(begun, time_s)
+
+    def _wait(
+        self, statistics: MotionStatistics, age_s: FloatArray, age_before_s: FloatArray
+    ) -> BoolArray:
+        """Return which tracks (n,) are improbable launches at ages (n,), s, that are not those of a
+        new assessment; what stands among others is assessed as seldom from the beginning.
+        """
+        improbable = statistics.probability[:, LAUNCH] < self.prior[LAUNCH]
+        same = np.floor(age_s / LAW.again_s) == np.floor(age_before_s / LAW.again_s)
+        stand = statistics.stand_among_others(RARE)
+        return improbable & ((age_s > LAW.young_s) | stand) & same
 
     def _carried(self, probability: FloatArray) -> FloatArray:
         """Return what statistics (n,) that begin anew keep of probabilities (n, 5): log likelihood
@@ -215,12 +219,15 @@ def _asked_again(statistics: MotionStatistics, time_s: float, step_s: float) -> 
     return is_due & statistics.are_launches(time_s)
 
 
-def _wait(age_s: FloatArray, age_before_s: FloatArray, stand: BoolArray) -> BoolArray:
-    """Return which ages (n,), s, are not those of a new assessment of what is improbable; what
-    `stand` (n,) marks is assessed as seldom from the beginning.
-    """
-    same = np.floor(age_s / LAW.again_s) == np.floor(age_before_s / LAW.again_s)
-    return ((age_s > LAW.young_s) | stand) & same
+def _with_decisions(
+    statistics: MotionStatistics, rows: IntArray, result: FloatArray, is_decided: BoolArray
+) -> MotionStatistics:
+    """Return the statistics with probabilities (k, 5) of some rows, and which are decided."""
+    probability = statistics.probability.copy()
+    decided = statistics.is_decided.copy()
+    probability[rows] = result
+    decided[rows] = is_decided
+    return evolve(statistics, probability=probability, is_decided=decided)
 
 
 def _decisions(
