@@ -94,7 +94,7 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float, targets: int 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "most"),
-    [({}, 900), ({"slice_s": 0.5}, 2140), ({"forecast": "none"}, 895)],
+    [({}, 2380), ({"slice_s": 0.5}, 2665), ({"forecast": "none"}, 1245)],
     ids=["one slice a tick", "two", "states alone"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
@@ -104,7 +104,8 @@ def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], 
     What it is was decided before: of that only the table of hypotheses is composed.
     """
     calls = counted({"model": "imm", **settings}, "ICBM", 30.0).calls
-    # Half of the ten ticks have new impact regions or compare sensors.
+    # Half of the ten ticks have new impact regions or compare sensors. The rest sum lines of a launch
+    # that is asked again after 60 s, and judge the noise of each sensor.
     assert sorted(calls[20:])[4] <= most
 
 
@@ -127,8 +128,8 @@ def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
     calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     # One tick of the first is one with new impact regions. In the others sensors are compared, as
     # long as they are new.
-    assert sorted(calls[3:12])[-2] <= 2965
-    assert np.median(calls[75:]) <= 510
+    assert sorted(calls[3:12])[-2] <= 3570
+    assert np.median(calls[75:]) <= 525
 
 
 @pytest.mark.slow
@@ -152,4 +153,4 @@ def test_a_tracker_of_states_alone_computes_nothing_of_a_forecast() -> None:
     )
     # Between renewals: stages are followed, and the latest forecast is reported.
     assert np.median(with_regions - alone) <= 30
-    assert max(alone) <= 2530
+    assert max(alone) <= 2765
