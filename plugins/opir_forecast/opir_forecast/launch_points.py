@@ -285,12 +285,18 @@ def launches(
     points.covariance[:, 2, 2] += chance @ (_CASE_WIDTHS_S**2 / 12.0)
     row, column = np.tril_indices(3, -1)
     points.covariance[:, row, column] = points.covariance[:, column, row]
-    possible = np.repeat(site_shares(prior.inland) > 0.0, _TIMES)
-    # Gate for a start from rest at the best time, with 4 degrees of freedom.
-    nowhere = starts.misfit.reshape(count, -1)[:, possible].min(axis=1) >= 25.0
+    nowhere = _without_launch(starts.misfit.reshape(count, -1), prior.inland)
     points.place[nowhere] = np.nan
     points.covariance[nowhere] = np.nan
     return points
+
+
+def _without_launch(misfit: FloatArray, inland: float) -> BoolArray:
+    """Return which tracks have no start from rest by their misfits (n, cases)."""
+    possible = np.repeat(site_shares(inland) > 0.0, _TIMES)
+    # Gate for a start from rest at the best time, with 4 degrees of freedom.
+    without: BoolArray = misfit[:, possible].min(axis=1) >= 25.0
+    return without
 
 
 def _launch_chances(log_likelihood: FloatArray, prior: LaunchDelayPrior) -> FloatArray:
@@ -511,13 +517,18 @@ def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:
     points = np.empty((len(place), 3))
     points[:, 0] = np.arctan2(rise, run)
     points[:, 1] = np.arctan2(y, x)
-    level = np.zeros((len(place), 2, 3))
-    level[:, 0, 0] = -(y / out)
-    level[:, 0, 1] = x / out
-    level[:, 1, 0] = -sine * (x / out)
-    level[:, 1, 1] = -sine * (y / out)
+    return points, _level_axes(x / out, y / out, sine, cosine)
+
+
+def _level_axes(x: FloatArray, y: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArray:
+    """Return the east and north axes (n, 2, 3) at meridians (x, y) and latitudes."""
+    level = np.zeros((len(x), 2, 3))
+    level[:, 0, 0] = -y
+    level[:, 0, 1] = x
+    level[:, 1, 0] = -sine * x
+    level[:, 1, 1] = -sine * y
     level[:, 1, 2] = cosine
-    return points, level
+    return level
 
 
 def _normal(out: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -31,8 +31,7 @@ def burn_ends(stages: VehicleStages, steering: Steering) -> FloatArray:
     """Return planar states (4, n) at the ends of the burns: x forwards, y up from the centre, and
     velocity; nan below.
     """
-    unguided = np.full(len(steering), np.nan)
-    boost = PlanarBoost(stages, steering, unguided, np.stack([unguided] * 3))
+    boost = _unguided(stages, steering)
     over_s = boost.over_s
     state = boost.at_rest()
     ends = np.full_like(state, np.nan)
@@ -45,6 +44,12 @@ def burn_ends(stages: VehicleStages, steering: Steering) -> FloatArray:
         ends[:, ended] = state[:, ended]
     ends[:, crashed] = np.nan
     return ends
+
+
+def _unguided(stages: VehicleStages, steering: Steering) -> PlanarBoost:
+    """Return boosts that are steered to no orbit."""
+    nowhere = np.full(len(steering), np.nan)
+    return PlanarBoost(stages, steering, nowhere, np.stack([nowhere] * 3))
 
 
 def marginal_of(model: VehicleModel, draws: int, seed: int) -> dict[str, Any]:

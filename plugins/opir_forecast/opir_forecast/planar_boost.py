@@ -96,11 +96,7 @@ class PlanarBoost:
     def _thrust(self, state: FloatArray, time_s: float, rows: IntArray) -> FloatArray:
         """Return the specific force (2, m), m/s², of some vehicles, given by their rows."""
         size = self._size(time_s, rows)
-        speed = np.hypot(state[2], state[3])
-        steering = self.steering.take(rows)
-        rising = (time_s < steering.rise_s) | (speed < 1.0)
-        x, y = np.where(rising, [[0.0], [1.0]], state[2:] / np.maximum(speed, 1.0))
-        unit = _turned_down(x, y, steering.leads(np.full(len(speed), time_s)))
+        unit, rising = self._turning(state, time_s, rows)
         guided = np.flatnonzero(np.isfinite(self.orbit_m[rows]) & ~rising)
         if len(guided):
             unit[:, guided], cut_off = self._guided(
@@ -108,6 +104,16 @@ class PlanarBoost:
             )
             size[guided[cut_off]] = 0.0
         return size * unit
+
+    def _turning(
+        self, state: FloatArray, time_s: float, rows: IntArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return thrust directions (2, m) of gravity turns, and which vehicles still rise."""
+        speed = np.hypot(state[2], state[3])
+        steering = self.steering.take(rows)
+        rising = (time_s < steering.rise_s) | (speed < 1.0)
+        x, y = np.where(rising, [[0.0], [1.0]], state[2:] / np.maximum(speed, 1.0))
+        return _turned_down(x, y, steering.leads(np.full(len(speed), time_s))), rising
 
     def _size(self, time_s: float, rows: IntArray) -> FloatArray:
         """Return the magnitude (m,) of the specific force, m/s²; 0 between stages."""
@@ -166,14 +172,26 @@ def _through_air(
     x, y, u, v = state
     radius = np.hypot(x, y)
     speed = np.maximum(np.hypot(u, v), 1.0)
-    height = np.maximum(radius - RADIUS_M, 1.0)
-    program = last_rad * (height / LAW.tilted_m) ** power
     climb = np.clip((u * x + v * y) / (radius * speed), -1.0, 1.0)
-    angle = np.arccos(climb)
-    rate = power * program / height * speed * climb + (program - angle) / LAW.tilt_s
-    bend = speed * rate - MU / radius**2 * np.sin(angle)
+    bend = _program_bends(radius, speed, climb, last_rad, power)
     sine = np.clip(bend / np.maximum(size, 1.0), -LAW.attack_sine, LAW.attack_sine)
     return _turned_down(u / speed, v / speed, np.arcsin(sine))
+
+
+def _program_bends(
+    radius: FloatArray,
+    speed: FloatArray,
+    climb: FloatArray,
+    last_rad: FloatArray,
+    power: FloatArray,
+) -> FloatArray:
+    """Return the accelerations (n,), m/s², across paths that bend them to their program."""
+    height = np.maximum(radius - RADIUS_M, 1.0)
+    program = last_rad * (height / LAW.tilted_m) ** power
+    angle = np.arccos(climb)
+    rate = power * program / height * speed * climb + (program - angle) / LAW.tilt_s
+    bend: FloatArray = speed * rate - MU / radius**2 * np.sin(angle)
+    return bend
 
 
 def _turned_down(x: FloatArray, y: FloatArray, lead: FloatArray) -> FloatArray:
@@ -190,16 +208,25 @@ def ranges_m(state: FloatArray) -> FloatArray:
     x, y, u, v = state
     radius = np.hypot(x, y)
     momentum = x * v - y * u
-    parameter = momentum**2 / MU
     energy = 0.5 * (u * u + v * v) - MU / radius
+    flown = _flown_angles(radius, momentum, energy, x * u + y * v >= 0.0)
+    swept = np.where(energy < 0.0, flown, np.nan)
+    return RADIUS_M * np.abs(np.arctan2(x, y) - np.copysign(swept, momentum))
+
+
+def _flown_angles(
+    radius: FloatArray, momentum: FloatArray, energy: FloatArray, rises: BoolArray
+) -> FloatArray:
+    """Return the angles (n,), rad, that orbits sweep from a radius to the impact."""
+    parameter = momentum**2 / MU
     excess = np.sqrt(np.maximum(1.0 + 2.0 * energy * momentum**2 / MU**2, 0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
         anomaly = np.arccos(np.clip((parameter / radius - 1.0) / excess, -1.0, 1.0))
-        anomaly = np.where(x * u + y * v >= 0.0, anomaly, 2.0 * np.pi - anomaly)
+        anomaly = np.where(rises, anomaly, 2.0 * np.pi - anomaly)
         cosine = (parameter / RADIUS_M - 1.0) / excess
         impact = 2.0 * np.pi - np.arccos(np.where(np.abs(cosine) <= 1.0, cosine, np.nan))
-    swept = np.where(energy < 0.0, impact - anomaly, np.nan)
-    return RADIUS_M * np.abs(np.arctan2(x, y) - np.copysign(swept, momentum))
+    flown: FloatArray = impact - anomaly
+    return flown
 
 
 def elevations(state: FloatArray) -> FloatArray:

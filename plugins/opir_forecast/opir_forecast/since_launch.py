@@ -141,17 +141,30 @@ def _motion(target: InFlight) -> _Motion:
     speed = float(np.linalg.norm(level))
     course = level / max(speed, 1e-9)
     across = np.cross(up, course)
-    rows = np.zeros((3, 6))
-    rows[0, :3] = up
-    rows[1, 3:] = up
-    rows[2, 3:] = course
+    rows = _measured_rows(up, course)
     covariance = rows @ target.covariance @ rows.T
-    shift = target.covariance[:3, :3] @ up / covariance[0, 0]
-    residual = target.covariance[:3, :3] - np.outer(shift, shift) * covariance[0, 0]
+    shift, residual = _given_height(target.covariance[:3, :3], up, covariance[0, 0])
     drift = float(np.sqrt(across @ target.covariance[3:, 3:] @ across)) / max(speed, 1.0)
     height_m = float(ecef_to_geodetic(position[None]).height_m[0])
     values = np.array([height_m, velocity @ up, speed])
     return _Motion(np.array([up, course, across]), values, covariance, shift, residual, drift)
+
+
+def _measured_rows(up: FloatArray, course: FloatArray) -> FloatArray:
+    """Return the rows (3, 6) that take height, climb and level speed from a state."""
+    rows = np.zeros((3, 6))
+    rows[0, :3] = up
+    rows[1, 3:] = up
+    rows[2, 3:] = course
+    return rows
+
+
+def _given_height(
+    covariance: FloatArray, up: FloatArray, variance: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return how a place shifts with its height, and its covariance once that is known."""
+    shift = covariance @ up / variance
+    return shift, covariance - np.outer(shift, shift) * variance
 
 
 def _log_prior(

@@ -20,12 +20,7 @@ _COMMAND = "command line"
 
 def report(arguments: argparse.Namespace) -> int:
     """Write the report of the arguments' run or studies."""
-    out = Path(arguments.out)
-    if not out.name or out.is_dir():
-        raise SceneError(
-            [Problem("--out", f"{str(out)!r} is a folder; give the path of a file in it")],
-            source=_COMMAND,
-        )
+    out = _page_path(arguments.out)
     page = _page([Path(path) for path in arguments.paths])
     written = write_page(page, out, with_data=not arguments.no_data)
     sys.stdout.write(f"{written[0]}: report\n")
@@ -37,6 +32,17 @@ def report(arguments: argparse.Namespace) -> int:
         names = len({file.stem for file in files}) - tables
         sys.stdout.write(f"{arguments.figures}: {names} figures, {tables} tables\n")
     return 0
+
+
+def _page_path(text: str) -> Path:
+    """Return the path of the report; raises SceneError if it is a folder."""
+    out = Path(text)
+    if not out.name or out.is_dir():
+        raise SceneError(
+            [Problem("--out", f"{str(out)!r} is a folder; give the path of a file in it")],
+            source=_COMMAND,
+        )
+    return out
 
 
 def _page(paths: Sequence[Path]) -> ReportPage:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from opir_photons.detection import latency_cdf
 
 from opir_core import Plan
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.planning import look_times_s
 from opir_report.canvas import legend_above, legend_entry, without_data
@@ -65,18 +65,24 @@ def pair_latencies(facts: RunFacts) -> list[PairLatency]:
     if not len(rows):
         return []
     plan = facts.plan
+    light_s, is_seen = _first_looks(plan, rows)
+    latency_s = _first_detections(facts)
+    return [
+        _latency(plan, pair, light, latency_s)
+        for pair, light in zip(rows[is_seen].tolist(), light_s[is_seen].tolist(), strict=True)
+    ]
+
+
+def _first_looks(plan: Plan, rows: IntArray) -> tuple[FloatArray, BoolArray]:
+    """Return the times (n,) of the light to pairs, s, and which see the ignition at once."""
     pairs = plan.pairs
     geometry = plan.look_geometry()
     exposures = geometry.exposures(rows, pairs.first_scan[rows])
     light_s = exposures.range_m / SPEED_OF_LIGHT_M_S * plan.scene.light_time
     since_s = exposures.time_s - plan.targets.ignition_s[pairs.target[rows]]
     period_s = pairs.period_ns[rows] * 1e-9
-    is_seen = (since_s <= light_s + period_s) & geometry.visible(rows, pairs.first_scan[rows])
-    latency_s = _first_detections(facts)
-    return [
-        _latency(plan, pair, light, latency_s)
-        for pair, light in zip(rows[is_seen].tolist(), light_s[is_seen].tolist(), strict=True)
-    ]
+    is_soon = since_s <= light_s + period_s
+    return light_s, is_soon & geometry.visible(rows, pairs.first_scan[rows])
 
 
 def _latency(

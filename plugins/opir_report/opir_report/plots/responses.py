@@ -248,15 +248,20 @@ def _number_lines(axes: Axes, lines: ContourSet) -> None:
         if any(np.all(np.abs(middle - other) < _LABEL_SIZE) for other in taken):
             continue
         taken.append(middle)
-        axes.annotate(
-            number_words(value, 3),
-            tuple(to_axes.inverted().transform(middle).tolist()),
-            ha="center",
-            va="center",
-            fontsize=8,
-            color=SERIES[0],
-            bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
-        )
+        _write_number(axes, number_words(value, 3), to_axes.inverted().transform(middle))
+
+
+def _write_number(axes: Axes, words: str, place: FloatArray) -> None:
+    """Write the value of a line at a place (2,)."""
+    axes.annotate(
+        words,
+        tuple(place.tolist()),
+        ha="center",
+        va="center",
+        fontsize=8,
+        color=SERIES[0],
+        bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
+    )
 
 
 def _surface(runs: FactorialRuns, pair: tuple[str, str], divisor: float) -> Surface:

@@ -19,7 +19,13 @@ def score_rows(facts: RunFacts) -> list[tuple[str, str]]:
     if not len(facts.run.tracks):
         return []
     figures = scorecard_of([facts.scored], SETTINGS).figures
-    rows = [
+    rows = _track_rows(figures)
+    return rows + [row for name in GEOMETRIES for row in _points(name, figures[name])]
+
+
+def _track_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the rows of tracks, of all geometries."""
+    return [
         ("launches tracked", _text(figures["launches_tracked"], 3)),
         ("tracks per launch", _text(figures["tracks_a_launch"], 2)),
         ("false tracks", f"{figures['false_tracks_a_run']['value']:.0f}"),
@@ -29,7 +35,6 @@ def score_rows(facts: RunFacts) -> list[tuple[str, str]]:
         ("GOSPA per target, m", _text(figures["gospa"]["a_target_m"], 0)),
         ("type correct", _text(figures["type_right"], 3)),
     ]
-    return rows + [row for name in GEOMETRIES for row in _points(name, figures[name])]
 
 
 def _points(geometry: str, figures: Mapping[str, Any]) -> list[tuple[str, str]]:
