@@ -19,7 +19,6 @@ from opir_studies.result import written_result
 from opir_studies.runs import RunRecord
 from opir_studies.statistics import share_with_value
 from opir_studies.sweep_command import as_text
-from opir_testing import MetricContract
 from scipy.stats import binom
 from some_launches import values_of
 from study_scene import PERIOD, SCENE
@@ -31,14 +30,9 @@ CHANCE = "sensors[*].detection_probability.ICBM"
 RUNS = 20
 
 
-class TestChance(MetricContract):
-    name = "chance"
-    plugins = ("some_launches",)
-
-
 @pytest.fixture(scope="module")
 def host():
-    """Let every host offer the metric, whose contract is tested without this."""
+    """Let every host offer the metric."""
     host = Host.discover()
     host.register(some_launches)
     with pytest.MonkeyPatch.context() as patched:
