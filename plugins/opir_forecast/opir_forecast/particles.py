@@ -82,15 +82,17 @@ def draws() -> Draws:
 
 
 def widened(root: FloatArray) -> FloatArray:
-    """Return covariance roots (n, d, d), wider where the velocity is known by the filter's prior
-    alone.
+    """Return triangular covariance roots (n, d, d), wider where the velocity is known by the filter's
+    prior alone.
 
+    Their diagonals are positive: signs of columns are LAPACK's, and draws shall not depend on them.
     That prior is of all times of a burn (`mode_mixing.SPEED_SIGMA_M_S`); late stages are up to four
     times as fast. One sensor does not see the velocity along its line of sight.
     """
     spread = np.sqrt(np.sum(root[:, 3:6] ** 2, axis=(1, 2))) / SPEED_SIGMA_M_S
     factor = 1.0 + np.clip((spread - LAW.looks_share) / (1.0 - LAW.looks_share), 0.0, 1.0)
-    return root * factor[:, None, None]
+    sign = np.where(np.diagonal(root, axis1=1, axis2=2) < 0.0, -1.0, 1.0)
+    return root * (factor[:, None] * sign)[:, None, :]
 
 
 def shares_in_numbers(share: FloatArray, size: int) -> IntArray:
