@@ -94,19 +94,28 @@ def test_what_a_stop_may_take_adds_up_to_five_seconds():
     assert serving_.STOP_S + serving_._LEAST_S <= 5.0
 
 
-def test_a_closed_terminal_stops_it_in_order_unless_that_is_ignored(tmp_path):
-    with serving(tmp_path, "--speed", "10", "--loop") as running:
+@contextmanager
+def hangups(handler):
+    """Let the processes that are started begin with this handler of SIGHUP."""
+    former = signal.signal(signal.SIGHUP, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, former)
+
+
+def test_a_closed_terminal_stops_it_in_order(tmp_path):
+    with hangups(signal.SIG_DFL), serving(tmp_path, "--speed", "10", "--loop") as running:
         reported = running.terminated(signal.SIGHUP)
     assert running.process.returncode == 0
     assert "detections" in reported
-    former = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with serving(tmp_path, "--speed", "10", "--loop") as running:
-            running.process.send_signal(signal.SIGHUP)
-            assert running.ask("GET", "/status")[0] == 200
-            running.terminated()
-    finally:
-        signal.signal(signal.SIGHUP, former)
+
+
+def test_a_closed_terminal_that_is_ignored_stops_nothing(tmp_path):
+    with hangups(signal.SIG_IGN), serving(tmp_path, "--speed", "10", "--loop") as running:
+        running.process.send_signal(signal.SIGHUP)
+        assert running.ask("GET", "/status")[0] == 200
+        running.terminated()
 
 
 @pytest.mark.slow
