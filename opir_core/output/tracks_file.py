@@ -63,7 +63,7 @@ def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
     of `hypothesis_probability`, by default those of the file in its order; others in the file are
     an error.
     """
-    rows, regions = _Lines(path).rows()
+    rows, regions = _TrackLines(path).rows()
     tracks = _tracks(rows, regions, _weighed(rows, hypotheses, path))
     order = np.lexsort((tracks.track, tracks.tick_s))
     tracks = tracks.take(order)
@@ -77,7 +77,7 @@ def read_tracks(path: Path, hypotheses: Sequence[str] | None = None) -> Tracks:
     return tracks
 
 
-class _Lines:
+class _TrackLines:
     """The lines of a file, in any order, each completed by those of its track before."""
 
     def __init__(self, path: Path) -> None:

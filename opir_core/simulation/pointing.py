@@ -15,7 +15,7 @@ _NOWHERE = np.full(3, np.nan)
 
 
 @frozen(eq=False)
-class Aim:
+class FieldAim:
     """A direction of a sensor: the turn to it begins at `start_s`, looks in it at `from_s`.
 
     The point at `position_ecef_m` (3,) at `time_s` moves evenly; nan is nadir.
@@ -52,7 +52,7 @@ class PointedFields:
         """Go on with the aims of a run of the same sensors."""
         self._aims.update(former._aims)
 
-    def point(self, number: int, command: Command, time_s: float) -> Aim:
+    def point(self, number: int, command: Command, time_s: float) -> FieldAim:
         """Point a sensor; return the aim, with the times at which it leaves the former and reaches
         this one.
 
@@ -63,7 +63,7 @@ class PointedFields:
         ready_s = time_s + pointing.delay_s
         aims = [aim for aim in self._aims[number] if aim.start_s < ready_s]
         start_s = max(ready_s, aims[-1].from_s)
-        aim = Aim(start_s, start_s, time_s, command.position_ecef_m, command.velocity_m_s)
+        aim = FieldAim(start_s, start_s, time_s, command.position_ecef_m, command.velocity_m_s)
         at_s = np.array([start_s])
         at_m = sensor.orbit.position_ecef_m(at_s)
         former, wanted = (each.direction(at_m, at_s) for each in (aims[-1], aim))
@@ -91,7 +91,7 @@ class PointedFields:
             inside[rows] = dot(wanted, seen) >= least_cosine * lengths
         return inside
 
-    def _in_force(self, number: int, time_s: FloatArray) -> Iterator[tuple[Aim, IntArray]]:
+    def _in_force(self, number: int, time_s: FloatArray) -> Iterator[tuple[FieldAim, IntArray]]:
         """Yield the aims of a sensor with the rows of the times (n,) at which it looks there."""
         aims = self._aims[number]
         ends_s = [*(later.start_s for later in aims[1:]), np.inf]
@@ -106,7 +106,7 @@ def _pointing(sensor: Sensor) -> Pointing:
     return sensor.pointing
 
 
-def _standing_aim(pointing: Pointing) -> Aim:
+def _standing_aim(pointing: Pointing) -> FieldAim:
     """Return the aim of a sensor without a command."""
     place = _NOWHERE if pointing.at_ecef_m is None else np.array(pointing.at_ecef_m)
-    return Aim(-np.inf, -np.inf, 0.0, place, np.zeros(3))
+    return FieldAim(-np.inf, -np.inf, 0.0, place, np.zeros(3))

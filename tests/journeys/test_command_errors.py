@@ -153,8 +153,8 @@ BROKEN = [
         '"track_id":99999999999999999999',
         "line 1: track_id: not what opir writes: ",
     ),
-    (TRACKS, r'\A\{"time_s":[0-9.]+', r'{"time_s":0.5', "not the tracks of the manifest's run"),
-    (TRACKS, r'\{"time_s":[0-9.]+', '{"time_s":7.5', "line 2: track 0 has two rows at 7.5 s"),
+    (TRACKS, r'\A\{"time_s":[0-9.]+', r'{"time_s":0.5', "line 2: since_s: no line has track 0"),
+    (TRACKS, r'\{"time_s":[0-9.]+', '{"time_s":7.5', "line 2: since_s: no line has track 0"),
     (
         TRACKS,
         r'(_ecef_m":)\[[^]]*\]',

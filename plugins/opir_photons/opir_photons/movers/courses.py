@@ -34,7 +34,7 @@ _HALF_STEP_S = 0.01
 
 
 @frozen(eq=False)
-class Leg:
+class CourseLeg:
     """One leg of vehicles (n,): where it begins, m and rad, how fast and how steep, and its
     `config`.
     """
@@ -76,7 +76,7 @@ class Leg:
         place = geodesic_direct(*origin, bearing, np.hypot(ahead, right))
         return geodetic_to_ecef(*place, self.height_m[row] + self.rise_m(row, since_s)[0])
 
-    def next_leg(self, config: LegConfig) -> "Leg":
+    def next_leg(self, config: LegConfig) -> "CourseLeg":
         """Return the leg that follows."""
         row = np.arange(len(self.start_s))
         length_s = np.full(len(row), self.config.for_s)
@@ -88,7 +88,7 @@ class Leg:
         backwards = geodesic_inverse(*end, *origin).bearing_rad
         convergence = np.where(distance_m > 0.0, backwards + np.pi - bearing, 0.0)
         rise_m, climb_m_s = self.rise_m(row, length_s)
-        return Leg(
+        return CourseLeg(
             latitude_rad=end.latitude_rad,
             longitude_rad=end.longitude_rad,
             height_m=self.height_m + rise_m,
@@ -132,7 +132,7 @@ class Leg:
 
 def legs_of(
     emitters: Emitters, configs: Sequence[LegConfig], pull_m_s2: float, end_s: FloatArray, path: str
-) -> list[Leg]:
+) -> list[CourseLeg]:
     """Return the legs of vehicles and the straight and level one after them, to `end_s` (n,) or
     beyond.
 
@@ -150,8 +150,8 @@ def legs_of(
     return legs
 
 
-def _first_leg(emitters: Emitters, config: LegConfig, pull_m_s2: float) -> Leg:
-    return Leg(
+def _first_leg(emitters: Emitters, config: LegConfig, pull_m_s2: float) -> CourseLeg:
+    return CourseLeg(
         latitude_rad=np.radians(emitters["lat_deg"]),
         longitude_rad=np.radians(emitters["lon_deg"]),
         height_m=emitters["height_m"],
@@ -164,7 +164,7 @@ def _first_leg(emitters: Emitters, config: LegConfig, pull_m_s2: float) -> Leg:
     )
 
 
-def _problem(leg: Leg) -> str:
+def _problem(leg: CourseLeg) -> str:
     """Return what is wrong with a leg; "" for nothing."""
     if leg.config.bank_deg != 0.0 and not np.all(leg.speed_m_s > 0.0):
         return "a turn needs a speed_m_s above 0"
@@ -184,7 +184,7 @@ def _problem(leg: Leg) -> str:
     return ""
 
 
-def flight_of(legs: Sequence[Leg]) -> Ephemeris:
+def flight_of(legs: Sequence[CourseLeg]) -> Ephemeris:
     """Return the ephemeris of vehicles along their legs."""
     parts = [
         Ephemeris.build(

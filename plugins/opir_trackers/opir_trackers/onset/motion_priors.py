@@ -47,7 +47,7 @@ _Pair = tuple[float, float]
 _Spread = tuple[_Pair, _Pair, _Pair, _Pair]
 
 
-class Flight(NamedTuple):
+class StraightFlight(NamedTuple):
     """Flights of aircraft: their share; mean speed and standard deviations along and across the
     course, m/s; that of the climb, m/s; mean acceleration along the course and standard deviations
     along, across and upwards, m/s²; that of the jerk, m/s³; whether they begin near the ground.
@@ -140,19 +140,19 @@ class MotionLaw:
 
     #: Take-offs: a thrust of 0.6 to 1.1 of the weight on afterburner less drag, from rest to some 90
     #: m/s (Raymer, "Aircraft Design", 2018, 17.8).
-    take_offs: tuple[Flight, ...] = (
-        Flight(1.0, (50.0, 25.0, 15.0), 5.0, (4.5, 1.0, 0.5, 0.3), 0.05, near_ground=True),
+    take_offs: tuple[StraightFlight, ...] = (
+        StraightFlight(1.0, (50.0, 25.0, 15.0), 5.0, (4.5, 1.0, 0.5, 0.3), 0.05, near_ground=True),
     )
 
     #: Flights of aircraft, subsonic and supersonic: straight on, with turns or a gain of speed, and
     #: turning at several times the weight. One sensor alone can hardly tell what flies straight on
     #: from a launch.
-    flights: tuple[Flight, ...] = (
-        Flight(0.36, (230.0, 60.0, 90.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01),
-        Flight(0.09, (450.0, 120.0, 180.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01),
-        Flight(0.36, (230.0, 60.0, 90.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5),
-        Flight(0.09, (450.0, 120.0, 180.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5),
-        Flight(0.1, (330.0, 100.0, 140.0), 60.0, (0.0, 3.0, 20.0, 5.0), 1.0),
+    flights: tuple[StraightFlight, ...] = (
+        StraightFlight(0.36, (230.0, 60.0, 90.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01),
+        StraightFlight(0.09, (450.0, 120.0, 180.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01),
+        StraightFlight(0.36, (230.0, 60.0, 90.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5),
+        StraightFlight(0.09, (450.0, 120.0, 180.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5),
+        StraightFlight(0.1, (330.0, 100.0, 140.0), 60.0, (0.0, 3.0, 20.0, 5.0), 1.0),
     )
 
 
@@ -237,7 +237,7 @@ def _others(config: HypothesesConfig, kinds: Sequence[Ground]) -> list[_Componen
 
 
 def _aircraft(
-    weight: float, flights: Sequence[Flight], kinds: Sequence[Ground]
+    weight: float, flights: Sequence[StraightFlight], kinds: Sequence[Ground]
 ) -> list[_Component]:
     """Return the priors of each kind of flight, course and height of aircraft."""
     aloft = Ground(1.0, *LAW.aircraft_m)
@@ -250,7 +250,7 @@ def _aircraft(
     ]
 
 
-def _flown(weight: float, flight: Flight, axes: FloatArray, height: Ground) -> _Component:
+def _flown(weight: float, flight: StraightFlight, axes: FloatArray, height: Ground) -> _Component:
     """Return the prior of flights with the axes (3, 3) of a course, from a height."""
     speed, *sigmas = flight.speed_m_s
     gain, *unsteady = flight.gain_m_s2
