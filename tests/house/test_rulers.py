@@ -21,7 +21,7 @@ TOKENS: dict[str, int] = {
     "opir_dsp": 500,
     "opir_estimation": 41_000,
     "opir_export": 20_300,
-    "opir_forecast": 40_100,
+    "opir_forecast": 40_200,
     "opir_heo": 400,
     "opir_http": 27_300,
     "opir_kafka": 5_800,
@@ -39,7 +39,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_100,
     "opir_trackers": 41_900,
     "benchmarks": 98_000,
-    "tests": 751_300,
+    "tests": 751_400,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

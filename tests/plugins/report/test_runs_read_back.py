@@ -88,7 +88,9 @@ def figures_of(run: Any) -> dict[str, Any]:
     }
 
 
-@pytest.mark.xfail(reason="events hold fewer digits: scores differ in the third digit")
+@pytest.mark.xfail(
+    reason="events hold fewer digits: scores differ in the third digit", strict=False
+)
 @pytest.mark.slow
 @settings(examples(4), derandomize=True)
 @given(
