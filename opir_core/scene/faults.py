@@ -71,8 +71,9 @@ class SensorFault:
         own = _SETTINGS[self.fault]
         values = {name: getattr(self, name) for name in set().union(*_SETTINGS.values())}
         given = {name for name, value in values.items() if value is not None}
-        if strange := sorted(given.difference(own)):
-            raise ValueError(f"{self.fault} has no {strange[0]}")
+        unread = sorted(given.difference(own))
+        if unread:
+            raise ValueError(f"{self.fault} has no {unread[0]}")
         if own and not given:
             raise ValueError(f"{self.fault} needs {' or '.join(own)}")
         if not self.at_s < self.end_s:

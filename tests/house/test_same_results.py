@@ -52,7 +52,7 @@ def ellipse(**changes):
     [
         {},
         {"snr": 12.52},
-        {"azimuth_deg": 30.0000001},
+        {"azimuth_deg": 30.000000001},
         {"latitude_deg": 34.0002},
         {"launch_point": {**EVENT["launch_point"], "time": "2026-04-01T11:59:00.001000Z"}},
         ellipse(semi_minor_m=3000.09),
@@ -72,7 +72,7 @@ def test_other_last_digits_are_the_same(comparison, tmp_path, change):
         {"bands": ["SWIR"]},
         {"bands": ["MWIR", "SWIR"]},
         {"snr": 12.53},
-        {"azimuth_deg": 30.0000003},
+        {"azimuth_deg": 30.000000003},
         {"track_id": 4},
         {"impact_point": {"lat_deg": 1.0}},
         {"latitude_deg": 34.0003},

@@ -27,7 +27,6 @@ from opir_core.output.events.text import (
     METRE_DECIMALS,
     SENSOR_DECIMALS,
     SHARE_DECIMALS,
-    SIGHT_DECIMALS,
     SIGMA_DIGITS,
     SNR_DECIMALS,
     number_texts,
@@ -159,10 +158,11 @@ class ForgeEncoder(Encoder):
                 *(_VERSION, report, b'"'),
                 _tracks(detections.track),
                 Decimal(
-                    rounded_bearing_deg(angles.azimuth_rad, decimals=SIGHT_DECIMALS), SIGHT_DECIMALS
+                    rounded_bearing_deg(angles.azimuth_rad, decimals=DEGREE_DECIMALS),
+                    DEGREE_DECIMALS,
                 ),
                 b',"elevation_deg":',
-                Decimal(np.degrees(angles.elevation_rad), SIGHT_DECIMALS),
+                Decimal(np.degrees(angles.elevation_rad), DEGREE_DECIMALS),
                 *self._looks(detections, sensor),
                 Decimal(detections.snr, SNR_DECIMALS),
                 *(self._irradiances.columns(detections, sensor) if self._irradiances else ()),

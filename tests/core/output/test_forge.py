@@ -144,7 +144,7 @@ def test_every_event_says_what_its_row_says(window: Window) -> None:
             d.line_of_sight_ecef[row], local_axes(d.sensor_ecef_m[row])
         )
         turned = abs(event["azimuth_deg"] - math.degrees(angles.azimuth_rad)) % 360.0
-        assert min(turned, 360.0 - turned) <= 1e-7
+        assert min(turned, 360.0 - turned) <= 1e-9
         assert event["elevation_deg"] == pytest.approx(
             math.degrees(angles.elevation_rad), abs=5.1e-8
         )

@@ -150,9 +150,9 @@ def test_a_place_is_on_earth_or_null(place: list[float], expected: float | None)
         (-5e-324, b"0.0"),
         (-1e-17, b"0.0"),
         (-1e-14, b"0.0"),
-        (-8e-10, b"0.0"),
-        (-9e-10, b"359.9999999"),
-        (9e-10, b"1e-7"),
+        (-8e-12, b"0.0"),
+        (-9e-12, b"359.999999999"),
+        (9e-12, b"1e-9"),
     ],
 )
 def test_north_is_0_and_never_360(east: float, bearing: bytes) -> None:

@@ -50,7 +50,7 @@ def test_both_files_give_the_same_run(folder: Path) -> None:
     for name in exact:
         assert np.array_equal(getattr(from_columns, name), getattr(from_lines, name)), name
     for name, error in (
-        ("line_of_sight_ecef", 2e-9),
+        ("line_of_sight_ecef", 1e-10),
         ("sensor_ecef_m", 0.06),
         ("confidence", 6e-5),
         ("snr", 6e-3),
