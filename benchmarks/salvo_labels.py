@@ -194,8 +194,8 @@ def figures_of(launches, half_km, seed, associations):
     """Return, of each associator, the shares of labels and GOSPA, m, with it and with the truth."""
     scenes = [scene_of(launches, half_km, seed, association) for association in associations]
     runs = [opir.simulate(scene) for scene in scenes]
-    told = with_true_association(runs[0])
-    true_m = gospa_m(evidence_of_run(told, told.plan))
+    associated = with_true_association(runs[0])
+    true_m = gospa_m(evidence_of_run(associated, associated.plan))
     evidence = [evidence_of_run(run, run.plan) for run in runs]
     return [(*label_shares(each), gospa_m(each), true_m) for each in evidence]
 

@@ -148,11 +148,11 @@ def test_a_correction_within_the_field_costs_no_look() -> None:
     assert all(record.start_s == record.from_s for record in pointed.commands[1:])
 
 
-def test_commands_that_a_sensor_cannot_take_are_refused_and_told() -> None:
-    told = []
+def test_commands_that_a_sensor_cannot_take_are_refused_and_reported() -> None:
+    reported = []
 
     def decide(situation: Situation) -> Sequence[Command]:
-        told.append([record.refusal for record in situation.refused])
+        reported.append([record.refusal for record in situation.refused])
         behind_m, lost_m = -LAUNCH_M, np.full(3, np.nan)
         commands = {0.0: ("SPOT", behind_m), 10.0: ("SPOT", lost_m), 20.0: ("WIDE", LAUNCH_M)}
         if situation.time_s not in commands:
@@ -163,7 +163,7 @@ def test_commands_that_a_sensor_cannot_take_are_refused_and_told() -> None:
     pointed = run(decide, spot={"pointing": {"at_deg": [34.0, -120.0]}})
     words = [record.refusal for record in pointed.commands]
     assert [of.split()[0] for of in words] == ["out", "its", "WIDE"]
-    assert told[:4] == [[], words[:1], words[1:2], words[2:]]
+    assert reported[:4] == [[], words[:1], words[1:2], words[2:]]
     assert len(spot_times_s(pointed)) > 500  # it goes on as it was: at its own place
 
 

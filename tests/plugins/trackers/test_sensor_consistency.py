@@ -84,12 +84,13 @@ def outcome(
     seed: int,
     case: Case,
     clock_s: float = 0.0,
-    told_s: float = 0.0,
+    stated_s: float = 0.0,
     stated_urad: float = SIGMA_URAD,
 ) -> Outcome:
-    """Return the outcome with the first sensor's clock off; `told_s` is what the tracker is told."""
+    """Return the outcome with the first sensor's clock off; `stated_s` is the σ of clocks that
+    the tracker has."""
     run = opir.run_of_plan(plan(seed, case, case.scale * SIGMA_URAD, {"model": "none"}))
-    settings = {"model": "imm", **({"clock_sigma_s": told_s} if told_s else {})}
+    settings = {"model": "imm", **({"clock_sigma_s": stated_s} if stated_s else {})}
     tracked = plan(seed, case, stated_urad, settings)
     off_ns = np.where(run.detections.sensor == 0, np.int64(clock_s * 1e9), np.int64(0))
     stated = np.full(len(run.detections), stated_urad * 1e-6)
@@ -159,15 +160,15 @@ def test_a_table_in_milliradians_is_followed_and_said(rate: float) -> None:
 
 @pytest.mark.parametrize("sensors", [2, 3])
 @pytest.mark.parametrize("clock_s", [0.1, 1.0, 5.0])
-def test_a_clock_that_nobody_told_is_found(sensors: int, clock_s: float) -> None:
+def test_a_clock_whose_sigma_is_not_stated_is_found(sensors: int, clock_s: float) -> None:
     case = Case(1.0, 1.0, sensors, 3)
     seeds = range(3)
-    untold = joined([outcome(seed, case, clock_s) for seed in seeds])
-    told = joined([outcome(seed, case, clock_s, clock_s) for seed in seeds])
-    assert untold.held >= 0.9
-    assert rms(untold) <= 1.2 * rms(told)
+    unstated = joined([outcome(seed, case, clock_s) for seed in seeds])
+    stated = joined([outcome(seed, case, clock_s, clock_s) for seed in seeds])
+    assert unstated.held >= 0.9
+    assert rms(unstated) <= 1.2 * rms(stated)
     if clock_s >= 1.0:
-        clocks = untold.health.clock_s
+        clocks = unstated.health.clock_s
         assert clocks[0] - clocks[1] == pytest.approx(clock_s, abs=0.2)
-        assert "clock +" in untold.health.text[0]
-        assert "no sign of a bias" in untold.health.text[0]
+        assert "clock +" in unstated.health.text[0]
+        assert "no sign of a bias" in unstated.health.text[0]

@@ -1,5 +1,5 @@
 """Sources that move in scenes: what is refused and where, their kinds in truth and reports, and
-classifiers that are not told of them.
+classifiers that do not know them.
 """
 
 import numpy as np
@@ -89,7 +89,7 @@ def test_a_kind_must_not_have_the_name_of_a_class_that_is_launched(monkeypatch):
     assert "sources[0]: SRBM is a kind of source here and the class of a target" in message
 
 
-def test_each_kind_is_named_and_no_classifier_is_told():
+def test_each_kind_is_named_and_no_classifier_knows_it():
     blocks = [
         jet({"for_s": 60.0, "climb_m_s": 60.0, "afterburner": True}),
         {"model": "fire_fronts", "at": [{"lat_deg": 0.0, "lon_deg": 30.0}]},
