@@ -10,15 +10,13 @@ from opir_core.builtin.plugin import built_by
 from opir_core.host.components import DirectorModel
 from opir_core.host.hookspecs import hookimpl
 from opir_core.scene.fields import nested, number
+from opir_core.sensors.pointed_sensor import place_complaint
 
 
 def _places_complaint(places_deg: tuple[tuple[float, float], ...]) -> str | None:
     if not places_deg:
         return "at least one place is needed"
-    for lat_deg, lon_deg in places_deg:
-        if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
-            return f"[{lat_deg:g}, {lon_deg:g}] is no [latitude, longitude]"
-    return None
+    return next(filter(None, map(place_complaint, places_deg)), None)
 
 
 @frozen(kw_only=True)

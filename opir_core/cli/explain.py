@@ -73,7 +73,7 @@ def _as_text(plan: Mapping[str, Any]) -> str:
             *_hypothesis_table(plan["hypotheses"]),
             *map(expectation_text, plan["expected_launches"]),
             *_lines("sensors fail", plan["faults"]),
-            *_lines("a look of these counts only where the sensor is pointed", plan["directed"]),
+            *_lines("sensors that see only where they are pointed", plan["directed"]),
             *(
                 f"{name} knows the true types of targets: its reports are no test of discrimination"
                 for name in plan["truth_users"]

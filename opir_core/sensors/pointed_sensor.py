@@ -6,7 +6,8 @@ from opir_core.scene.fields import nested, number
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 
-def _place_complaint(place_deg: tuple[float, float] | None) -> str | None:
+def place_complaint(place_deg: tuple[float, float] | None) -> str | None:
+    """Return what is wrong with a place, [latitude, east longitude] in degrees; None for nothing."""
     if place_deg is None or (abs(place_deg[0]) <= 90.0 and abs(place_deg[1]) <= 180.0):
         return None
     return f"[{place_deg[0]:g}, {place_deg[1]:g}] is no [latitude, longitude]"
@@ -47,7 +48,7 @@ class PointingConfig:
     at_deg: tuple[float, float] | None = nested(
         default=None,
         unit="deg",
-        check=_place_complaint,
+        check=place_complaint,
         help="place at which the sensor is pointed without a command, [latitude, east longitude];"
         " default: nadir",
     )
