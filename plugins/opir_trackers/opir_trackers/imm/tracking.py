@@ -14,6 +14,7 @@ from opir_estimation import LinesOfSight, Registration
 from opir_forecast import grounds, hypothesis_log_likelihood
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers.configs import ImmConfig
@@ -27,7 +28,7 @@ from opir_trackers.imm.report import ReportedTracks, type_evidence, type_log_lik
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
 from opir_trackers.onset.brevity import are_brief
-from opir_trackers.onset.motion_priors import WIDE_M
+from opir_trackers.onset.motion_priors import FASTEST_AIRCRAFT_M_S, WIDE_M
 from opir_trackers.onset.posterior import standing
 from opir_trackers.sensors import registration_of
 from opir_trackers.track_priors import standing_estimates
@@ -120,7 +121,14 @@ class ImmTracking:
         pause_s = self.models.longest(self.models.period_s, table)
         silent_s = self.models.silent_s(table, state.time_s)
         motion = self.models.groups.assessed(
-            motion, state.time_s, table.first_s, table.seen_s, pause_s, step_s, silent_s
+            motion,
+            state.time_s,
+            table.first_s,
+            table.seen_s,
+            pause_s,
+            step_s,
+            silent_s,
+            _move_as_rockets(table.estimates.likelier_state),
         )
         return state._replace(table=table.changed(motion=motion))
 
@@ -203,3 +211,13 @@ def _slice_ends(start_s: float, end_s: float, slice_s: float) -> list[float]:
     span_s = end_s - start_s
     count = max(1, ceil(span_s / slice_s - 1e-9))
     return [start_s + span_s * number / count for number in range(1, count)] + [end_s]
+
+
+def _move_as_rockets(state: FloatArray) -> BoolArray:
+    """Return which states (n, 6), inertial, climb faster over the ground than aircraft fly."""
+    position_m = state[:, :3]
+    velocity_m_s = state[:, 3:6].copy()
+    velocity_m_s[:, 0] += EARTH_ROTATION_RAD_S * position_m[:, 1]
+    velocity_m_s[:, 1] -= EARTH_ROTATION_RAD_S * position_m[:, 0]
+    is_climbing = np.sum(position_m * velocity_m_s, axis=1) > 0.0
+    return is_climbing & (np.sum(velocity_m_s**2, axis=1) > FASTEST_AIRCRAFT_M_S**2)

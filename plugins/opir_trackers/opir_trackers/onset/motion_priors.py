@@ -18,6 +18,9 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NONE, ORDERS
 
+#: The record of aircraft that breathe air, 3529.6 km/h (FAI, 28 July 1976), m/s.
+FASTEST_AIRCRAFT_M_S = 980.0
+
 #: Horizontal standard deviation of positions about the reference point of a track, m, wider than
 #: its error.
 WIDE_M = 100e3

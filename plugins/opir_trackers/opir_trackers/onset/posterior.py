@@ -123,9 +123,11 @@ class GroupPosterior:
         pause_s: FloatArray,
         step_s: float = 1.0,
         silent_s: FloatArray | None = None,
+        is_rocket: BoolArray | None = None,
     ) -> MotionStatistics:
         """Return the statistics with new probabilities of the undecided tracks at a time, a step
-        after the last one.
+        after the last one; and of decided launches that are asked again, unless they move as only
+        rockets do (n,).
 
         `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s`
         (n,) the longest scan period of the sensors that see the track, `silent_s` (n,) for how long
@@ -138,6 +140,8 @@ class GroupPosterior:
         is_seen = silent_s < pause_s + step_s
         waits = is_seen & self._wait(statistics, time_s - first_s, time_s - step_s - first_s)
         again = _asked_again(statistics, time_s, step_s) & is_seen
+        if is_rocket is not None:
+            again &= ~is_rocket
         rows = ((~statistics.is_decided & ~waits) | again).nonzero()[0]
         if not len(rows):
             return statistics
