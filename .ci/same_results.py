@@ -39,7 +39,7 @@ MEASURED = {
     "snr",
     "sensor_position_ecef_m",
 }
-MEASURED_TOLERANCE = {"_deg": 2.1e-9, "_m": 0.21, "": 2.1e-2}
+MEASURED_TOLERANCE = {"_deg": 2.1e-9, "_m": 2.1e-3, "": 2.1e-2}
 
 #: Largest differences of what trackers and classifiers estimate: angles and probabilities, two of
 #: the last digit of an event; lengths, times (texts too).

@@ -200,19 +200,18 @@ def place_text(point: Row) -> str:
 
 
 def _reach_text(reach: Row) -> str:
-    """Return `somewhere between 1 200 and 9 800 km away, bearing 250 to 330 deg`, rounded outwards
-    to two digits.
+    """Return `somewhere between 1 200 and 9 800 km away, bearing 250 to 330 deg`, rounded outwards:
+    outlines of regions are as coarse as a hundredth of their size.
     """
-    least, most = (_rounded(reach[key], up) for key, up in (("least_km", False), ("most_km", True)))
+    unit = 10 ** max(floor(log10(max(reach["most_km"], 1.0))) - 1, 0)
+    least = floor(reach["least_km"] / unit) * unit
+    most = ceil(reach["most_km"] / unit) * unit
+    distances = f"between {grouped(least)} and" if least else "up to"
     bearings = reach["bearings_deg"]
-    edges = "" if bearings is None else f", bearing {bearings[0]:.0f} to {bearings[1]:.0f} deg"
-    return f"somewhere between {grouped(least)} and {grouped(most)} km away{edges}"
-
-
-def _rounded(value: float, up: bool) -> int:
-    """Return a number rounded down or up to two digits."""
-    unit = 10.0 ** max(floor(log10(max(value, 1.0))) - 1, 0)
-    return int(unit * (ceil if up else floor)(value / unit))
+    if bearings is None:
+        return f"somewhere {distances} {grouped(most)} km away"
+    first, last = 5 * floor(bearings[0] / 5.0), 5 * ceil(bearings[1] / 5.0)
+    return f"somewhere {distances} {grouped(most)} km away, bearing {first} to {last} deg"
 
 
 def spread_text(point: Row, law: str = "", most: int | None = None) -> str:

@@ -1,6 +1,6 @@
 """A run read back from its files: events (forge and its kin), truth, tracks and manifest.
 
-Files round: times are to a microsecond, angles to 1e-9 degree, sensor positions to 0.1 m.
+Files round: times to a microsecond, angles to 1e-9 degree, sensor positions to a millimetre.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

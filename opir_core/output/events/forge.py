@@ -25,7 +25,6 @@ from opir_core.output.events.text import (
     DEGREE_DECIMALS,
     IRRADIANCE_DIGITS,
     METRE_DECIMALS,
-    SENSOR_DECIMALS,
     SHARE_DECIMALS,
     SIGMA_DIGITS,
     SNR_DECIMALS,
@@ -259,7 +258,7 @@ def _tracks(track: IntArray) -> Column:
 
 
 def _sensor_positions(viewpoints: Viewpoints) -> Column:
-    positions = vector_texts(rounded(viewpoints.position_ecef_m, SENSOR_DECIMALS))
+    positions = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
     return Looked([_POSITION % position for position in positions], viewpoints.of_row)
 
 

@@ -98,10 +98,8 @@ DEGREE_DECIMALS = 9
 METRE_DECIMALS = 3
 RATIO_DECIMALS = 6
 
-#: Decimals of the event `forge`, far below the errors of what they tell: sensors to 0.1 m, points to
-#: 1e-4 deg (11 m), probabilities to 1e-4, and ratios of signal to noise, whose standard deviation is
-#: 1, to 0.01.
-SENSOR_DECIMALS = 1
+#: Decimals of the event `forge`, far below the errors of what they tell: points to 1e-4 deg (11 m),
+#: probabilities to 1e-4, and ratios of signal to noise, whose standard deviation is 1, to 0.01.
 POINT_DECIMALS = 4
 SHARE_DECIMALS = 4
 SNR_DECIMALS = 2
