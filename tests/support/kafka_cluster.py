@@ -6,6 +6,7 @@ folder of a cluster.
 """
 
 import base64
+import fcntl
 import hashlib
 import os
 import shutil
@@ -62,18 +63,28 @@ def why_absent():
 
 @cache
 def classpath():
-    """Return the class path of Kafka; Maven fetches what is not in its repository yet."""
+    """Return the class path of Kafka; Maven fetches what is not in its repository yet.
+
+    One process at a time asks Maven: two that fill its repository spoil each other's files.
+    """
     mark = hashlib.sha256(POM.read_bytes()).hexdigest()[:16]
-    stored = (
-        Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-        / "opir-tests"
-        / f"kafka-{mark}.txt"
-    )
-    if stored.is_file() and all(
-        Path(path).is_file() for path in stored.read_text().strip().split(os.pathsep)
-    ):
-        return stored.read_text().strip()
-    stored.parent.mkdir(parents=True, exist_ok=True)
+    cache_folder = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "opir-tests"
+    cache_folder.mkdir(parents=True, exist_ok=True)
+    stored = cache_folder / f"kafka-{mark}.txt"
+    with (cache_folder / "kafka.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (stored.is_file() and _all_there(stored)):
+            _ask_maven(stored)
+    return stored.read_text().strip()
+
+
+def _all_there(stored):
+    """Return whether the files of a stored class path exist."""
+    return all(Path(path).is_file() for path in stored.read_text().strip().split(os.pathsep))
+
+
+def _ask_maven(stored):
+    """Write the class path into a file."""
     temporary = stored.with_suffix(f".{os.getpid()}")
     words = [
         "mvn",
@@ -86,22 +97,22 @@ def classpath():
     ]
     subprocess.run(words, check=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
     temporary.replace(stored)
-    return stored.read_text().strip()
 
 
 def java(main, *words, timeout_s=_START_S):
-    """Run a Java main class of Kafka and return what it prints; `CalledProcessError` if it
+    """Run a Java main class of Kafka and return what it prints; `AssertionError` with it if it
     fails.
     """
     command = ["java", *_HEAP, "-cp", classpath(), main, *words]
     done = subprocess.run(
         command,
-        check=True,
+        check=False,
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         timeout=timeout_s,
     )
+    assert done.returncode == 0, f"{main} ends with {done.returncode}: {done.stdout}"
     return done.stdout
 
 
