@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,6 +23,23 @@ from opir_core.cli.main import main
 #: Events have angles to 1e-9 degrees and standard deviations to a few digits.
 RELATIVE = 2e-3
 
+#: A figure in words has two digits and may be at an edge of its rounding.
+RELATIVE_IN_WORDS = 0.06
+NUMBER = re.compile(r"\d+(?: \d{3})*(?:\.\d+)?")
+
+
+def words_alike(text: str, other_text: str) -> bool:
+    """Return whether two sentences have the same words, and numbers that round to each other."""
+    return NUMBER.sub("#", text) == NUMBER.sub("#", other_text) and all(
+        math.isclose(
+            float(one.replace(" ", "")),
+            float(other.replace(" ", "")),
+            rel_tol=RELATIVE_IN_WORDS,
+            abs_tol=0.011,
+        )
+        for one, other in zip(NUMBER.findall(text), NUMBER.findall(other_text), strict=True)
+    )
+
 
 def scaled_interval(ends: list[Any]) -> list[Any]:
     """Return the ends of a positive interval as powers that shrink with its width, else as they
@@ -36,6 +54,14 @@ def scaled_interval(ends: list[Any]) -> list[Any]:
     return [low**power, high**power]
 
 
+def log_probability(p_value: Any) -> Any:
+    """Return the logarithm of a test's p-value, which falls with the square of a distance: an error
+    of the distance is magnified in p by about twice its logarithm.
+    """
+    is_tail = isinstance(p_value, float) and 0.0 < p_value < 1.0
+    return math.log(p_value) if is_tail else p_value
+
+
 def differences(value: Any, other_value: Any, path: str, floor: float = 1e-6) -> list[str]:
     """Return the paths of what two plain values differ by."""
     if isinstance(value, dict) and isinstance(other_value, dict):
@@ -48,6 +74,12 @@ def differences(value: Any, other_value: Any, path: str, floor: float = 1e-6) ->
     if path.endswith(".interval_95"):
         value = scaled_interval(value)
         other_value = scaled_interval(other_value)
+    if path.endswith(".distribution_p"):
+        value = log_probability(value)
+        other_value = log_probability(other_value)
+    if isinstance(value, str) and isinstance(other_value, str):
+        same_words = words_alike(value, other_value)
+        return [] if same_words else [f"{path}: {value!r} and {other_value!r}"]
     if isinstance(value, list | tuple) and isinstance(other_value, list | tuple):
         if len(value) != len(other_value):
             return [f"{path}: {len(value)} and {len(other_value)} values"]
