@@ -10,7 +10,7 @@ import some_launches
 from opir_report.pages.sentences import answers, is_surely_met, mean_text, verdicts
 from opir_report.pages.study_report import study_page
 from opir_report.saved_study import read_study
-from opir_scoring import percent_text
+from opir_scoring import percent_text, share_text
 from opir_studies import Study, optimise, sweep
 from opir_studies.optimising import Objective, outcome_of
 from opir_studies.planning import planned_study
@@ -252,3 +252,8 @@ def test_runs_that_failed_are_not_counted(host, tmp_path):
 )
 def test_a_share_that_is_not_all_is_never_printed_as_all(share, text):
     assert percent_text(share) == text
+
+
+def test_a_share_has_its_interval_where_there_is_one():
+    assert share_text(0.996, 0.9, 1.0) == "99.6 % [90, 100]"
+    assert share_text(0.25, float("nan"), float("nan")) == "25 %"

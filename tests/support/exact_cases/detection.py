@@ -440,6 +440,7 @@ LEFT_OUT = {
         **dict.fromkeys(
             [
                 "Consistency",
+                "StateErrors",
                 "Gospa",
                 "ScoredRun",
                 "ImpactScores",
@@ -463,7 +464,10 @@ LEFT_OUT = {
         "paired_figures": "differences against SciPy's paired test"
         " (tests/plugins/scoring/test_paired.py)",
         "comparison_text": "words (tests/plugins/scoring/test_paired.py)",
-        "percent_text": "words (tests/plugins/studies/test_some_launches.py)",
+        **dict.fromkeys(
+            ("percent_text", "share_text"), "words (tests/plugins/studies/test_some_launches.py)"
+        ),
+        "chi_square_quantiles": "mpmath's distribution function (tests/plugins/scoring/test_quantiles.py)",
         "consistency": "SciPy's χ² quantiles (tests/plugins/scoring)",
         "containment": "counts, and SciPy's χ² quantile (tests/plugins/scoring)",
         **dict.fromkeys(

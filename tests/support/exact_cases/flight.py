@@ -424,6 +424,7 @@ LEFT_OUT = {
         "Aim": "a record",
         "BoostProfile": "a record",
         "Drag": "a record; drag is held to SciPy (tests/against/test_against_scipy_propagation.py)",
+        "free_flight_ephemeris": "through coast_ephemeris",
         "Ephemeris": "through boost_ephemeris and coast_ephemeris",
         "Forces": "a record",
         **dict.fromkeys(
