@@ -26,10 +26,15 @@ RELATIVE = 2e-3
 #: A figure in words has two digits and may be at an edge of its rounding.
 RELATIVE_IN_WORDS = 0.06
 NUMBER = re.compile(r"\d+(?: \d{3})*(?:\.\d+)?")
+#: Where a wide region lies is said by steps of five degrees, or not at all beyond a half circle:
+#: a region at the edge of either may be said otherwise.
+REACH = re.compile(r"somewhere .*? km away(?:, bearing \d+ to \d+ deg)?")
 
 
 def words_alike(text: str, other_text: str) -> bool:
     """Return whether two sentences have the same words, and numbers that round to each other."""
+    text = REACH.sub("somewhere", text)
+    other_text = REACH.sub("somewhere", other_text)
     return NUMBER.sub("#", text) == NUMBER.sub("#", other_text) and all(
         math.isclose(
             float(one.replace(" ", "")),
