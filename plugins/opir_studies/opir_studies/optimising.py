@@ -7,19 +7,17 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.errors import Problem, SceneError
 from opir_core.host import DEAD_AFTER_S
 from opir_core.plugin import ExecutorContext, Host
 from opir_studies.axes import Axis, Design, axes_of
-from opir_studies.parts import PARTS, Parts, remove_unfinished
+from opir_studies.finished import FinishedRuns, StudyRuns
 from opir_studies.planning import PlannedStudy, planned_study
 from opir_studies.refusals import refusal
 from opir_studies.requirements import FigureRequirement, require_figures
 from opir_studies.result import StudyResult, written_result
-from opir_studies.runs import RunRecord
 from opir_studies.search import DesignSearch, Outcome, Point
 from opir_studies.share_requirements import is_sentence
 from opir_studies.statistics import interval
@@ -103,15 +101,12 @@ def optimise(
     planned = planned_study(
         study, work.host, [work.design(number, point) for number, point in enumerate(points)]
     )
-    records = [
-        [record if not record.failure else None for record in work.records[point]]
-        for point in points
-    ]
+    runs = FinishedRuns.of(planned, Path(folder)).first([work.counts[point] for point in points])
     extra = {
         "objective": {"figure": goal.figure, "is_largest": goal.is_largest},
         "design": "optimise",
     }
-    result = written_result(planned, Path(folder), records, extra)
+    result = written_result(planned, Path(folder), runs, extra)
     best = points.index(search.best)
     return Optimised(
         result, best, search.outcomes[search.best].is_feasible, math.prod(search.levels)
@@ -160,14 +155,14 @@ class _Evaluation:
         on_progress: Callable[[StudyProgress], None],
     ) -> None:
         self.host = Host.discover()
-        self.records: dict[Point, Sequence[RunRecord]] = {}
+        #: The number of runs of each design.
+        self.counts: dict[Point, int] = {}
         self._study = study
         self._axes = axes
         self._objective = objective
         self._folder = folder
         self._context = context
         self._on_progress = on_progress
-        remove_unfinished(folder)
 
     def design(self, number: int, point: Point) -> Design:
         """Return the design of the numbers of its levels."""
@@ -186,27 +181,16 @@ class _Evaluation:
         planned = planned_study(
             self._study, self.host, [self.design(*record) for record in enumerate(points)]
         )
-        finished = Parts(self._folder / PARTS, tuple(planned.units), planned.launch_units)
-        keys = {
-            design.key(number) for design in planned.designs for number in range(self._study.runs)
-        }
-        state = SweepState(
-            planned, finished, finished.found(keys), self._context, self._on_progress
-        )
-        try:
-            counts = state.run()
-        finally:
-            state.close()
+        state = SweepState.of(planned, self._folder, self._context, self._on_progress)
+        counts = state.finished_run()
         state.require_no_failure()
-        for point, design, count in zip(points, planned.designs, counts, strict=True):
-            self.records[point] = [
-                record for record in state.records_of(design, count) if record is not None
-            ]
-        return [self._outcome(planned, point) for point in points]
+        self.counts |= zip(points, counts, strict=True)
+        runs = state.runs.first(counts)
+        return [self._outcome(planned, runs, place) for place in range(len(points))]
 
-    def _outcome(self, planned: PlannedStudy, point: Point) -> Outcome:
-        values = np.array([record.values for record in self.records[point]], dtype=np.float64)
-        means = {name: interval(values[:, place])[0] for place, name in enumerate(planned.units)}
+    def _outcome(self, planned: PlannedStudy, runs: StudyRuns, place: int) -> Outcome:
+        values = {name: runs.values(place, name) for name in planned.units}
+        means = {name: interval(column)[0] for name, column in values.items()}
         shares = {name: planned.share_of(values, name) for name in planned.units}
         return outcome_of(means, shares, planned.requirements, self._objective)
 

@@ -6,7 +6,7 @@ found.
 """
 
 import hashlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from attrs import frozen
 
+from opir_core.arrays import IntArray
 from opir_core.errors import SceneError, reason_of
 from opir_core.output import OutputFiles
 from opir_studies.launches import NAMES
@@ -26,9 +27,9 @@ _SUFFIX = ".parquet"
 _UNFINISHED = ".parquet.part"
 _DIGEST_LENGTH = 64
 _MARK = {b"opir_study_part": b"1"}
-_COLUMNS = ("key", "replicate", "seed", "run_time_s")
+_COLUMNS = {"key", "replicate", "seed", "run_time_s"}
 #: How the names of columns of launches begin: lists, one value per launch.
-_LAUNCHES = "launches."
+LAUNCHES = "launches."
 
 
 @frozen
@@ -41,20 +42,27 @@ class Parts:
     figures: tuple[str, ...]
     launches: Mapping[str, str]
 
-    def found(self, keys: Collection[str]) -> dict[str, RunRecord]:
-        """Return the records of the wanted keys that are on the disk.
+    def found(self) -> Iterator[tuple[Path, list[str], IntArray]]:
+        """Yield the path of each part on the disk, and the keys and numbers (n,) of its runs.
 
-        Runs of other definitions of the study, or without a column, are left alone. Raises
-        `SceneError` for a file that is damaged, or is not part of a study.
+        Parts without a column are left out. Raises `SceneError` for a file that is damaged, or is
+        not part of a study.
         """
-        records: dict[str, RunRecord] = {}
         for path in sorted(self.folder.glob(f"*{_SUFFIX}")):
-            rows = [row for row in _rows(path, keys) if self._columns <= row.keys()]
-            records.update({str(row["key"]): self._record(row) for row in rows})
-        return records
+            part = _undamaged(path)
+            if self._columns <= set(part.schema_arrow.names) and part.metadata.num_rows:
+                rows = part.read(["key", "replicate"])
+                yield path, rows["key"].to_pylist(), rows["replicate"].to_numpy()
 
-    def write(self, records: Mapping[str, RunRecord]) -> None:
-        """Write the records of a task by their keys, as one part."""
+    def table(self, path: Path, columns: Sequence[str]) -> pa.Table:
+        """Return some columns of a part; raises `SceneError` for one that is damaged."""
+        try:
+            return pq.ParquetFile(path).read(list(columns))
+        except (OSError, pa.ArrowException) as error:
+            raise _damaged(path, error) from error
+
+    def write(self, records: Mapping[str, RunRecord]) -> Path:
+        """Write the records of a task by their keys, as one part; return its path."""
         keys = list(records)
         rows = list(records.values())
         columns: dict[str, Any] = {
@@ -67,30 +75,22 @@ class Parts:
                 for place, name in enumerate(self.figures)
             },
             **{
-                f"{_LAUNCHES}{name}": pa.array(
+                f"{LAUNCHES}{name}": pa.array(
                     [row.launches[place] for row in rows], pa.list_(launch_type(unit))
                 )
                 for place, (name, unit) in enumerate(self.launches.items())
             },
         }
         content = parquet_bytes(pa.table(columns).replace_schema_metadata(_MARK))
-        name = hashlib.sha256(content).hexdigest()
+        path = self.folder / f"{hashlib.sha256(content).hexdigest()}{_SUFFIX}"
         with OutputFiles() as files:
             files.make_folder(self.folder, parents=True, is_made_up=True)
-            files.write(self.folder / f"{name}{_SUFFIX}", content, "study's", is_made_up=True)
+            files.write(path, content, "study's", is_made_up=True)
+        return path
 
     @property
     def _columns(self) -> set[str]:
-        return {*self.figures, *(f"{_LAUNCHES}{name}" for name in self.launches)}
-
-    def _record(self, row: Mapping[str, Any]) -> RunRecord:
-        return RunRecord(
-            int(row["replicate"]),
-            int(row["seed"]),
-            float(row["run_time_s"]),
-            tuple(float(row[name]) for name in self.figures),
-            launches=tuple(tuple(row[f"{_LAUNCHES}{name}"]) for name in self.launches),
-        )
+        return {*self.figures, *(f"{LAUNCHES}{name}" for name in self.launches)}
 
 
 def launch_type(unit: str) -> pa.DataType:
@@ -119,24 +119,27 @@ def remove_unfinished(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _rows(path: Path, keys: Collection[str]) -> Sequence[Mapping[str, Any]]:
+def _undamaged(path: Path) -> pq.ParquetFile:
+    """Return a part whose content is what was written; raises `SceneError`."""
     if len(path.stem) != _DIGEST_LENGTH:
         raise _foreign(path)
     try:
         content = path.read_bytes()
         if hashlib.sha256(content).hexdigest() != path.stem:
             raise ValueError("its content is not what was written")
-        table = pq.read_table(pa.BufferReader(content))
+        part = pq.ParquetFile(pa.BufferReader(content))
     except (OSError, ValueError, pa.ArrowException) as error:
-        reason = reason_of(error) if isinstance(error, OSError) else str(error).splitlines()[0]
-        words = f"is damaged ({reason}); delete it, and its runs are made again"
-        raise refusal("", words, str(path)) from error
-    if (table.schema.metadata or {}).get(b"opir_study_part") != b"1" or not set(_COLUMNS) <= set(
-        table.column_names
-    ):
+        raise _damaged(path, error) from error
+    schema = part.schema_arrow
+    if (schema.metadata or {}).get(b"opir_study_part") != b"1" or not set(schema.names) >= _COLUMNS:
         raise _foreign(path)
-    is_wanted = [str(key) in keys for key in table["key"].to_pylist()]
-    return table.filter(pa.array(is_wanted, pa.bool_())).to_pylist()
+    return part
+
+
+def _damaged(path: Path, error: Exception) -> SceneError:
+    reason = reason_of(error) if isinstance(error, OSError) else str(error).splitlines()[0]
+    words = f"is damaged ({reason}); delete it, and its runs are made again"
+    return refusal("", words, str(path))
 
 
 def _foreign(path: Path) -> SceneError:

@@ -133,14 +133,12 @@ class PlannedStudy:
             groups.setdefault(planned.design.levels[:chosen], []).append(number)
         return list(groups.values())
 
-    def share_of(self, values: FloatArray, figure: str) -> float:
-        """Return the share of launches, or else runs, that have a figure, of values (runs,
-        figures).
+    def share_of(self, values: Mapping[str, FloatArray], figure: str) -> float:
+        """Return the share of launches, or else runs, that have a figure; `values` (runs,) of the
+        figures.
         """
-        names = list(self.units)
         share = self.shares.get(figure)
-        shares = None if share is None else values[:, names.index(share)]
-        return share_with_value(values[:, names.index(figure)], shares)
+        return share_with_value(values[figure], None if share is None else values[share])
 
 
 def planned_study(

@@ -11,7 +11,8 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import cached_property
 from html import escape
 from importlib import import_module
 from pathlib import Path
@@ -22,21 +23,28 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from attrs import asdict, frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.errors import reason_of
 from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
 from opir_core.random_streams import SCHEME
 from opir_core.reading import data_of_node, node_of_yaml
 from opir_core.scene import file_bytes, text_of
-from opir_studies.axes import Level
-from opir_studies.launches import FACTS
-from opir_studies.parts import launch_type, parquet_bytes
+from opir_studies.finished import StudyRuns
+from opir_studies.parts import parquet_bytes
 from opir_studies.planning import PlannedStudy
 from opir_studies.refusals import refusal
-from opir_studies.runs import RunRecord
-from opir_studies.shares import SHARE_COLUMNS, share_rows
-from opir_studies.sobol import sobol_indices
-from opir_studies.statistics import difference_of, figures_of
-from opir_studies.study import SOBOL, Study
+from opir_studies.study import Study
+from opir_studies.tables import (
+    launches_schema,
+    launches_tables,
+    results_table,
+    runs_schema,
+    runs_tables,
+    sensitivity_table,
+    shares_table,
+    times_table,
+    write_rows,
+)
 
 RESULTS = "results.parquet"
 RESULTS_CSV = "results.csv"
@@ -48,17 +56,6 @@ SENSITIVITY = "sensitivity.csv"
 DEFINITION = "study.json"
 TIMES = "run_times.csv"
 _VERSION = 3
-#: How the names of figures begin that are shares of launches; others without a unit are counts,
-#: which may exceed 1.
-_SHARES = (
-    "detected",
-    "tracked",
-    "completeness",
-    "warned",
-    "warning_contained",
-    "impact_contained",
-    "impact_predicted",
-)
 
 
 @frozen(eq=False)
@@ -78,9 +75,27 @@ class StudyResult:
     folder: Path
     definition: Mapping[str, Any]
     table: pa.Table
-    runs: pa.Table
-    launches: pa.Table
     shares: pa.Table
+
+    @cached_property
+    def runs(self) -> pa.Table:
+        """The table of runs, read when it is first asked for."""
+        return pq.read_table(self.folder / RUNS)
+
+    @cached_property
+    def launches(self) -> pa.Table:
+        """The table of launches, read when it is first asked for."""
+        return pq.read_table(self.folder / LAUNCHES)
+
+    def values(self, figure: str) -> FloatArray:
+        """Return a figure of all runs (n,), in the order of `runs`, reading nothing else."""
+        column = pq.read_table(self.folder / RUNS, columns=[figure])[figure]
+        return np.asarray(column.to_numpy())
+
+    @property
+    def run_count(self) -> int:
+        """Return the number of runs of all designs."""
+        return int(pq.read_metadata(self.folder / RUNS).num_rows)
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -123,7 +138,7 @@ class StudyResult:
         """Return the study with its size, in one line."""
         name = self.definition["study"]
         designs = len(self.definition["designs"])
-        runs = self.runs.num_rows
+        runs = self.run_count
         return f"<StudyResult {name}: {designs} designs, {runs} runs, {len(self.units)} figures>"
 
 
@@ -139,7 +154,9 @@ def load_study(folder: str | Path) -> StudyResult:
         for entry in definition.get(FILES_KEY, ()):
             if file_digest(place / entry["name"]) != entry["sha256"]:
                 raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
-        tables = (pq.read_table(place / name) for name in (RESULTS, RUNS, LAUNCHES, SHARES))
+        tables = [pq.read_table(place / name) for name in (RESULTS, SHARES)]
+        for name in (RUNS, LAUNCHES):
+            pq.read_metadata(place / name)
         return StudyResult(place, definition, *tables)
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
@@ -160,59 +177,55 @@ def load_study(folder: str | Path) -> StudyResult:
 
 
 def written_result(
-    planned: PlannedStudy,
-    folder: Path,
-    records: Sequence[Sequence[RunRecord | None]],
-    extra: Mapping[str, Any] | None = None,
+    planned: PlannedStudy, folder: Path, runs: StudyRuns, extra: Mapping[str, Any] | None = None
 ) -> StudyResult:
-    """Write the result of a study from the records of each design's runs, None for a run that
-    failed; return it.
+    """Write the result of a study from its finished runs; return it.
 
     `extra` is added to its definition.
     """
-    runs = _runs_table(planned, records)
-    table = _results_table(planned, records)
-    launches = _launches_table(planned, records)
-    shares = _shares_table(planned, records)
+    table, bounds = results_table(planned, runs)
+    shares = shares_table(planned, runs)
+    sensitivity = sensitivity_table(planned, table)
     contents = {
-        RUNS: parquet_bytes(runs),
         RESULTS: parquet_bytes(table),
         RESULTS_CSV: _csv_bytes(table),
-        LAUNCHES: parquet_bytes(launches),
         SHARES: parquet_bytes(shares),
         SHARES_CSV: _csv_bytes(shares),
-        **_sensitivity_file(planned, table),
+        **({SENSITIVITY: _csv_bytes(sensitivity)} if sensitivity is not None else {}),
     }
     with (
         OutputFiles() as times
     ):  # they differ from one execution to the next, and are listed nowhere
         times.make_folder(folder, parents=True)
-        times.write(
-            folder / TIMES, _csv_bytes(_times_table(planned, records)), "study's", is_made_up=True
-        )
+        content = _csv_bytes(times_table(planned, runs))
+        times.write(folder / TIMES, content, "study's", is_made_up=True)
+    rows = {
+        RUNS: (runs_schema(planned), runs_tables(planned, runs)),
+        LAUNCHES: (launches_schema(planned), launches_tables(planned, runs)),
+    }
     files = OutputFiles(folder / DEFINITION, is_made_up=True)
     try:
+        for name, (schema, tables) in rows.items():
+            with files.writing(folder / name, "study's", is_made_up=True) as place:
+                write_rows(place, schema, tables)
         for name, content in contents.items():
             files.write(folder / name, content, "study's", is_made_up=True)
-        definition = files.commit(
-            {**_definition(planned, records), "bounds": _bounds(planned, runs), **(extra or {})}
-        )
+        definition = files.commit({**_definition(planned, runs), "bounds": bounds, **(extra or {})})
     except BaseException:
         files.abandon()
         raise
-    return StudyResult(folder, definition, table, runs, launches, shares)
+    return StudyResult(folder, definition, table, shares)
 
 
-def _failure_notes(records: Sequence[Sequence[RunRecord | None]]) -> list[str]:
+def _failure_notes(runs: StudyRuns) -> list[str]:
     """Return a note on runs that failed, none without any."""
-    failed = sum(run is None for runs in records for run in runs)
-    words = f"{failed} of {sum(map(len, records))} runs failed: no mean and no share counts them"
+    total = sum(runs.counts)
+    failed = total - sum(len(runs.numbers(design)) for design in range(len(runs.counts)))
+    words = f"{failed} of {total} runs failed: no mean and no share counts them"
     return [words] if failed else []
 
 
-def _definition(
-    planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]
-) -> Mapping[str, Any]:
+def _definition(planned: PlannedStudy, runs: StudyRuns) -> Mapping[str, Any]:
     study = planned.study
     return {
         "study_version": _VERSION,
@@ -235,7 +248,7 @@ def _definition(
             {**asdict(required), "bound": None if math.isnan(required.bound) else required.bound}
             for required in planned.share_requirements
         ],
-        "notes": [*_failure_notes(records), *planned.notes],
+        "notes": [*_failure_notes(runs), *planned.notes],
         "settings": json.loads(
             json.dumps(dict(planned.settings))
         ),  # tuples as the lists that are read back
@@ -273,173 +286,6 @@ def made_of(study: Study) -> Mapping[str, Any]:
         if "manifest_version" in keys["scene"]:
             keys["scene"] = keys["scene"]["scene"]
     return dict(json.loads(json.dumps(keys, default=float)))
-
-
-def _bounds(planned: PlannedStudy, runs: pa.Table) -> dict[str, list[float | None]]:
-    """Return the bounds of each figure's mean: 0 where no run has less, and 1 of shares; None for
-    no bound.
-    """
-    shares = set(planned.shares.values())
-    bounds = dict[str, list[float | None]]()
-    for name in planned.units:
-        is_negative = any(value < 0.0 for value in runs[name].to_pylist())
-        is_share = name.startswith(_SHARES) or name in shares
-        bounds[name] = [None if is_negative else 0.0, 1.0 if is_share else None]
-    return bounds
-
-
-def _labels(planned: PlannedStudy, counts: Sequence[int]) -> dict[str, pa.Array]:
-    """Return the columns of the designs, repeated `counts` times."""
-    rows = np.repeat(np.arange(len(planned.designs)), counts).tolist()
-    return _labels_of(planned, rows, planned.designs[0].design.paths)
-
-
-def _labels_of(
-    planned: PlannedStudy, rows: Sequence[int], paths: Sequence[str]
-) -> dict[str, pa.Array]:
-    """Return the columns of designs by their numbers (n,): the number, and the label of each
-    path.
-    """
-    designs = [design.design for design in planned.designs]
-    columns = {"design": pa.array(rows, pa.int64())}
-    for place, path in enumerate(paths):
-        labels = _labels_of_one_kind([design.levels[place] for design in designs])
-        columns[path] = pa.array([labels[row] for row in rows])
-    return columns
-
-
-def _labels_of_one_kind(levels: Sequence[Level]) -> list[Any]:
-    """Return labels as numbers if all are, else as text."""
-    labels = [level.label for level in levels]
-    if all(isinstance(label, int | float) and not isinstance(label, bool) for label in labels):
-        return [float(label) for label in labels if label is not None]
-    return [
-        label if isinstance(label, str) else level.text
-        for label, level in zip(labels, levels, strict=True)
-    ]
-
-
-def _runs_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
-    finished = [list(filter(None, runs)) for runs in records]
-    runs = [run for runs in finished for run in runs]
-    columns = _labels(planned, list(map(len, finished)))
-    columns["replicate"] = pa.array([run.replicate for run in runs], pa.int64())
-    columns["seed"] = pa.array([run.seed for run in runs], pa.int64())
-    for place, name in enumerate(planned.units):
-        columns[name] = pa.array([run.values[place] for run in runs], pa.float64())
-    return pa.table(columns)
-
-
-def _launches_table(
-    planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]
-) -> pa.Table:
-    finished = [list(filter(None, runs)) for runs in records]
-    pairs = zip(planned.designs, finished, strict=True)
-    counts = [len(runs) * len(design.launches) for design, runs in pairs]
-    columns = _labels(planned, counts)
-    rows = [
-        (run, facts, place)
-        for design, runs in zip(planned.designs, finished, strict=True)
-        for run in runs
-        for place, facts in enumerate(design.launches)
-    ]
-    columns["replicate"] = pa.array([run.replicate for run, *_ in rows], pa.int64())
-    columns["seed"] = pa.array([run.seed for run, *_ in rows], pa.int64())
-    for number, name in enumerate(FACTS):
-        columns[name] = pa.array([facts[number] for _, facts, _ in rows], pa.string())
-    for number, (name, unit) in enumerate(planned.launch_units.items()):
-        values = [run.launches[number][place] for run, _, place in rows]
-        columns[name] = pa.array(values, launch_type(unit))
-    return pa.table(columns)
-
-
-def _shares_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
-    rows = share_rows(planned, records)
-    labels = _labels_of(planned, [design for design, _ in rows], tuple(planned.study.vary))
-    columns = {
-        name: pa.array([row[name] for _, row in rows], kind) for name, kind in SHARE_COLUMNS.items()
-    }
-    return pa.table({**labels, **columns})
-
-
-def _sensitivity_file(planned: PlannedStudy, table: pa.Table) -> dict[str, bytes]:
-    """Return the file of Sobol indices of each figure and setting, of means over all conditions;
-    none for another design.
-    """
-    study = planned.study
-    if study.design != SOBOL:
-        return {}
-    rows = list[dict[str, Any]]()
-    means = np.array(table["mean"].to_pylist()).reshape(len(planned.groups), -1, len(planned.units))
-    for place, figure in enumerate(planned.units):
-        index = sobol_indices(means[:, :, place].mean(axis=1), len(study.vary), study.seed)
-        columns = {name: column.tolist() for name, column in index._asdict().items()}
-        rows += [
-            {
-                "figure": figure,
-                "setting": path,
-                "first": columns["first"][row],
-                "first_half_95": columns["first_half"][row],
-                "total": columns["total"][row],
-                "total_half_95": columns["total_half"][row],
-            }
-            for row, path in enumerate(study.vary)
-        ]
-    return {SENSITIVITY: _csv_bytes(pa.Table.from_pylist(rows))}
-
-
-def _results_table(
-    planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]
-) -> pa.Table:
-    units = planned.units
-    values = [_values(runs, len(units)) for runs in records]
-    rows = list[dict[str, Any]]()
-    # Designs are compared with the first one in the same condition.
-    conditions = len(planned.groups[0])
-    references = [values[row % conditions] for row in range(len(values))]
-    for design, runs, columns, reference in zip(
-        planned.designs, records, values, references, strict=True
-    ):
-        finished = columns[[run is not None for run in runs]]
-        seeds = {
-            "runs": len(finished),
-            "first_seed": design.scene.seed,
-            "last_seed": design.scene.seed + len(columns) - 1,
-        }
-        rows += [
-            {
-                "figure": name,
-                "unit": unit,
-                **seeds,
-                "share": planned.share_of(finished, name),
-                **figures_of(columns[:, place]),
-                **difference_of(columns[:, place], reference[:, place]),
-            }
-            for place, (name, unit) in enumerate(units.items())
-        ]
-    return _table(_labels(planned, [len(units)] * len(records)), rows)
-
-
-def _table(columns: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Return a table of columns, and of rows that follow them."""
-    return pa.table(
-        {**columns, **{name: pa.array([row[name] for row in rows]) for name in rows[0]}}
-    )
-
-
-def _values(records: Sequence[RunRecord | None], figures: int) -> Any:
-    """Return the values (runs, figures), nan for runs that failed."""
-    nothing = (np.nan,) * figures
-    rows = [record.values if record else nothing for record in records]
-    return np.array(rows, dtype=np.float64).reshape(-1, figures)
-
-
-def _times_table(planned: PlannedStudy, records: Sequence[Sequence[RunRecord | None]]) -> pa.Table:
-    rows = [
-        {"unit": "s", **figures_of(np.array([run.run_time_s for run in filter(None, runs)]))}
-        for runs in records
-    ]
-    return _table(_labels(planned, [1] * len(records)), rows)
 
 
 def _csv_bytes(table: pa.Table) -> bytes:

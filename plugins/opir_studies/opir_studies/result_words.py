@@ -45,7 +45,7 @@ def share_lines(result: StudyResult, figures: Sequence[str]) -> Sequence[str]:
         name: sum(row["runs_with_value"] for row in result.rows(name)) for name in partial
     }
     lines = []
-    runs = result.runs.num_rows
+    runs = result.run_count
     for of, are_of in (("launches", True), ("runs", False)):
         names = [name for name in partial if (name in result.definition["shares"]) == are_of]
         counts = ", ".join(f"{name} in {with_value[name]}" for name in names)

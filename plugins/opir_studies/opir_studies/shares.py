@@ -3,7 +3,7 @@ conditions, in each, and by site and class.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from attrs import frozen
@@ -12,7 +12,6 @@ from opir_scoring import TAILS_95, LaunchShare, Tails, verdict_in_all
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_studies.launches import FACTS
 from opir_studies.planning import PlannedStudy
-from opir_studies.runs import RunRecord
 from opir_studies.share_requirements import ShareRequirement
 from opir_studies.until import DECIDED, rounds
 
@@ -35,7 +34,15 @@ SHARE_COLUMNS: Mapping[str, str] = {
     "deciding_runs": "int64",
 }
 
-Records = Sequence[Sequence[RunRecord | None]]
+
+class LaunchColumns(Protocol):
+    """What shares are counted from: the finished runs of designs."""
+
+    def numbers(self, design: int) -> IntArray:
+        """Return the numbers of a design's runs (n,)."""
+
+    def launch_values(self, design: int, column: str) -> FloatArray:
+        """Return a column of the launches of a design's runs (n, launches)."""
 
 
 @frozen(eq=False)
@@ -47,28 +54,37 @@ class LaunchRows:
 
     values: FloatArray
     run: IntArray
-    facts: Mapping[str, Sequence[str]]
+    #: The number of each value's launch in `names`.
+    launch: IntArray
+    #: Id, class and site of launches.
+    names: Sequence[tuple[str, ...]]
 
     @classmethod
     def of(
-        cls, planned: PlannedStudy, records: Records, designs: Sequence[int], column: str
+        cls, planned: PlannedStudy, runs: LaunchColumns, designs: Sequence[int], column: str
     ) -> "LaunchRows":
         """Return the rows of some designs, by their numbers."""
-        place = list(planned.launch_units).index(column)
-        rows = [
-            (value, run.replicate, *facts)
-            for design in designs
-            for run in filter(None, records[design])
-            for value, facts in zip(
-                run.launches[place], planned.designs[design].launches, strict=True
-            )
-        ]
-        values = np.array([row[0] for row in rows], dtype=np.float64)
-        runs = np.array([row[1] for row in rows], dtype=np.int64)
-        names = np.array([row[2:] for row in rows], dtype=object).reshape(-1, len(FACTS))
-        applies = ~np.isnan(values)
-        facts = dict(zip(FACTS, names[applies].T, strict=True))
-        return cls(values[applies], runs[applies], facts)
+        names = dict[tuple[str, ...], int]()
+        columns = []
+        for design in designs:
+            facts = planned.designs[design].launches
+            values = runs.launch_values(design, column)
+            numbers = [names.setdefault(each, len(names)) for each in facts]
+            run, place = np.nonzero(~np.isnan(values))
+            launch = np.array(numbers, dtype=np.int64)[place]
+            columns.append((values[run, place], runs.numbers(design)[run], launch))
+        values, run, launch = map(np.concatenate, zip(*columns, strict=True))
+        return cls(values, run, launch, tuple(names))
+
+    def parts(self, fact: str) -> Iterator[tuple[str, BoolArray]]:
+        """Yield each value of a fact and which rows (n,) have it, where there are several."""
+        place = FACTS.index(fact)
+        of_names = np.array([names[place] for names in self.names], dtype=np.object_)
+        present = np.zeros(len(self.names), np.bool_)
+        present[self.launch] = True
+        values = dict.fromkeys(of_names[present])
+        for value in values if len(values) > 1 else ():
+            yield value, np.asarray(of_names == value)[self.launch]
 
     def share(self, requirement: ShareRequirement, rows: BoolArray | slice = slice(None)) -> Any:
         """Return the share of some rows that are within the limit of a requirement."""
@@ -86,21 +102,21 @@ def tails_of(planned: PlannedStudy, conditions: int = 1) -> Tails:
 
 
 def verdict_of(
-    planned: PlannedStudy, requirement: ShareRequirement, records: Records, group: Sequence[int]
+    planned: PlannedStudy, requirement: ShareRequirement, runs: LaunchColumns, group: Sequence[int]
 ) -> str:
     """Return the verdict on a requirement of the designs of a group, which differ in conditions."""
     if not requirement.in_every_condition:
-        rows = LaunchRows.of(planned, records, group, requirement.column)
+        rows = LaunchRows.of(planned, runs, group, requirement.column)
         return str(rows.share(requirement).verdict(requirement.share, tails_of(planned)))
     tails = tails_of(planned, len(group))
     shares = [
-        LaunchRows.of(planned, records, [design], requirement.column).share(requirement)
+        LaunchRows.of(planned, runs, [design], requirement.column).share(requirement)
         for design in group
     ]
     return verdict_in_all([share.verdict(requirement.share, tails) for share in shares])
 
 
-def share_rows(planned: PlannedStudy, records: Records) -> list[tuple[int, dict[str, Any]]]:
+def share_rows(planned: PlannedStudy, runs: LaunchColumns) -> list[tuple[int, dict[str, Any]]]:
     """Return the first design of a group, and the row, of each share.
 
     A row has `requirement`, `required`, `condition`, `by`, `value`, `launches`, `runs`, `share`,
@@ -110,21 +126,21 @@ def share_rows(planned: PlannedStudy, records: Records) -> list[tuple[int, dict[
         (group[0], {"requirement": each.text, "required": each.share, **row})
         for each in planned.share_requirements
         for group in planned.groups
-        for row in _rows_of_group(planned, each, records, group)
+        for row in _rows_of_group(planned, each, runs, group)
     ]
 
 
 def _rows_of_group(
-    planned: PlannedStudy, requirement: ShareRequirement, records: Records, group: Sequence[int]
+    planned: PlannedStudy, requirement: ShareRequirement, runs: LaunchColumns, group: Sequence[int]
 ) -> Iterator[dict[str, Any]]:
-    rows = LaunchRows.of(planned, records, group, requirement.column)
-    verdict = verdict_of(planned, requirement, records, group)
+    rows = LaunchRows.of(planned, runs, group, requirement.column)
+    verdict = verdict_of(planned, requirement, runs, group)
     tails = tails_of(planned)
     each_tails = tails_of(planned, len(group)) if requirement.in_every_condition else tails
     in_each = []
     if planned.study.conditions:
         for design in group:
-            of_design = LaunchRows.of(planned, records, [design], requirement.column)
+            of_design = LaunchRows.of(planned, runs, [design], requirement.column)
             share = of_design.share(requirement)
             in_each.append(_row(share, requirement, each_tails, condition_of(planned, design)))
     share = rows.share(requirement)
@@ -136,9 +152,8 @@ def _rows_of_group(
     yield {**over_all, "verdict": verdict, "deciding_runs": deciding}
     yield from in_each
     for fact in FACTS[1:]:
-        names = rows.facts[fact]
-        for name in dict.fromkeys(names) if len(set(names)) > 1 else ():
-            part = rows.share(requirement, np.asarray(names == name))
+        for name, is_of in rows.parts(fact):
+            part = rows.share(requirement, is_of)
             row = _row(part, requirement, tails, ALL_CONDITIONS)
             yield {**row, "by": fact, "value": name, "verdict": "", "deciding_runs": None}
 

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from attrs import evolve
 
 from opir_core.cli import grouped, table
@@ -232,16 +233,14 @@ def _shown(result: StudyResult) -> tuple[Sequence[str], Sequence[str]]:
     if requested:
         return requested, []
     leading = [names[0] for names in result.definition["metrics"].values()]
-    values = {name: set(result.runs[name].to_pylist()) for name in leading}
+    values = {name: np.unique(result.values(name)).tolist() for name in leading}
     complete = [name for name in leading if all(row["share"] == 1.0 for row in result.rows(name))]
     constant = [
         name
         for name in complete
         if len(values[name]) == 1 and len(result.definition["designs"]) > 1
     ]
-    words = [
-        f"{name} {next(iter(values[name])):g} {result.units[name]}".strip() for name in constant
-    ]
+    words = [f"{name} {values[name][0]:g} {result.units[name]}".strip() for name in constant]
     varying = [name for name in leading if name not in constant][:_MOST_FIGURES]
     return (varying, words) if varying else (leading[:_MOST_FIGURES], [])
 
@@ -271,7 +270,7 @@ def _tables(head: Sequence[str], body: Sequence[Sequence[str]], fixed: int) -> S
 
 def _heading(result: StudyResult) -> str:
     definition = result.definition
-    runs = result.runs.num_rows
+    runs = result.run_count
     count = len(definition["designs"])
     words = "mean [95 % interval] over runs" if runs > count else "one run of each, so no intervals"
     return (

@@ -2,20 +2,23 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-from attrs import define, field, frozen
+import numpy as np
+from attrs import define, evolve, field, frozen
 from opir_scoring import NOT_SHOWN
 
+from opir_core.arrays import IntArray
 from opir_core.errors import OpirError
 from opir_core.host import DEAD_AFTER_S
 from opir_core.notebook import progress as shown_progress
 from opir_core.plugin import Executor, ExecutorContext
 from opir_studies.executors import LostTasksError
-from opir_studies.parts import PARTS, Parts, remove_unfinished
-from opir_studies.planning import PlannedDesign, PlannedStudy, built_executor, planned_study
+from opir_studies.finished import FinishedRuns
+from opir_studies.planning import PlannedStudy, built_executor, planned_study
 from opir_studies.refusals import cut_short, refusal
 from opir_studies.result import StudyResult, written_result
-from opir_studies.runs import RunRecord, RunTask, TaskResult, installed_version, result_of
+from opir_studies.runs import RunTask, TaskResult, installed_version, result_of
 from opir_studies.shares import verdict_of
 from opir_studies.study import Study
 from opir_studies.until import DECIDED, rounds
@@ -102,11 +105,7 @@ def sweep(
 
         state = SweepState.of(planned, place, context, report)
         counts = state.finished_run()
-    result = written_result(
-        planned,
-        place,
-        [state.records_of(*design) for design in zip(planned.designs, counts, strict=True)],
-    )
+    result = written_result(planned, place, state.runs.first(counts))
     state.require_no_failure()
     return result
 
@@ -124,17 +123,21 @@ class SweepState:
     """The state of a study that runs."""
 
     planned: PlannedStudy
-    parts: Parts
-    records: dict[str, RunRecord]
+    runs: FinishedRuns
     context: ExecutorContext
     on_progress: Callable[[StudyProgress], None]
     shard: Shard = WHOLE
     executor: Executor | None = None
     found: int = field(init=False)
+    done: int = field(init=False)
     failures: list[str] = field(factory=list)
+    #: The numbers of the designs' runs that failed.
+    failed: list[set[int]] = field(init=False)
 
     def __attrs_post_init__(self) -> None:
-        self.found = len(self.records)
+        self.found = self.runs.count(self.shard.numbers(self.planned.study.runs))
+        self.done = self.found
+        self.failed = [set() for _ in self.planned.designs]
 
     @classmethod
     def of(
@@ -148,11 +151,7 @@ class SweepState:
         """Return the state of a study, or of a shard of its runs, with the runs that are in its
         folder.
         """
-        remove_unfinished(folder)
-        numbers = shard.numbers(planned.study.runs)
-        keys = {design.key(number) for design in planned.designs for number in numbers}
-        parts = Parts(folder / PARTS, tuple(planned.units), planned.launch_units)
-        return cls(planned, parts, parts.found(keys), context, on_progress, shard)
+        return cls(planned, FinishedRuns.of(planned, folder), context, on_progress, shard)
 
     def finished_run(self) -> Sequence[int]:
         """Make the missing runs as `run` does, and end the workers."""
@@ -181,13 +180,13 @@ class SweepState:
         conditions.
         """
         planned = self.planned
-        records = [self.records_of(*design) for design in zip(planned.designs, counts, strict=True)]
+        runs = self.runs.first(counts)
         undecided = [
             group
             for group in planned.groups
             if group[0] in active
             and any(
-                verdict_of(planned, each, records, group) == NOT_SHOWN
+                verdict_of(planned, each, runs, group) == NOT_SHOWN
                 for each in planned.share_requirements
             )
         ]
@@ -198,98 +197,107 @@ class SweepState:
         if self.executor is not None:
             self.executor.close()
 
-    def records_of(self, design: PlannedDesign, count: int) -> Sequence[RunRecord | None]:
-        """Return the records of the first runs of a design, None for those that failed."""
-        records = (self.records.get(design.key(number)) for number in range(count))
-        return [None if record is None or record.failure else record for record in records]
-
     def require_no_failure(self) -> None:
         """Raise `StudyError` with the runs that failed."""
         count = len(self.failures)
         if count:
             runs = "runs" if count > 1 else "run"
-            head = f"{count} {runs} failed; the others are kept in {self.parts.folder.parent}"
+            head = f"{count} {runs} failed; the others are kept in {self.runs.parts.folder.parent}"
             raise StudyError("\n  ".join([head, *cut_short(self.failures, _SHOWN)]))
 
     def _is_narrow(self, place: int, number: int) -> bool:
         until = self.planned.until
         if until is None:
             return True
-        column = list(self.planned.units).index(until.figure)
-        records = self.records_of(self.planned.designs[place], number)
-        return until.is_met([record.values[column] for record in records if record is not None])
+        counts = [number] * len(self.planned.designs)
+        return until.is_met(self.runs.first(counts).values(place, until.figure))
 
     def _run_missing(self, counts: Sequence[int], active: Sequence[int]) -> None:
-        tasks = list(self._tasks(counts, active))
+        tasks = self._tasks(counts, active)
         self._report(counts)
-        if tasks:
+        if tasks.runs:
             lost = list(self._lost(tasks, counts))
             # Which run of a lost task is the cause shows when each is a task of its own.
-            singles = [(place, (number,)) for (place, numbers), _ in lost for number in numbers]
+            singles = [(place, number[None]) for (place, numbers), _ in lost for number in numbers]
+            again = evolve(tasks, runs=singles)
             for (place, numbers), reason in (
-                lost if len(singles) == len(lost) else self._lost(singles, counts)
+                lost if len(singles) == len(lost) else self._lost(again, counts)
             ):
-                self._fail(place, numbers[0], reason)
+                self._fail(place, int(numbers[0]), reason)
 
-    def _tasks(
-        self, counts: Sequence[int], active: Sequence[int]
-    ) -> Iterator[tuple[int, tuple[int, ...]]]:
+    def _tasks(self, counts: Sequence[int], active: Sequence[int]) -> "_Tasks":
         missing = {
-            place: [
-                number
-                for number in self.shard.numbers(counts[place])
-                if self.planned.designs[place].key(number) not in self.records
-            ]
-            for place in active
+            place: self._missing(place, self.shard.numbers(counts[place])) for place in active
         }
         size = min(max(1, sum(map(len, missing.values())) // _TASKS), _LONGEST_TASK)
         longest = max(map(len, missing.values()), default=0)
-        for start in range(0, longest, size):
-            for place, numbers in missing.items():
-                if numbers[start : start + size]:
-                    yield place, tuple(numbers[start : start + size])
+        runs = [
+            (place, numbers[start : start + size])
+            for start in range(0, longest, size)
+            for place, numbers in missing.items()
+            if start < len(numbers)
+        ]
+        return _Tasks(self.planned, runs)
+
+    def _missing(self, place: int, numbers: range) -> IntArray:
+        missing = self.runs.missing(place, numbers)
+        failed = self.failed[place]
+        return missing[~np.isin(missing, list(failed))] if failed else missing
 
     def _lost(
-        self, tasks: Sequence[tuple[int, tuple[int, ...]]], counts: Sequence[int]
-    ) -> Iterator[tuple[tuple[int, tuple[int, ...]], str]]:
+        self, tasks: "_Tasks", counts: Sequence[int]
+    ) -> Iterator[tuple[tuple[int, IntArray], str]]:
         """Run tasks and keep their records; yield those whose worker died again and again or was
         ended, and why.
         """
         self.executor = self.executor or built_executor(self.planned.study, self.context)
-        runs = [
-            RunTask(self.planned.designs[place].scene, numbers, self.planned.metrics)
-            for place, numbers in tasks
-        ]
         try:
-            for index, result in self.executor.results(result_of, runs):
-                self._keep(tasks[index][0], result)
+            for index, result in self.executor.results(result_of, tasks):
+                self._keep(tasks.runs[index][0], result)
                 self._report(counts)
         except LostTasksError as error:
-            yield from ((tasks[index], error.reasons.get(index, _DIED)) for index in error.tasks)
+            yield from (
+                (tasks.runs[index], error.reasons.get(index, _DIED)) for index in error.tasks
+            )
 
     def _keep(self, place: int, result: TaskResult) -> None:
         for name, version in result.versions.items():
             if version != (installed := installed_version(name)):
                 words = f"a worker has {name} {version}, and this is {installed}; install the same on both"
                 raise refusal("executor", words, "study")
-        design = self.planned.designs[place]
-        finished = {
-            design.key(record.replicate): record for record in result.records if not record.failure
-        }
-        if finished:
-            self.parts.write(finished)
-        self.records.update(finished)
+        finished = [record for record in result.records if not record.failure]
+        self.runs.add(place, finished)
+        self.done += len(finished)
         for record in result.records:
             if record.failure:
                 self._fail(place, record.replicate, record.failure)
 
     def _fail(self, place: int, replicate: int, reason: str) -> None:
         design = self.planned.designs[place]
-        self.records[design.key(replicate)] = RunRecord(replicate, 0, 0.0, failure=reason)
+        self.failed[place].add(replicate)
+        self.done += 1
         self.failures.append(
             f"{design.design.name}, seed {design.scene.seed + replicate}: {reason}"
         )
 
     def _report(self, counts: Sequence[int]) -> None:
         total = sum(len(self.shard.numbers(count)) for count in counts)
-        self.on_progress(StudyProgress(len(self.records), total, self.found))
+        self.on_progress(StudyProgress(self.done, total, self.found))
+
+
+@frozen
+class _Tasks(Sequence[RunTask]):
+    """The tasks of a round, each made when it is asked for; `runs` are their designs and the
+    numbers (n,) of their runs.
+    """
+
+    planned: PlannedStudy
+    runs: Sequence[tuple[int, IntArray]]
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+    def __getitem__(self, index: Any) -> Any:
+        place, numbers = self.runs[index]
+        scene = self.planned.designs[place].scene
+        return RunTask(scene, tuple(numbers.tolist()), self.planned.metrics)

@@ -7,11 +7,10 @@ import math
 import duckdb
 import numpy as np
 import pytest
-from attrs import evolve
+from attrs import evolve, frozen
 from opir_studies import Study, load_study, sweep
 from opir_studies.launches import base_columns
 from opir_studies.planning import planned_study
-from opir_studies.runs import RunRecord
 from opir_studies.share_requirements import share_requirements_of
 from opir_studies.shares import verdict_of
 from opir_studies.sweep_command import as_text
@@ -229,22 +228,27 @@ def test_a_study_stops_when_its_shares_are_decided(tmp_path):
     assert result.runs.num_rows == 2 * expected
 
 
-def drawn(planned, rng, chances, runs):
-    """Return records of designs whose three launches are detected within 1 s by these chances."""
-    records = []
-    for chance in chances:
-        of_run = rng.beta(6.0 * chance, 6.0 * (1.0 - chance), runs)
-        seen = rng.random((runs, 3)) < of_run[:, None]
-        times_s = np.where(seen, 1.0, np.inf)
-        records.append(
-            [
-                RunRecord(
-                    run, run, 0.0, launches=((0.0,) * 3, tuple(row), tuple(row), ("none",) * 3)
-                )
-                for run, row in enumerate(times_s.tolist())
-            ]
-        )
-    return records
+@frozen
+class DrawnRuns:
+    """Runs of designs whose three launches are detected at these times (designs, runs, 3), s."""
+
+    times_s: np.ndarray
+
+    def numbers(self, design):
+        """Return the numbers of a design's runs."""
+        return np.arange(self.times_s.shape[1])
+
+    def launch_values(self, design, column):
+        """Return the times of a design's launches."""
+        assert column == "detected_s"
+        return self.times_s[design]
+
+
+def drawn(rng, chances, runs):
+    """Return the times of detection (designs, runs, 3) of launches of dependent chances, s."""
+    of_runs = [rng.beta(6.0 * chance, 6.0 * (1.0 - chance), runs) for chance in chances]
+    seen = rng.random((len(chances), runs, 3)) < np.array(of_runs)[..., None]
+    return np.where(seen, 1.0, np.inf)
 
 
 @pytest.mark.slow
@@ -264,9 +268,9 @@ def test_at_most_one_of_twenty_studies_is_wrong(chances, until):
     studies = 1000
     wrong = 0
     for _ in range(studies):
-        records = drawn(planned, rng, chances, study.runs)
+        times_s = drawn(rng, chances, study.runs)
         for number in numbers:
-            verdict = verdict_of(planned, requirement, [runs[:number] for runs in records], [0, 1])
+            verdict = verdict_of(planned, requirement, DrawnRuns(times_s[:, :number]), [0, 1])
             if verdict != "not shown":
                 wrong += verdict != ("met" if is_met else "not met")
                 break

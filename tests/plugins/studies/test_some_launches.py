@@ -12,6 +12,7 @@ from opir_report.pages.study_report import study_page
 from opir_report.saved_study import read_study
 from opir_scoring import percent_text, share_text
 from opir_studies import Study, optimise, sweep
+from opir_studies.finished import FinishedRuns
 from opir_studies.optimising import Objective, outcome_of
 from opir_studies.planning import planned_study
 from opir_studies.requirements import FigureRequirement
@@ -54,13 +55,13 @@ def study(**changes):
 def written(settings, folder, spread_s=10.0):
     """Return the result of a study whose runs are drawn here, without a simulation."""
     planned = planned_study(settings)
-    records = []
-    for design in planned.designs:
+    runs = FinishedRuns.of(planned, folder)
+    for place, design in enumerate(planned.designs):
         seed = design.scene.seed
         chance = design.scene.sensors[0].model.config.detection_probability["ICBM"]
         rows = figures(values_of(seed, settings.runs, chance, spread_s))
-        records.append([record(run, seed + run, row) for run, row in enumerate(rows)])
-    return written_result(planned, folder, records)
+        runs.add(place, [record(run, seed + run, row) for run, row in enumerate(rows)])
+    return written_result(planned, folder, runs.first([settings.runs] * len(planned.designs)))
 
 
 def record(run, seed, values):
@@ -234,7 +235,10 @@ def test_ranks_put_launches_first_then_requirements_then_the_value():
 def test_runs_that_failed_are_not_counted(host, tmp_path):
     planned = planned_study(study(runs=3))
     runs = [record(number, number, (50.0, 1.0, 50.0)) for number in range(3)]
-    result = written_result(planned, tmp_path, [[runs[0], None, runs[2]], runs])
+    finished = FinishedRuns.of(planned, tmp_path)
+    finished.add(0, [runs[0], runs[2]])
+    finished.add(1, runs)
+    result = written_result(planned, tmp_path, finished.first([3, 3]))
     counts = [(row["runs"], row["share"]) for row in result.rows("time_s")]
     assert counts == [(2, 1.0), (3, 1.0)]
 
