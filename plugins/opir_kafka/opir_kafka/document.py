@@ -1,6 +1,7 @@
 """The AsyncAPI document of the topic, generated from settings and schemas."""
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -75,13 +76,19 @@ def _messages() -> dict[str, Any]:
     return {encoder.name: _message(encoder, json.loads(text)) for text, encoder in texts.items()}
 
 
+def _same_major(version: str) -> str:
+    """Return the pattern of a version and of all minor versions of its major."""
+    major, dot, _minor = version.rpartition(".")
+    return f"^{re.escape(major + dot)}[0-9]+$"
+
+
 def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any]:
     version = encoder.build(encoder.config(), EncoderContext(sensors=(), epoch_us=0)).schema_version
     headers = {
         "type": "object",
         "properties": {
             "content-type": {"const": "application/json"},
-            "schema-version": {"const": version},
+            "schema-version": {"type": "string", "pattern": _same_major(version)},
         },
         "required": ["content-type", "schema-version"],
     }

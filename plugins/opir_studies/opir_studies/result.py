@@ -25,7 +25,7 @@ from attrs import asdict, frozen
 from opir_core.errors import reason_of
 from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
 from opir_core.random_streams import SCHEME
-from opir_core.reading import data_of_node, node_of_yaml
+from opir_core.reading import STUDY_FORMAT, data_of_node, node_of_yaml
 from opir_core.scene import file_bytes, text_of
 from opir_studies.axes import Level
 from opir_studies.launches import FACTS
@@ -47,7 +47,6 @@ SHARES_CSV = "shares.csv"
 SENSITIVITY = "sensitivity.csv"
 DEFINITION = "study.json"
 TIMES = "run_times.csv"
-_VERSION = 3
 #: How the names of figures begin that are shares of launches; others without a unit are counts,
 #: which may exceed 1.
 _SHARES = (
@@ -133,9 +132,7 @@ def load_study(folder: str | Path) -> StudyResult:
     finish_interrupted(place / DEFINITION)
     try:
         definition = json.loads((place / DEFINITION).read_text(encoding="utf-8"))
-        if (version := definition.get("study_version")) != _VERSION:
-            words = f"of study version {version}, where {_VERSION} is read: run the study again"
-            raise refusal("study_version", words, str(place))
+        STUDY_FORMAT.require_readable(definition.get("study_version"), place, "study_version")
         for entry in definition.get(FILES_KEY, ()):
             if file_digest(place / entry["name"]) != entry["sha256"]:
                 raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
@@ -215,7 +212,7 @@ def _definition(
 ) -> Mapping[str, Any]:
     study = planned.study
     return {
-        "study_version": _VERSION,
+        "study_version": STUDY_FORMAT.version,
         "study": study.study,
         "question": study.question,
         "split": study.split,
