@@ -15,10 +15,11 @@ from typing import Any, Self
 import msgspec
 import numpy as np
 
-from opir_core.errors import Problem, SceneError, reason_of, unwritable
+from opir_core.errors import Problem, SceneError, SinkError, reason_of, unwritable
 from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.rendering import Decimal, Ids, Looked, chosen_renderer
+from opir_core.output.temporary_files import GrowingFile
 from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
 from opir_core.reading.format_versions import MANIFEST_FORMAT, RUN_FORMATS
@@ -47,6 +48,7 @@ class LinesFile:
         self._encoder = msgspec.json.Encoder()
         try:
             self._file = path.open("wb")
+            self._growing = GrowingFile(self._file.fileno())
         except OSError as error:
             raise unwritable(self._kind, path, error) from error
 
@@ -67,6 +69,9 @@ class LinesFile:
     def write_bytes(self, lines: bytes | memoryview) -> None:
         """Write encoded lines."""
         try:
+            self._growing.size = self._file.raw.tell()
+            if fault := self._growing.fault():
+                raise SinkError(f"{self._kind} {self._path}: {fault}; run again")
             self._file.write(lines)
         except OSError as error:
             raise unwritable(self._kind, self._path, error) from error
