@@ -304,14 +304,17 @@ AWAITS_THAT_END_THEMSELVES = {
     "lane.has_messages.wait()",  # for something to send
     "self._is_to_retry.wait()",  # until the sink tries again after a permanent error
     "asyncio.sleep(next(self._pauses_s))",
-    "asyncio.gather(*tasks, return_exceptions=True)",  # cancelled tasks
+    "asyncio.gather(*tasks, *examining, return_exceptions=True)",  # cancelled tasks
     "close_producer(producer)",
     "asyncio.shield(asyncio.create_task(_close(producer), name=f'{OURS} closing'))",  # three steps with deadlines
     "_ended(producer.stop())",
     "_ended(producer.client.close())",
     "probe(config)",
     "probe(self._config)",
-    "self._probe()",
+    "self._probe(producer, partition)",
+    # The callers of topic.py give it request_timeout_s.
+    *("_answer(client, MetadataRequest([topic]))", "_answer(client, request)"),
+    *("topic_settings(client, topic)", "client.send(broker.nodeId, request)"),
     "sending",  # which is done
 }
 
