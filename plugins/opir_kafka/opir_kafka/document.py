@@ -73,7 +73,20 @@ def _messages() -> dict[str, Any]:
         encoder = host.component(EventEncoder, name)
         if encoder.schema is not None:
             texts.setdefault(encoder.schema(), encoder)
-    return {encoder.name: _message(encoder, json.loads(text)) for text, encoder in texts.items()}
+    return {
+        encoder.name: _message(encoder, _payload(encoder.name, text))
+        for text, encoder in texts.items()
+    }
+
+
+def _payload(name: str, text: str) -> dict[str, Any]:
+    """Return a schema whose references begin at the root of the document, as AsyncAPI reads them;
+    an identifier of its own would be another root.
+    """
+    place = f'"#/components/messages/{name}/payload/schema/$defs/'
+    schema: dict[str, Any] = json.loads(text.replace('"#/$defs/', place))
+    schema.pop("$id", None)
+    return schema
 
 
 def _same_major(version: str) -> str:
