@@ -25,7 +25,7 @@ from opir_core.output.events.encoder_input import (
     event_counter,
     only_encodable,
 )
-from opir_core.output.temporary_files import sync_path
+from opir_core.output.temporary_files import GrowingFile, sync_path
 
 
 class MemorySink(Sink):
@@ -121,6 +121,7 @@ class LineFile(Sink):
         self._descriptor = (
             _standard_output() if path == STANDARD_OUTPUT else _opened(place, appends=appends)
         )
+        self._growing = GrowingFile(self._descriptor)
 
     def write(self, window: Window) -> None:
         """Encode the window's events and write them."""
@@ -149,27 +150,37 @@ class LineFile(Sink):
         except OSError as error:
             if error.errno != EINVAL:
                 raise self._failure(error) from error
+        self._require_whole()
 
     def delivery_so_far(self) -> Delivery:
         """Return the events whose lines the system has accepted."""
         return Delivery(self._delivered, withheld=self._withheld)
 
     def close(self) -> Delivery:
-        """Close the file; events without a complete line count as dropped."""
+        """Close the file; events without a complete line count as dropped, all of them if the file
+        is gone.
+        """
+        fault = self._growing.fault()
         try:
             os.close(self._descriptor)
         except OSError as error:
             raise self._failure(error) from error
         missing = self._taken - self._withheld - self._delivered
-        return Delivery(delivered=self._delivered, dropped=missing, withheld=self._withheld)
+        kept = 0 if fault else self._delivered
+        dropped = missing + self._delivered - kept
+        complaint = f"jsonl: {self._name}: {fault}" if fault else None
+        return Delivery(kept, dropped=dropped, withheld=self._withheld, complaint=complaint)
 
     def _write_lines(self, lines: Lines, events: int) -> None:
         """Write the lines of some events, one each."""
+        self._require_whole()
         written = 0
         try:
             self._remove_incomplete()
             while written < len(lines):
-                written += _written(self._descriptor, memoryview(lines)[written:])
+                count = _written(self._descriptor, memoryview(lines)[written:])
+                self._growing.size += count
+                written += count
         except OSError as error:
             lines = bytes(lines)
             complete = lines.rfind(b"\n", 0, written) + 1
@@ -186,8 +197,14 @@ class LineFile(Sink):
             os.ftruncate(
                 self._descriptor, os.lseek(self._descriptor, 0, os.SEEK_END) - self._incomplete
             )
+            self._growing.size -= self._incomplete
             os.lseek(self._descriptor, 0, os.SEEK_END)
         self._incomplete = 0
+
+    def _require_whole(self) -> None:
+        """Raise `SinkError` if the file is removed or cut off: its events are not delivered."""
+        if fault := self._growing.fault():
+            raise SinkError(f"jsonl: {self._name}: {fault}, after {self._delivered} events")
 
     def _failure(self, error: OSError) -> SinkError:
         return SinkError(

@@ -15,13 +15,14 @@ from typing import Any, Self
 import msgspec
 import numpy as np
 
-from opir_core.errors import Problem, SceneError, reason_of, unwritable
+from opir_core.errors import Problem, SceneError, SinkError, reason_of, unwritable
 from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.rendering import Decimal, Ids, Looked, chosen_renderer
+from opir_core.output.temporary_files import GrowingFile
 from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
-from opir_core.simulation.manifest import MANIFEST_VERSION
+from opir_core.reading.format_versions import MANIFEST_FORMAT, RUN_FORMATS
 
 _RERUN = (
     "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
@@ -47,6 +48,7 @@ class LinesFile:
         self._encoder = msgspec.json.Encoder()
         try:
             self._file = path.open("wb")
+            self._growing = GrowingFile(self._file.fileno())
         except OSError as error:
             raise unwritable(self._kind, path, error) from error
 
@@ -67,6 +69,9 @@ class LinesFile:
     def write_bytes(self, lines: bytes | memoryview) -> None:
         """Write encoded lines."""
         try:
+            self._growing.size = self._file.raw.tell()
+            if fault := self._growing.fault():
+                raise SinkError(f"{self._kind} {self._path}: {fault}; run again")
             self._file.write(lines)
         except OSError as error:
             raise unwritable(self._kind, self._path, error) from error
@@ -132,6 +137,39 @@ class CommandsFile(LinesFile):
         self._write([_command_row(record) for record in window.commands])
 
 
+class _CommandLine(msgspec.Struct, gc=False):
+    """A line of the commands file."""
+
+    time_s: float
+    sensor_id: str
+    track_id: int | None = None
+    reason: str = ""
+    start_s: float | None = None
+    from_s: float | None = None
+    refusal: str = ""
+
+
+def read_commands(path: Path) -> list[CommandRecord]:
+    """Return the commands of a file; `SceneError` with file and line if it is invalid."""
+    return [
+        _command_of_line(line, number, path)
+        for number, line in enumerate(content(path).splitlines(), start=1)
+    ]
+
+
+def _command_of_line(text: bytes, number: int, path: Path) -> CommandRecord:
+    try:
+        line = msgspec.json.decode(text, type=_CommandLine)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise invalid_file(path, f"line {number}", f"not a command: {error}") from error
+    start_s = np.nan if line.start_s is None else line.start_s
+    from_s = np.nan if line.from_s is None else line.from_s
+    track = -1 if line.track_id is None else line.track_id
+    return CommandRecord(
+        line.time_s, line.sensor_id, track, line.reason, start_s, from_s, line.refusal
+    )
+
+
 def _command_row(record: CommandRecord) -> Mapping[str, Any]:
     """Return the keys and values of a command's line."""
     values = record._asdict()
@@ -162,14 +200,13 @@ def read_manifest(path: Path) -> Mapping[str, Any]:
         raise invalid_file(path, "", f"not what opir writes: {error}") from error
     if not isinstance(manifest, dict) or "scene" not in manifest:
         raise invalid_file(path, "", "not what opir writes: a manifest has a block scene")
-    version = manifest.get("manifest_version")
-    if version != MANIFEST_VERSION:
-        words = f"of manifest version {version}, where {MANIFEST_VERSION} is read"
-        raise invalid_file(
-            path,
-            "manifest_version",
-            f"{words}: run the scene anew, or score it with the opir that wrote it",
-        )
+    MANIFEST_FORMAT.require_readable(manifest.get("manifest_version"), path, "manifest_version")
+    formats = manifest.get("formats", {})
+    if not isinstance(formats, dict):
+        raise invalid_file(path, "formats", "not what opir writes: formats must be a block")
+    for known in RUN_FORMATS:
+        if known.name in formats:
+            known.require_readable(formats[known.name], path, f"formats.{known.name}")
     if not _are_entries(manifest.get(FILES_KEY, [])):
         raise invalid_file(
             path, FILES_KEY, "not what opir writes: a list of blocks with kind, name and sha256"

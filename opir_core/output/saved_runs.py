@@ -4,6 +4,7 @@ Files round: times to a microsecond, angles to 1e-9 degree, sensor positions to 
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,18 @@ from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.host.components import SinkModel
 from opir_core.host.host import Host
-from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.records import (
+    CommandRecord,
+    Detections,
+    DetectionTruth,
+    Tracks,
+    Window,
+)
 from opir_core.interfaces.sensors import Sensor
 from opir_core.output.delivery import columns_sink, has_columns
 from opir_core.output.run_files import (
     invalid_file,
+    read_commands,
     read_manifest,
     require_events_of_run,
     require_file_of_run,
@@ -32,14 +40,16 @@ from opir_core.output.transaction import finish_interrupted
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.random_streams.detection_ids import uuid_words
 from opir_core.reading import scene_from_mapping
+from opir_core.reading.format_versions import EVENT_FORMAT, StatedVersions
 from opir_core.simulation.run import Run
 from opir_core.simulation.summary import Tally
 
 _MANIFEST = ".manifest.json"
 _TRUTH = ".truth.jsonl"
 _TRACKS = ".tracks.jsonl"
+_COMMANDS = ".commands.jsonl"
 _PARQUET_TRUTH = ".truth.parquet"
-_BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS)
+_BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS, _COMMANDS)
 #: What 64 bits hold in nanoseconds, µs: 292 years.
 _LONGEST_US = (1 << 63) // 1_000
 
@@ -78,6 +88,13 @@ class _Event(msgspec.Struct, gc=False):
     track_id: int | None = None
     band_irradiance_w_m2: dict[str, float | None] | None = None
     type_probability: dict[str, float | None] | None = None
+    schema_version: Any = None
+
+
+class _Version(msgspec.Struct, gc=False):
+    """The version that a line states."""
+
+    schema_version: Any = None
 
 
 def load_run(path: str | Path, host: Host | None = None) -> Run:
@@ -138,6 +155,7 @@ def read_run(
         make_manifest=lambda: contents,
         reported_types=plan.reported_types,
         plan=plan,
+        commands=_commands_of(events),
     )
 
 
@@ -173,6 +191,12 @@ def _tracks_of(
     if tracks is None:
         require_file_of_run("tracks", place, manifest)
     return estimates
+
+
+def _commands_of(events: Path) -> Sequence[CommandRecord]:
+    """Return the commands of the director beside the events, none without a file of them."""
+    path = events.with_suffix(_COMMANDS)
+    return read_commands(path) if path.is_file() else ()
 
 
 def _truth_beside(events: Path) -> Path:
@@ -387,7 +411,13 @@ def _tally(
     return tally
 
 
-def _lines(path: Path, kind: Any, description: str) -> Iterator[Any]:
+def _lines(
+    path: Path,
+    kind: Any,
+    description: str,
+    judge: Callable[[bytes, int], None] = lambda _line, _number: None,
+) -> Iterator[Any]:
+    """Yield the lines of a file as records of a kind; `judge` may refuse one that is none first."""
     decoder = msgspec.json.Decoder(kind)
     try:
         lines = path.open("rb")
@@ -398,9 +428,26 @@ def _lines(path: Path, kind: Any, description: str) -> Iterator[Any]:
             try:
                 yield decoder.decode(line)
             except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+                judge(line, number)
                 raise invalid_file(
                     path, f"line {number}", f"is not {description}: {error}"
                 ) from error
+
+
+def _event_lines(path: Path) -> Iterator[_Event]:
+    """Yield the events of JSON lines; an unreadable version is named, whatever else a line has."""
+    versions = StatedVersions(EVENT_FORMAT, path)
+    place = "line {}: schema_version"
+
+    def judge(line: bytes, number: int) -> None:
+        with suppress(msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            version = msgspec.json.decode(line, type=_Version).schema_version
+            versions.judge(version, place.format(number))
+
+    rows = _lines(path, _Event, "an event of the encoder forge", judge)
+    for number, row in enumerate(rows, start=1):
+        versions.judge(row.schema_version, place.format(number))
+        yield row
 
 
 def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
@@ -416,7 +463,7 @@ def _events_of(path: Path, plan: Plan) -> Iterator[_Event]:
         names = ["parquet"]
     read = plan.host.component(SinkModel, names[0]).read if names else None
     if read is None:
-        yield from _lines(path, _Event, "an event of the encoder forge")
+        yield from _event_lines(path)
         return
     yield from _converted(path, read, _Event)
 

@@ -26,6 +26,9 @@ _CHUNK = 1 << 20
 #: Bytes after which what was written is sent to the disk, so that little is left to wait for at the
 #: end.
 _SYNCED = 64 << 20
+#: What became of a file under a run.
+REMOVED = "another process removed it"
+REPLACED = "another process put another file in its place"
 #: Time between two looks at a file that grows, s.
 _POLL_S = 0.02
 
@@ -42,7 +45,7 @@ def locked(temporary: Path, path: Path) -> int:
         try:
             _require_own(descriptor, temporary)
             is_held = _has_lock(descriptor)
-            is_same = _is_file_at(descriptor, temporary)
+            is_same = is_file_at(descriptor, temporary)
         except BaseException:
             os.close(descriptor)
             raise
@@ -54,6 +57,70 @@ def locked(temporary: Path, path: Path) -> int:
                 f"{path} is being written by another run; wait until that has ended, or give"
                 f" another path"
             )
+
+
+def is_file_at(descriptor: int, path: Path) -> bool:
+    """Return whether a descriptor is of the file that has the path now: a run that ends renames its
+    own.
+    """
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+class GrowingFile:
+    """An open file that only this process cuts: it notices that its name or its bytes are gone.
+
+    `size` is what this process knows it to have. A device, a pipe and a file without a name from
+    the start have no fault.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        status = os.fstat(descriptor)
+        self._descriptor = descriptor
+        self._is_watched = stat.S_ISREG(status.st_mode) and status.st_nlink > 0
+        self.size = status.st_size
+
+    def fault(self) -> str:
+        """Return what became of the file, "" if nothing did."""
+        status = os.fstat(self._descriptor)
+        if not self._is_watched:
+            return ""
+        if not status.st_nlink:
+            return REMOVED
+        return _cut(status.st_size, self.size)
+
+
+class NamedFile:
+    """The file that a path names, of which at least `floor` bytes stay where it has so many."""
+
+    def __init__(self, path: Path, floor: int) -> None:
+        self._path = path
+        self._floor = floor
+        self._size = 0
+        self._status: os.stat_result | None = None
+        with suppress(OSError):
+            self._status = path.stat()
+
+    def fault(self) -> str:
+        """Return what became of the file, "" if nothing did."""
+        try:
+            status = self._path.stat()
+        except FileNotFoundError:
+            return REMOVED
+        except OSError:  # a disk that fails says so where it is written
+            return ""
+        if self._status is None or not os.path.samestat(status, self._status):
+            return REPLACED
+        cut = _cut(status.st_size, self._size)
+        self._size = max(self._size, min(status.st_size, self._floor))
+        return cut
+
+
+def _cut(size: int, known_size: int) -> str:
+    words = f"another process cut it off at {size} of {known_size} bytes"
+    return words if size < known_size else ""
 
 
 def _require_own(descriptor: int, temporary: Path) -> None:
@@ -76,23 +143,13 @@ def _has_lock(descriptor: int) -> bool:
     return True
 
 
-def _is_file_at(descriptor: int, path: Path) -> bool:
-    """Return whether a descriptor is of the file that has the path now: a run that ends renames its
-    own.
-    """
-    try:
-        return os.path.samestat(os.fstat(descriptor), path.stat())
-    except FileNotFoundError:
-        return False
-
-
 @contextmanager
 def held(temporary: Path) -> Iterator[bool]:
     """Hold the lock of an existing temporary file; yields whether it was free."""
     descriptor = os.open(temporary, os.O_RDWR | os.O_NOFOLLOW)
     try:
         _require_own(descriptor, temporary)
-        yield _has_lock(descriptor) and _is_file_at(descriptor, temporary)
+        yield _has_lock(descriptor) and is_file_at(descriptor, temporary)
     finally:
         os.close(descriptor)
 

@@ -18,6 +18,7 @@ from opir_core.interfaces.weighed_tracks import hypothesis_columns
 from opir_core.output.events.estimates import PAPER, are_on_earth, paper_sigma_m, time_texts
 from opir_core.output.events.text import are_finite, known_rows, where_known
 from opir_core.output.geojson import region_text, region_texts
+from opir_core.reading.format_versions import TRACK_FORMAT
 from opir_core.scene.scene import REPORTED_TYPES
 
 _Vector = tuple[float, float, float]
@@ -154,6 +155,7 @@ def track_records(
 
 
 #: Fields that every record has.
+_VERSION = f"{TRACK_FORMAT.name}-{TRACK_FORMAT.version}"
 _ALWAYS = {"schema_version", "time_s", "timestamp", "track_id", "since_s"}
 _KEPT = tuple(name for name in TrackRecord.__struct_fields__ if name not in _ALWAYS)
 
@@ -175,7 +177,7 @@ class Changes:
     def _changed(self, record: TrackRecord) -> TrackRecord:
         before = self._latest.get(record.track_id)
         self._latest[record.track_id] = record
-        changes = dict[str, Any]()
+        changes: dict[str, Any] = {"schema_version": _VERSION}
         if before is not None:
             same = [name for name in _KEPT if getattr(record, name) == getattr(before, name)]
             changes = {"since_s": before.time_s, **dict.fromkeys(same, UNSET)}

@@ -18,6 +18,7 @@ from opir_core.output.track_records import (
     LaunchRecord,
     TrackRecord,
 )
+from opir_core.reading.format_versions import TRACK_FORMAT, StatedVersions
 from opir_core.scene.scene import REPORTED_TYPES
 
 #: Columns of one number a row, which have the name of their key.
@@ -82,6 +83,7 @@ class _TrackLines:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._versions = StatedVersions(TRACK_FORMAT, path)
         self._completed: dict[tuple[int, float], dict[str, Any]] = {}
         #: The latest regions of tracks with their documents, and those of earlier files by number.
         self._latest: dict[int, tuple[Any, tuple[ImpactRegion, ...]]] = {}
@@ -102,9 +104,13 @@ class _TrackLines:
 
     def _document(self, line: bytes, number: int) -> Any:
         try:
-            return msgspec.json.decode(line)
+            document = msgspec.json.decode(line)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise invalid_file(self._path, f"line {number}", f"not a track: {error}") from error
+        if isinstance(document, dict):
+            version = document.get("schema_version")
+            self._versions.judge(version, f"line {number}: schema_version")
+        return document
 
     def _row(self, document: Any, number: int) -> TrackRecord:
         try:

@@ -27,6 +27,7 @@ from opir_core.output.temporary_files import (
     GrowingDigest,
     file_digest,
     held,
+    is_file_at,
     keep_mode,
     locked,
     planted,
@@ -187,7 +188,8 @@ class OutputFiles:
         """Remove the temporary files; the files of an earlier run are as they were."""
         for staged in self._all():
             with suppress(OSError):
-                staged.part.unlink()
+                if is_file_at(staged.descriptor, staged.part):
+                    staged.part.unlink()
         for folder in self._made:
             with suppress(OSError):
                 folder.rmdir()
@@ -217,6 +219,7 @@ class OutputFiles:
 
     def _described(self, staged: _Staged) -> Mapping[str, Any]:
         """Return the entry of a file in the manifest, once its content is on disk."""
+        _require_in_place(staged)
         try:
             os.fsync(staged.descriptor)
             size = os.fstat(staged.descriptor).st_size
@@ -235,12 +238,20 @@ class OutputFiles:
             if self._record is None:  # no regular file
                 self._manifest.write_bytes(text)
                 return
+            _require_in_place(self._record)
             remaining = memoryview(text)
             while remaining:
                 remaining = remaining[os.write(self._record.descriptor, remaining) :]
             os.fsync(self._record.descriptor)
         except OSError as error:
             raise unwritable("the manifest", self._manifest, error) from error
+
+
+def _require_in_place(staged: _Staged) -> None:
+    """Raise `SinkError` if the temporary file of a path is no longer the one that was opened."""
+    if not is_file_at(staged.descriptor, staged.part):
+        words = f"another process removed or replaced {staged.part.name} while it was written"
+        raise SinkError(f"{_words(staged.kind)} {staged.path}: {words}; run again")
 
 
 def finish_interrupted(manifest: Path) -> bool:

@@ -9,6 +9,10 @@ from opir_core.reading.component_reader import (
 from opir_core.reading.examples import (
     example as example,
 )
+from opir_core.reading.format_versions import (
+    EVENT_FORMAT as EVENT_FORMAT,
+    STUDY_FORMAT as STUDY_FORMAT,
+)
 from opir_core.reading.loading import (
     load_scene as load_scene,
     overridden as overridden,

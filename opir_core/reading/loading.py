@@ -9,6 +9,7 @@ from typing import Any
 
 from opir_core.errors import PluginError, Problem, SceneError
 from opir_core.host.host import Host
+from opir_core.reading.format_versions import MANIFEST_FORMAT
 from opir_core.reading.nodes import (
     MAXIMUM_FILE_BYTES,
     UNREADABLE,
@@ -52,13 +53,16 @@ def load_scene(
         root = node_of_yaml(_text_of_file(source))
     except InvalidNode as refused:
         raise _scene_error(refused.complaints, source) from None
-    return _scene_of_node(_of_manifest(root), overrides, host, source)
+    return _scene_of_node(_of_manifest(root, source), overrides, host, source)
 
 
-def _of_manifest(root: Node) -> Node:
+def _of_manifest(root: Node, source: str) -> Node:
     """Return the scene in the manifest of a run; any other node is a scene itself."""
     if not isinstance(root.value, dict) or "manifest_version" not in root.value:
         return root
+    version = root.value["manifest_version"]
+    stated = version.value if isinstance(version, Node) else version
+    MANIFEST_FORMAT.require_readable(stated, Path(source), "manifest_version")
     scene = root.value.get("scene")
     return scene if isinstance(scene, Node) and isinstance(scene.value, dict) else root
 

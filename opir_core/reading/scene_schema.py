@@ -212,12 +212,14 @@ _MICROSECOND = timedelta(microseconds=1)
 _FORM = re.compile(
     r"(\d{4})-(\d{2})-(\d{2})T(\d{2}):(\d{2}):(\d{2})(?:\.(\d+))?(Z|[-+]\d{2}:\d{2})?", re.ASCII
 )
+#: RFC 3339 writes UTC in these ways; programs that format times often write the second.
+_UTC = ("Z", "+00:00", "-00:00")
 _EXAMPLE = "2026-04-01T12:00:00Z"
 
 
 def epoch_us_of_text(text: str) -> int:
     """Return microseconds since 1970-01-01 UTC (no leap seconds) of
-    `YYYY-MM-DDThh:mm:ss[.ffffff]Z`.
+    `YYYY-MM-DDThh:mm:ss[.ffffff]Z`, or with the offset 00:00 for Z.
 
     Raises `ValueError`, with words for the user, for any other form, for a moment that does not
     exist (a leap second is none here) and for years outside 1970 to 2099.
@@ -226,7 +228,7 @@ def epoch_us_of_text(text: str) -> int:
     if match is None:
         raise ValueError(f"{text!r} is not a time; write it like {_EXAMPLE}")
     *date, fraction, zone = match.groups()
-    if zone != "Z":
+    if zone not in _UTC:
         raise ValueError(
             f"{text!r} is not in UTC; write the time in UTC, ended by Z, like {_EXAMPLE}"
         )

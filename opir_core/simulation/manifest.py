@@ -13,18 +13,17 @@ from opir_core.host.components import Constellation, EventEncoder
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.philox import SCHEME
 from opir_core.reading import scene_hash, scene_mapping
+from opir_core.reading.format_versions import MANIFEST_FORMAT, RUN_FORMATS
 from opir_core.scene.target_classes import TargetClass
-
-#: Version of the manifest format.
-MANIFEST_VERSION = "2"
 
 
 def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the manifest: the scene, its hash, versions, files and plugins used, random streams,
+    """Return the manifest: the scene, its hash, versions, formats, files and plugins used, random streams,
     counts.
     """
     return {
-        "manifest_version": MANIFEST_VERSION,
+        "manifest_version": MANIFEST_FORMAT.version,
+        "formats": {known.name: known.version for known in RUN_FORMATS},
         "scene_hash": scene_hash(plan.scene),
         "seed": plan.scene.seed,
         "random_numbers": SCHEME,

@@ -2,13 +2,12 @@
 service with them.
 """
 
-import hashlib
 import json
-import os
 import shutil
 import subprocess
 from pathlib import Path
 
+import npm_packages
 import pytest
 from http_service import serving
 from opir_http.routes import document
@@ -35,29 +34,7 @@ def modules():
     """Return the folder `node_modules` with the generator and the compiler; npm installs them
     once.
     """
-    if missing := [name for name in ("node", "npm") if shutil.which(name) is None]:
-        pytest.skip(f"the TypeScript client is left out: there is no {' and no '.join(missing)}")
-    package = SOURCES / "package.json"
-    mark = hashlib.sha256(package.read_bytes()).hexdigest()[:16]
-    stored = (
-        Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-        / "opir-tests"
-        / f"typescript-{mark}"
-    )
-    if not (stored / "complete").is_file():
-        stored.mkdir(parents=True, exist_ok=True)
-        shutil.copy(package, stored)
-        words = ["npm", "install", "--ignore-scripts", "--no-audit", "--no-fund"]
-        done = subprocess.run(
-            words, cwd=stored, capture_output=True, text=True, timeout=300, check=False
-        )
-        if done.returncode:
-            pytest.skip(
-                f"the TypeScript client is left out: npm does not get the packages:"
-                f" {done.stderr[-200:]}"
-            )
-        (stored / "complete").touch()
-    return stored / "node_modules"
+    return npm_packages.installed(SOURCES, "the TypeScript client") / "node_modules"
 
 
 def run(folder, *words):

@@ -323,9 +323,32 @@ def test_the_topic_is_not_there_yet(mock, spool):
     mock.tell("topic-error", topic, 3)
     sink = kafka_sink(mock.address, topic, spool)
     fill(sink, 5, 20, 0, 0.3)
+    until(lambda: f"there is no topic {topic}; make it" in (sink.trouble or ""))
     mock.tell("topic-error", topic, 0)
     assert closed(sink) == Delivery(delivered=100)
     examine(mock, topic, 100)
+
+
+@pytest.mark.slow
+def test_a_partition_without_a_leader_is_named_until_it_has_one(mock, spool):
+    topic = mock.topic(2)
+    sink = kafka_sink(mock.address, topic, spool)
+    fill(sink, 2, 20, 0, 0.0)
+    until(lambda: sink.delivery_so_far().delivered == 40)
+    assert sink.trouble is None
+    mock.tell("leader", topic, 1, -1)
+    fill(sink, 5, 20, 40, 0.0)
+    until(lambda: f"topic {topic}: partition 1 has no leader" in (sink.trouble or ""))
+    seen = set()
+    for number in range(10):  # the other partition goes on, and new connections are made
+        fill(sink, 1, 20, 140 + 20 * number, 0.2)
+        seen.add(sink.trouble)
+    assert len(seen) == 1
+    mock.tell("leader", topic, 1, 1)
+    until(lambda: sink.delivery_so_far().delivered == 340)
+    assert sink.trouble is None
+    assert closed(sink) == Delivery(delivered=340)
+    examine(mock, topic, 340)
 
 
 def test_the_disk_is_full_and_the_broker_away(broker, spool):

@@ -242,11 +242,28 @@ def test_the_topic_is_made_late(one, spool):
     sink = kafka_sink(one.address, name, spool, PATIENT)
     fill(sink, 5, 20, 0, 0.2)
     assert sink.delivery_so_far().delivered == 0
+    until(lambda: f"there is no topic {name}; make it" in (sink.trouble or ""))
     one.topic(name=name)
     fill(sink, 5, 20, 100, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 200)
     assert closed(sink) == Delivery(delivered=200)
     examine(one, name, 200)
+
+
+def test_a_compacted_topic_is_told_at_the_start(one, spool, caplog):
+    topic = one.topic(cleanup_policy="compact")
+    sink = kafka_sink(one.address, topic, spool)
+    fill(sink, 2, 20, 0, 0.0)
+    until(lambda: any(f"topic {topic} is compacted" in line for line in caplog.messages))
+    assert closed(sink) == Delivery(delivered=40)
+
+
+def test_a_topic_that_keeps_all_is_not_told(one, spool, caplog):
+    topic = one.topic()
+    sink = kafka_sink(one.address, topic, spool)
+    fill(sink, 2, 20, 0, 0.3)
+    assert closed(sink) == Delivery(delivered=40)
+    assert not any("compacted" in line for line in caplog.messages)
 
 
 def test_the_topic_is_made_anew_with_fewer_partitions(one, spool):
@@ -420,6 +437,9 @@ def test_too_few_replicas_acknowledge_nothing_and_nothing_is_lost(three, spool):
     until(lambda: len(three.partitions(topic)[0].isrs) == 2, within_s=120.0)
     fill(sink, 10, 20, 100, 0.2)
     assert sink.delivery_so_far().delivered == 100
+    reason = f"topic {topic}: partition 0 has 2 replicas in sync, where min.insync.replicas asks"
+    until(lambda: reason in (sink.trouble or ""), within_s=60.0)
+    assert f"brokers away or behind: {leader % 3 + 1}" in sink.trouble
     gone.start()
     until(lambda: sink.delivery_so_far().delivered == 300, within_s=200.0)
     assert sink.close() == Delivery(delivered=300)

@@ -11,6 +11,7 @@ prints host:port and obeys commands, a line each, until its input ends:
     clear API                   forget such codes
     topic NAME PARTITIONS       make a topic
     topic-error NAME CODE       what metadata says of a topic
+    leader NAME PARTITION NODE  the leader of a partition; -1 for none
 """
 
 import ctypes as c
@@ -26,6 +27,7 @@ _FUNCTIONS = {
     "mock_cluster_bootstraps": (c.c_char_p, [c.c_void_p]),
     "mock_topic_create": (c.c_int, [c.c_void_p, c.c_char_p, c.c_int, c.c_int]),
     "mock_topic_set_error": (None, [c.c_void_p, c.c_char_p, c.c_int]),
+    "mock_partition_set_leader": (c.c_int, [c.c_void_p, c.c_char_p, c.c_int32, c.c_int32]),
     "mock_broker_set_down": (c.c_int, [c.c_void_p, c.c_int32]),
     "mock_broker_set_up": (c.c_int, [c.c_void_p, c.c_int32]),
     "mock_broker_set_rtt": (c.c_int, [c.c_void_p, c.c_int32, c.c_int]),
@@ -71,6 +73,11 @@ class MockCluster:
 
     def topic_error(self, name, code):
         self._library.rd_kafka_mock_topic_set_error(self._cluster, name.encode(), int(code))
+
+    def leader(self, name, partition, node):
+        self._library.rd_kafka_mock_partition_set_leader(
+            self._cluster, name.encode(), int(partition), int(node)
+        )
 
     def down(self):
         self._library.rd_kafka_mock_broker_set_down(self._cluster, _EVERY_BROKER)

@@ -4,8 +4,10 @@ own.
 
 from typing import Any
 
+from opir_core.reading.format_versions import EVENT_FORMAT
+
 #: Schema version of the detection event, in every event.
-SCHEMA_VERSION = "2.0"
+SCHEMA_VERSION = EVENT_FORMAT.version
 
 #: Schema version of the encoder `tracks`, in the headers of its messages.
 TRACKS_VERSION = "tracks-1.0"
@@ -14,16 +16,27 @@ TRACKS_VERSION = "tracks-1.0"
 SCHEMAS = ("detection", "track")
 
 
-def detection_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a detection event."""
-    return schema("detection")
+def detection_schema(*, is_closed: bool = False) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a detection event; see `schema`."""
+    return schema("detection", is_closed=is_closed)
 
 
-def schema(name: str) -> dict[str, Any]:
-    """Return one of `SCHEMAS` (draft 2020-12)."""
+def schema(name: str, *, is_closed: bool = False) -> dict[str, Any]:
+    """Return one of `SCHEMAS` (draft 2020-12).
+
+    It is open for readers: later minor versions may add fields. A closed one permits no field that
+    it does not name, as tests of a writer need.
+    """
     import json
 
-    return json.loads(schema_text(name))
+    return json.loads(schema_text(name), object_hook=_closed if is_closed else None)
+
+
+def _closed(value: dict[str, Any]) -> dict[str, Any]:
+    """Return an object of a schema that permits the properties that it names alone."""
+    if isinstance(value.get("properties"), dict):
+        return {"additionalProperties": False, **value}
+    return value
 
 
 def schema_text(name: str) -> str:

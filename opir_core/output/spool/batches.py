@@ -249,4 +249,5 @@ class WindowTransport(Transport):
         """Acknowledge what was written last, and close the sink."""
         self._syncs.stop()
         self._acknowledge()
-        self._sink.close()
+        if complaint := self._sink.close().complaint:
+            raise SinkError(complaint)

@@ -8,6 +8,7 @@ damage that SQLite does not look for.
 
 import json
 import sqlite3
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import partial, wraps
@@ -21,7 +22,7 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import DamagedError, FullError
 from opir_core.output.spool.syncing import SPOOL_SYNC_S, SyncThread
-from opir_core.output.temporary_files import sync_path
+from opir_core.output.temporary_files import NamedFile, sync_path
 
 #: "OPIR": distinguishes a spool from other SQLite files.
 _APPLICATION = 0x4F504952
@@ -79,18 +80,19 @@ def _raises_ours(method: Callable[_P, _T]) -> Callable[_P, _T]:
 class Journal:
     """A `Backlog` in a file, which may hold batches of an earlier run."""
 
-    outlives_the_process = True
-
     def __init__(self, path: str, max_bytes: int, *, survives_power_cut: bool = False) -> None:
         self.path = path
         self._max_bytes = max_bytes
         self._bytes = 0
         self.waiting = 0
         self._sync: SyncThread | None = None
+        self._files: tuple[NamedFile, ...] = ()
+        self._lost = ""
         #: Whether the file was found whole enough to be used. From then on SQLite's "malformed" may
         #: be an error of a read (its code CORRUPTFS), which passes: the file is judged at the next
         #: start.
         self.is_open = False
+        self.is_closed = False
         try:
             absolute = str(Path(path).absolute())  # else ":memory:" would be no file
             self._database = sqlite3.connect(
@@ -101,10 +103,12 @@ class Journal:
         try:
             self._open(survives_power_cut)
             self.is_open = True
+            log = Path(f"{absolute}-wal")
+            self._files = NamedFile(Path(absolute), sys.maxsize), NamedFile(log, _LOG_BYTES)
             if (
                 not survives_power_cut
             ):  # a log has no locks, which closing a descriptor would give up
-                self._sync = SyncThread(partial(sync_path, Path(f"{absolute}-wal")), SPOOL_SYNC_S)
+                self._sync = SyncThread(partial(self._make_last, log), SPOOL_SYNC_S)
         except FullError as error:
             self.close()
             reason = f": {error}" if str(error) else ""
@@ -117,18 +121,40 @@ class Journal:
     def put(self, batch: Batch) -> None:
         """Add a batch; raise `FullError` if there is no room for it in the file or on the disk."""
         row = _row_of(batch)
+        self._files_fault()
         if self.waiting and self._bytes + row[1] > self._max_bytes:
             raise FullError
         self._database.execute(_INSERT, row)
         self._bytes += row[1]
         self.waiting += len(batch)
+        self._files_fault()  # how long they are now
         if self._sync is not None:
             self._sync.note_write()
 
     @property
+    def outlives_the_process(self) -> bool:
+        """Whether the file keeps what waits: not once it, or its log, was removed or cut off."""
+        return not self._files_fault()
+
+    @property
     def sync_fault(self) -> str:
         """Why the disk did not make the log last, or ""."""
-        return "" if self._sync is None else self._sync.fault
+        return self._files_fault() or ("" if self._sync is None else self._sync.fault)
+
+    def _make_last(self, log: Path) -> None:
+        if not self._files_fault():
+            sync_path(log)
+
+    def _files_fault(self) -> str:
+        """Return what became of the file or of its log, "" if nothing did.
+
+        What was once cut off or gone for a while may lack what was written meanwhile, so that a
+        fault stays.
+        """
+        if not self._lost and not self.is_closed:
+            faults = (file.fault() for file in self._files)
+            self._lost = next((f"the file or its log: {fault}" for fault in faults if fault), "")
+        return self._lost
 
     @_raises_ours
     def after(self, number: int) -> tuple[int, Batch] | None:
@@ -198,8 +224,10 @@ class Journal:
 
     def close(self) -> None:
         """Close the file; SQLite merges its log if there is room, else at the next opening."""
+        self._files_fault()
         if self._sync is not None:
             self._sync.stop()
+        self.is_closed = True
         with suppress(sqlite3.Error):
             self._database.close()
 

@@ -119,6 +119,8 @@ class Sender:
             CallThread().result(
                 lambda: self.transport.close(wait_s), wait_s + _LONGER_S, is_last=True
             )
+        except SinkError as error:
+            self.error = self.error or error
         except OverdueError as place:
             words = (
                 f"close of its transport has not returned for {wait_s + _LONGER_S:.1f} s: in"

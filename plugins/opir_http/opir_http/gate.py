@@ -6,11 +6,18 @@ import re
 import time
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from functools import partial
 from typing import Any
 
 from opir_http.log import RequestLog
 from opir_http.problems import PROBLEM_TYPE, ProblemError, problem_body
-from opir_http.settings import BODY_S, LOOPBACK, MAXIMUM_BODY_BYTES, HttpSettings
+from opir_http.settings import (
+    BODY_S,
+    CONFIGURATION_SHARE,
+    LOOPBACK,
+    MAXIMUM_BODY_BYTES,
+    HttpSettings,
+)
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -26,7 +33,7 @@ _HEALTH = frozenset({"/health/live", "/health/ready"})
 
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 #: Requests with a body.
-_TAKE_BODIES = frozenset({("POST", "/trigger"), ("PUT", "/config")})
+_TAKE_BODIES = frozenset({("POST", "/trigger"), ("PUT", "/config"), ("PATCH", "/config")})
 _OF_BROWSERS = (b"origin", b"referer", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest")
 _CLIENTS = 1024
 #: Wrong bearer tokens of one client that are answered by 401; more wait (429).
@@ -82,8 +89,10 @@ class Gate:
         settings: Callable[[], HttpSettings],
         token: str | None,
         log: RequestLog | None = None,
+        configuration_bytes: Callable[[], int] = lambda: 0,
     ) -> None:
         self._app = app
+        self._configuration_bytes = configuration_bytes
         self._log = log or RequestLog()
         self._settings = settings
         self._token = token.encode() if token else None
@@ -145,7 +154,13 @@ class Gate:
             raise ProblemError(
                 415, "send application/json, in UTF-8 (curl: -H 'Content-Type: application/json')"
             )
-        return await _body(headers, receive)
+        return await _body(headers, receive, partial(self._most_bytes, scope["path"]))
+
+    def _most_bytes(self, path: str) -> int:
+        """Return how many bytes a body may have."""
+        if path != "/config":
+            return MAXIMUM_BODY_BYTES
+        return max(MAXIMUM_BODY_BYTES, CONFIGURATION_SHARE * self._configuration_bytes())
 
     def _check_host(self, host: bytes) -> None:
         """Reject other host names than localhost without a token: DNS rebinding."""
@@ -235,12 +250,21 @@ def _is_json(headers: Mapping[bytes, bytes]) -> bool:
     parameters = parameters.replace('"', "")
     if kind == "application/x-www-form-urlencoded":
         return not parameters and not any(name in headers for name in _OF_BROWSERS)
-    return kind == "application/json" and parameters in ("", "charset=utf-8")
+    return kind in ("application/json", "application/merge-patch+json") and parameters in (
+        "",
+        "charset=utf-8",
+    )
 
 
-async def _body(headers: Mapping[bytes, bytes], receive: Receive) -> bytes:
-    if int(headers.get(b"content-length", b"0")) > MAXIMUM_BODY_BYTES:
-        raise ProblemError(413, f"a body may have at most {MAXIMUM_BODY_BYTES} bytes")
+async def _body(
+    headers: Mapping[bytes, bytes], receive: Receive, most_bytes: Callable[[], int]
+) -> bytes:
+    maximum = MAXIMUM_BODY_BYTES
+    length = int(headers.get(b"content-length", b"0"))
+    if length > maximum:
+        maximum = await asyncio.to_thread(most_bytes)
+    if length > maximum:
+        raise _too_large(maximum)
     body = b""
     try:
         async with asyncio.timeout(BODY_S):
@@ -249,14 +273,18 @@ async def _body(headers: Mapping[bytes, bytes], receive: Receive) -> bytes:
                 if message["type"] == "http.disconnect":
                     raise ProblemError(400, "the client has disconnected")
                 body += bytes(message.get("body", b""))
-                if len(body) > MAXIMUM_BODY_BYTES:
-                    raise ProblemError(413, f"a body may have at most {MAXIMUM_BODY_BYTES} bytes")
+                if len(body) > maximum:
+                    raise _too_large(maximum)
                 if not message.get("more_body", False):
                     return body
     except TimeoutError:
         raise ProblemError(
             408, f"the body did not arrive within {BODY_S:g} s", headers={"Connection": "close"}
         ) from None
+
+
+def _too_large(maximum: int) -> ProblemError:
+    return ProblemError(413, f"a body may have at most {maximum} bytes")
 
 
 def _replayed(body: bytes, receive: Receive) -> Receive:

@@ -39,7 +39,10 @@ class Backlogs:
             return f"the sink {sink.path} is refused and keeps its events: {sink.error}{attempts}"
         if sink.state == "open" and sink.error:
             return f"the sink {sink.path} delivers nothing: {sink.error}{attempts}"
-        return f"the backlog of the sink {sink.path} grows" if self._grows(sink) else ""
+        words = (
+            f"the backlog of the sink {sink.path} grows: it takes fewer events than the run makes"
+        )
+        return words if self._grows(sink) else ""
 
     def _grows(self, sink: SinkStatus) -> bool:
         """Whether a backlog has grown at the last checks, without shrinking between them."""

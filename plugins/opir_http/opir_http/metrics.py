@@ -113,6 +113,11 @@ def _sink_metrics(sinks: tuple[SinkStatus, ...]) -> Iterator[str]:
     for state, (series, words) in _SINK_STATES.items():
         values = [({"sink": sink.path}, sink.state == state) for sink in sinks]
         yield _metric(f"sink_{series}", "gauge", words, values)
+    words = "1 while nothing gets through; /status has the reason"
+    troubled = [
+        ({"sink": sink.path}, sink.state != "closed" and bool(sink.error)) for sink in sinks
+    ]
+    yield _metric("sink_troubled", "gauge", words, troubled)
 
 
 def _lateness(status: LiveStatus) -> str:

@@ -13,11 +13,12 @@ from opir_http.answers import ANSWERS, SCHEMAS, ProblemAnswer, Schema
 from opir_http.problems import PROBLEM_TYPE, TITLES
 from opir_http.queries import Query
 from opir_http.schemas import Config, detection, trigger
-from opir_http.settings import MAXIMUM_BODY_BYTES
+from opir_http.settings import CONFIGURATION_SHARE, MAXIMUM_BODY_BYTES
 
 _DESCRIPTION = (
     "Unclassified and notional; for tests of systems that receive such events. Request bodies have"
-    f" at most {MAXIMUM_BODY_BYTES} bytes. Errors are problem details (RFC 9457)."
+    f" at most {MAXIMUM_BODY_BYTES} bytes, a configuration {CONFIGURATION_SHARE} times those of the"
+    " present one, if that is more. Errors are problem details (RFC 9457)."
 )
 _RETRY_AFTER = {
     "Retry-After": {"schema": {"type": "string"}, "description": "time until the next attempt, s"}

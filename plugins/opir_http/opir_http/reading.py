@@ -63,6 +63,20 @@ def _pairs_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return unique
 
 
+def merged(present: Mapping[str, Any], patch: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an object with a merge patch applied (RFC 7396)."""
+    result = dict(present)
+    for key, value in patch.items():
+        before = result.get(key)
+        if value is None:
+            result.pop(key, None)
+        elif isinstance(value, Mapping):
+            result[key] = merged(before if isinstance(before, Mapping) else {}, value)
+        else:
+            result[key] = value
+    return result
+
+
 def refuse_names(block: Mapping[str, Any]) -> None:
     """Raise `ProblemError` if a launch names a file or a variable."""
     errors = tuple((path, "only a scene may name files and variables") for path in _names(block))

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
-from litestar import HttpMethod, Litestar, Request, Response, get, post, put, route
+from litestar import HttpMethod, Litestar, Request, Response, get, patch, post, put, route
 from litestar.datastructures import ResponseHeader, State
 from litestar.exceptions import HTTPException
 from litestar.openapi import ResponseSpec
@@ -78,6 +78,14 @@ _LOCATION = ResponseHeader(
 _TAG = ResponseHeader(
     name="ETag", value="", documentation_only=True, description="entity tag of the configuration"
 )
+
+_IF_MATCH = {
+    "name": "If-Match",
+    "in": "header",
+    "required": True,
+    "description": "the ETag of the configuration to replace, or *",
+    "schema": {"type": "string", "minLength": 1, "pattern": '^("[0-9a-f]{32}"|\\*)$'},
+}
 
 #: Links from a response to further requests (OpenAPI 3.1, link objects).
 _AFTER_LAUNCH = {
@@ -278,7 +286,7 @@ async def status(request: AnyRequest) -> Response[Status]:
 @route("/config", http_method=HttpMethod.OPTIONS, status_code=204, include_in_schema=False)
 async def config_options() -> Response[None]:
     """Methods of the configuration."""
-    return Response(None, media_type="text/plain", headers={"Allow": "GET, OPTIONS, PUT"})
+    return Response(None, media_type="text/plain", headers={"Allow": "GET, OPTIONS, PATCH, PUT"})
 
 
 @get("/config", response_headers=[_TAG], **described(links=_AFTER_CONFIG))
@@ -295,19 +303,7 @@ async def config(request: AnyRequest) -> Response[Config]:
     response_headers=[_TAG],
     **described(
         "Applied from this cycle on",
-        headers=[
-            {
-                "name": "If-Match",
-                "in": "header",
-                "required": True,
-                "description": "the ETag of the configuration to replace, or *",
-                "schema": {
-                    "type": "string",
-                    "minLength": 1,
-                    "pattern": '^("[0-9a-f]{32}"|\\*)$',
-                },
-            }
-        ],
+        headers=[_IF_MATCH],
         body={"schema": {"$ref": f"{SCHEMAS}Config"}},
         links=_AFTER_CHANGE,
         problems=(403, 409, 412, 415, 422, 428, 429),
@@ -320,6 +316,31 @@ async def configure(request: AnyRequest) -> Response[Configured]:
     whole or not at all, at the start of the cycle in the answer. Settings that need a restart are
     rejected, by name.
     """
+    return await _configured(request, is_patch=False)
+
+
+@patch(
+    "/config",
+    response_headers=[_TAG],
+    status_code=200,
+    **described(
+        "Applied from this cycle on",
+        headers=[_IF_MATCH],
+        body={"schema": {"type": "object"}},
+        links=_AFTER_CHANGE,
+        problems=(403, 409, 412, 415, 422, 428, 429),
+    ),
+)
+async def patch_config(request: AnyRequest) -> Response[Configured]:
+    """Change some settings of the configuration.
+
+    The body is a merge patch (RFC 7396) of GET /config: an object replaces the keys that it has,
+    null removes a key, a list replaces the whole list. It is applied as PUT applies the result.
+    """
+    return await _configured(request, is_patch=True)
+
+
+async def _configured(request: AnyRequest, *, is_patch: bool) -> Response[Configured]:
     served = _served(request)
     if not served.service.settings.config_writes:
         raise ProblemError(403, "the service was started with --no-config-writes")
@@ -330,7 +351,9 @@ async def configure(request: AnyRequest) -> Response[Configured]:
     if not _ENTITY_TAG.fullmatch(if_match):
         raise ProblemError(400, "If-Match must be one ETag of GET /config, with its quotes, or *")
     try:
-        cycle, tag = await asyncio.to_thread(served.service.configure, settings, if_match)
+        cycle, tag = await asyncio.to_thread(
+            served.service.configure, settings, if_match, is_patch=is_patch
+        )
     finally:
         served.forget()
     return _json(Configured(cycle), headers={"ETag": tag})
@@ -490,6 +513,7 @@ ROUTES = [
     config_options,
     config,
     configure,
+    patch_config,
     detections,
     tracks,
     activity,

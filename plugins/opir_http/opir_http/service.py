@@ -27,7 +27,7 @@ from opir_http.answers import (
 from opir_http.feed import Feed
 from opir_http.health import Backlogs
 from opir_http.problems import ProblemError, problem_of
-from opir_http.reading import refuse_names, refuse_other_names
+from opir_http.reading import merged, refuse_names, refuse_other_names
 from opir_http.sensors import sensor_states, timestamp
 from opir_http.settings import LIVE, HttpSettings
 
@@ -113,14 +113,21 @@ class Service:
         """Return the entity tag of the present configuration."""
         return etag_of(self.config())
 
-    def configure(self, settings: Mapping[str, Any], if_match: str) -> tuple[int, str]:
+    def configuration_bytes(self) -> int:
+        """Return the size of the present configuration."""
+        return len(msgspec.json.encode(self.config()))
+
+    def configure(
+        self, settings: Mapping[str, Any], if_match: str, *, is_patch: bool = False
+    ) -> tuple[int, str]:
         """Apply a configuration, as a whole or not at all; return its first cycle and its entity
-        tag.
+        tag. Of a patch (RFC 7396) only what it names changes.
         """
         with self._writing:
-            if if_match not in ("*", self.etag()):
+            present = self.config()
+            if if_match not in ("*", etag_of(present)):
                 raise ProblemError(412, "the configuration is not that of If-Match; get it again")
-            scene = dict(settings)
+            scene = dict(merged(present, settings) if is_patch else settings)
             refuse_other_names(self.run.settings_mapping(), scene)
             http = self._http(scene.pop("http", None))
             try:

@@ -289,4 +289,6 @@ def server_of(
         service.run.halt()
         service.feed.stop()
 
-    return Server(Gate(app, lambda: service.settings, token, log), stop, on_start)
+    return Server(
+        Gate(app, lambda: service.settings, token, log, service.configuration_bytes), stop, on_start
+    )

@@ -7,8 +7,10 @@ from opir_core.plugin import flag, number, text
 #: Settings that can change while the service runs.
 LIVE = ("maximum_targets", "maximum_tracks", "maximum_viewers", "writes_per_s")
 
-#: Maximum size of a request body, bytes.
+#: Maximum size of a request body, bytes, but of a configuration, which may have at most this many
+#: times the bytes of the present one: indented it has two or three times as many.
 MAXIMUM_BODY_BYTES = 64 * 1024
+CONFIGURATION_SHARE = 4
 #: Time, s, in which the headers of a request, and then its body, must arrive.
 HEADERS_S = 10.0
 BODY_S = 10.0

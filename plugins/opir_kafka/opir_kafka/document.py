@@ -1,6 +1,7 @@
 """The AsyncAPI document of the topic, generated from settings and schemas."""
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -72,7 +73,26 @@ def _messages() -> dict[str, Any]:
         encoder = host.component(EventEncoder, name)
         if encoder.schema is not None:
             texts.setdefault(encoder.schema(), encoder)
-    return {encoder.name: _message(encoder, json.loads(text)) for text, encoder in texts.items()}
+    return {
+        encoder.name: _message(encoder, _payload(encoder.name, text))
+        for text, encoder in texts.items()
+    }
+
+
+def _payload(name: str, text: str) -> dict[str, Any]:
+    """Return a schema whose references begin at the root of the document, as AsyncAPI reads them;
+    an identifier of its own would be another root.
+    """
+    place = f'"#/components/messages/{name}/payload/schema/$defs/'
+    schema: dict[str, Any] = json.loads(text.replace('"#/$defs/', place))
+    schema.pop("$id", None)
+    return schema
+
+
+def _same_major(version: str) -> str:
+    """Return the pattern of a version and of all minor versions of its major."""
+    major, dot, _minor = version.rpartition(".")
+    return f"^{re.escape(major + dot)}[0-9]+$"
 
 
 def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any]:
@@ -81,7 +101,7 @@ def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any
         "type": "object",
         "properties": {
             "content-type": {"const": "application/json"},
-            "schema-version": {"const": version},
+            "schema-version": {"type": "string", "pattern": _same_major(version)},
         },
         "required": ["content-type", "schema-version"],
     }

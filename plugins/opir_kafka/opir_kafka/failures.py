@@ -112,6 +112,14 @@ class SmallerBatchesError(errors.KafkaError):  # type: ignore[misc]
     """A batch was too large; smaller ones follow."""
 
 
+class TopicError(errors.KafkaError):  # type: ignore[misc]
+    """A topic that takes no messages; the message says why."""
+
+    def __str__(self) -> str:
+        """Return the message alone."""
+        return str(self.args[0])
+
+
 class TlsExpectedError(errors.KafkaError):  # type: ignore[misc]
     """The listener speaks TLS; plain text was sent."""
 
@@ -181,7 +189,7 @@ _MESSAGES = (
 
 def words(error: BaseException, servers: str) -> str:
     """Return the message for an error, without secrets."""
-    if isinstance(error, SinkError):
+    if isinstance(error, SinkError | TopicError):
         return str(error)
     if isinstance(error, ssl.SSLError):
         return _tls_words(error, servers)

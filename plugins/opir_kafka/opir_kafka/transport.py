@@ -9,18 +9,21 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
 from aiokafka import AIOKafkaProducer
+from aiokafka.errors import UnknownTopicOrPartitionError
 from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
 from opir_core.plugin import Batch, Transport
 from opir_kafka.connection import OURS, Connector, close_producer, probe
-from opir_kafka.failures import TOO_LARGE, SmallerBatchesError, is_fatal, words
+from opir_kafka.failures import TOO_LARGE, SmallerBatchesError, TopicError, is_fatal, words
 from opir_kafka.lanes import Lane, Shipment
 from opir_kafka.settings import KafkaConfig
+from opir_kafka.topic import compaction_warning, topic_fault, topic_settings
 
 _log = logging.getLogger(__name__)
 
@@ -50,6 +53,9 @@ class KafkaTransport(Transport):
         self._lanes: dict[int, Lane] = {}
         self._partition_of: Callable[[bytes], int] | None = None
         self._fatal: SinkError | None = None
+        #: Why partitions take no messages, as their topic's metadata say.
+        self._faults: dict[int, str] = {}
+        self._is_topic_examined = False
         self._is_to_retry = asyncio.Event()
         self._pauses_s = self._pauses()
         self._most_messages = sys.maxsize
@@ -127,8 +133,11 @@ class KafkaTransport(Transport):
                     self._fail(SinkError(trouble))
                     await self._is_to_retry.wait()  # without a deadline: only the sink knows when
                     continue
-                self._note(trouble)
+                self._note(self._fault() or trouble)
             await asyncio.sleep(next(self._pauses_s))
+
+    def _fault(self) -> str | None:
+        return next(iter(self._faults.values()), None)
 
     def _note(self, trouble: str) -> None:
         if trouble != self.trouble:
@@ -153,32 +162,51 @@ class KafkaTransport(Transport):
         connection.
         """
         producer = await self._connect()
-        tasks = []
+        tasks: list[asyncio.Task[None]] = []
+        examining: list[asyncio.Task[None]] = []
         try:
             self._open_lanes(await self._partitioning(producer))
-            self.trouble = None
+            self.trouble = self._fault()
             tasks = [
                 asyncio.create_task(self._send(producer, number, lane), name=f"{OURS} {number}")
                 for number, lane in self._lanes.items()
             ]
+            examining = [asyncio.create_task(self._examine(producer), name=f"{OURS} topic")]
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
             for task in done:
                 task.result()
         finally:
             self._partition_of = None
-            for task in tasks:
+            for task in (*tasks, *examining):
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.gather(*tasks, *examining, return_exceptions=True)
             await close_producer(producer)
 
     async def _partitioning(
         self, producer: AIOKafkaProducer
     ) -> tuple[list[int], Callable[[bytes], int]]:
         """Return the topic's partitions, and the partition of a key by Kafka's default rule."""
-        async with asyncio.timeout(self._config.connect_timeout_s):
-            partitions = sorted(await producer.partitions_for(self._config.topic))
+        try:
+            async with asyncio.timeout(self._config.connect_timeout_s):
+                partitions = sorted(await producer.partitions_for(self._config.topic))
+        except (TimeoutError, UnknownTopicOrPartitionError):
+            async with asyncio.timeout(self._config.request_timeout_s):
+                if fault := await topic_fault(producer.client, self._config.topic):
+                    raise TopicError(fault) from None
+            raise
         choose = DefaultPartitioner()
         return partitions, cache(lambda key: int(choose(key, partitions, partitions)))
+
+    async def _examine(self, producer: AIOKafkaProducer) -> None:
+        """Log once if the topic does not keep all messages; a broker need not say."""
+        if self._is_topic_examined:
+            return
+        with suppress(Exception):
+            async with asyncio.timeout(self._config.request_timeout_s):
+                settings = await topic_settings(producer.client, self._config.topic)
+            self._is_topic_examined = True
+            if warning := compaction_warning(self._config.topic, settings):
+                _log.warning("%s", warning)
 
     def _open_lanes(self, partitioning: tuple[list[int], Callable[[bytes], int]]) -> None:
         partitions, self._partition_of = partitioning
@@ -198,9 +226,10 @@ class KafkaTransport(Transport):
             batch.close()
             try:
                 async with asyncio.timeout(timeout_s):
-                    await self._explained(
-                        await producer.send_batch(batch, self._config.topic, partition=partition)
+                    sending = await producer.send_batch(
+                        batch, self._config.topic, partition=partition
                     )
+                    await self._explained(producer, partition, sending)
             except TOO_LARGE:
                 count = sum(len(rows) for _, rows in sent)
                 if count == 1:
@@ -209,28 +238,40 @@ class KafkaTransport(Transport):
                 self._most_messages = min(self._most_messages, count // 2)
                 raise SmallerBatchesError from None
             self._pauses_s = self._pauses()
-            self.trouble = None
+            self._faults.pop(partition, None)
+            self.trouble = self._fault()
             self.attempts = 0
             for shipment, rows in sent:
                 self.acknowledged += len(rows)
                 if shipment.acknowledge(rows):
                     del self._shipments[shipment]
 
-    async def _explained(self, sending: "asyncio.Future[Any]") -> None:
-        """Wait for an acknowledgement; while there is none, connect now and then to see why.
+    async def _explained(
+        self, producer: AIOKafkaProducer, partition: int, sending: "asyncio.Future[Any]"
+    ) -> None:
+        """Wait for an acknowledgement; while there is none, look now and then for the reason.
 
         aiokafka only logs that a broker is gone or refuses a login, and tries ten times a second.
         """
         pause_s = _PATIENCE_S
         while not (await asyncio.wait([sending], timeout=pause_s))[0]:
-            await self._probe()
+            await self._probe(producer, partition)
             pause_s = min(2.0 * pause_s, _LONGEST_PATIENCE_S)
         await sending
 
-    async def _probe(self) -> None:
-        """Note why no connection can be made; raise what is permanent."""
+    async def _probe(self, producer: AIOKafkaProducer, partition: int) -> None:
+        """Note why no connection can be made, or why the partition takes no messages; raise what is
+        permanent.
+        """
         try:
             await probe(self._config)
+            async with asyncio.timeout(self._config.request_timeout_s):
+                fault = await topic_fault(producer.client, self._config.topic, partition)
+            if fault:
+                self._faults[partition] = fault
+                self._note(fault)
+            elif self._faults.pop(partition, None):
+                self.trouble = self._fault()
         except Exception as error:
             self.attempts += 1
             if is_fatal(error):

@@ -13,6 +13,7 @@ from opir_scoring import percent_text
 from opir_core.arrays import BoolArray
 from opir_core.errors import Problem, SceneError, reason_of
 from opir_core.output import FILES_KEY, file_digest, finish_interrupted
+from opir_core.reading import STUDY_FORMAT
 from opir_report.figure_data import FigureData
 from opir_report.words import level_value, level_words, setting_words
 
@@ -22,8 +23,6 @@ RUNS = "runs.parquet"
 LAUNCHES = "launches.parquet"
 SHARES = "shares.parquet"
 SENSITIVITY = "sensitivity.csv"
-#: The version of the definition that is read.
-STUDY_VERSION = 3
 #: The setting by which studies side by side differ.
 STUDY = "study"
 #: The setting that stands for all conditions of a study, and for what it is split by.
@@ -249,9 +248,7 @@ def read_study(path: Path) -> SavedStudy:
         words = f"has damaged results ({reason}); run the study again: its runs are kept"
         raise _study_error(words, folder) from error
     version = definition.get("study_version") if isinstance(definition, dict) else None
-    if version != STUDY_VERSION:
-        words = f"of study version {version}, where {STUDY_VERSION} is read: run the study anew"
-        raise SceneError([Problem("study_version", words)], source=str(folder / DEFINITION))
+    STUDY_FORMAT.require_readable(version, folder / DEFINITION, "study_version")
     runs, launches, shares = (
         _columns(parquet.read_table(folder / name)) if (folder / name).is_file() else None
         for name in (RUNS, LAUNCHES, SHARES)

@@ -27,7 +27,7 @@ from opir_core.arrays import FloatArray
 from opir_core.errors import reason_of
 from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
 from opir_core.random_streams import SCHEME
-from opir_core.reading import data_of_node, node_of_yaml
+from opir_core.reading import STUDY_FORMAT, data_of_node, node_of_yaml
 from opir_core.scene import file_bytes, text_of
 from opir_studies.finished import StudyRuns
 from opir_studies.parts import parquet_bytes
@@ -55,7 +55,6 @@ SHARES_CSV = "shares.csv"
 SENSITIVITY = "sensitivity.csv"
 DEFINITION = "study.json"
 TIMES = "run_times.csv"
-_VERSION = 3
 
 
 @frozen(eq=False)
@@ -148,9 +147,7 @@ def load_study(folder: str | Path) -> StudyResult:
     finish_interrupted(place / DEFINITION)
     try:
         definition = json.loads((place / DEFINITION).read_text(encoding="utf-8"))
-        if (version := definition.get("study_version")) != _VERSION:
-            words = f"of study version {version}, where {_VERSION} is read: run the study again"
-            raise refusal("study_version", words, str(place))
+        STUDY_FORMAT.require_readable(definition.get("study_version"), place, "study_version")
         for entry in definition.get(FILES_KEY, ()):
             if file_digest(place / entry["name"]) != entry["sha256"]:
                 raise ValueError(f"{entry['name']} is not what was written: its SHA-256 differs")
@@ -228,7 +225,7 @@ def _failure_notes(runs: StudyRuns) -> list[str]:
 def _definition(planned: PlannedStudy, runs: StudyRuns) -> Mapping[str, Any]:
     study = planned.study
     return {
-        "study_version": _VERSION,
+        "study_version": STUDY_FORMAT.version,
         "study": study.study,
         "question": study.question,
         "split": study.split,

@@ -30,7 +30,7 @@ from opir_core.plugin import REPORTED_TYPES, Detections, EncoderContext, Tracks,
 from opir_core.random_streams import uuid8_words, uuid_text
 
 VALIDATOR = jsonschema.Draft202012Validator(
-    detection_schema(), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER
+    detection_schema(is_closed=True), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER
 )
 PAPER_FIELDS = [
     "detection_id",

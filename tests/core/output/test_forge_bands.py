@@ -30,7 +30,7 @@ SENSORS = (
 CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=1_775_044_800_000_000)
 PLAIN = ForgeEncoder(CONTEXT)
 WITH_BANDS = ForgeEncoder(CONTEXT, has_irradiances=True)
-VALIDATOR = jsonschema.Draft202012Validator(detection_schema())
+VALIDATOR = jsonschema.Draft202012Validator(detection_schema(is_closed=True))
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
 

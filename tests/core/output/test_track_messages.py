@@ -35,7 +35,7 @@ HYPOTHESES = tuple(each.name for each in core_hypotheses())
 CONTEXT = EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US, hypotheses=HYPOTHESES)
 ENCODER: Encoder = TracksEncoder(CONTEXT)
 VALIDATOR = jsonschema.Draft202012Validator(
-    schema("track"), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER
+    schema("track", is_closed=True), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER
 )
 TIMESTAMPS = {"timestamp", "available_at"}
 #: A short burn, of which tracks go on for a while.
@@ -107,7 +107,7 @@ def test_messages_are_lines_of_the_tracks_file(tmp_path: Path) -> None:
             name: value
             for name, value in message.items()
             if name not in {*TIMESTAMPS, "schema_version"}
-        } == line
+        } | {"schema_version": "tracks-2.0"} == line
 
 
 def test_a_tick_beyond_timestamps_is_refused() -> None:

@@ -75,8 +75,8 @@ def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
     tracks = tracks_of(1, launch=np.radians([[34.5, -120.25, np.degrees(12.0)]]))
     (line,) = written(tmp_path, tracks)
     assert list(line) == [
-        "time_s", "track_id", "available_s", "target_type", "type_probability", "hypotheses", "probability_launch",
-        "probability_missile", "probability_orbit", "probability_comes_down", "position_ecef_m",
+        "schema_version", "time_s", "track_id", "available_s", "target_type", "type_probability", "hypotheses",
+        "probability_launch", "probability_missile", "probability_orbit", "probability_comes_down", "position_ecef_m",
         "velocity_ecef_m_s", "covariance", "ellipsoid_sigmas", "launch", "burnout", "impact", "impact_regions",
         "probability_burning", "probability_relights", "end", "seen_s", "is_brief",
     ]  # fmt: skip
@@ -126,6 +126,7 @@ def test_unknown_values_are_null_and_read_as_nan(tmp_path: Path) -> None:
     tracks = stub_estimates(2)
     line, _ = written(tmp_path, tracks)
     estimate_columns = {
+        "schema_version": "tracks-2.0",
         "time_s": 0.0,
         "track_id": 0,
         "available_s": 0.0,

@@ -165,9 +165,9 @@ def test_a_truth_that_burns_otherwise_is_refused(copied):
         (
             "manifest_version",
             "1",
-            "manifest_version: of manifest version 1, where 2 is read: run the scene anew",
+            "manifest_version: of manifest version 1, where 2.x is read: run the scene anew",
         ),
-        ("manifest_version", None, "manifest_version: of manifest version None, where 2 is read"),
+        ("manifest_version", None, "manifest_version: None is no version, such as 2.1"),
         ("counts", 3, "counts: not what opir writes: counts must be a block"),
     ],
 )

@@ -1,11 +1,12 @@
 """Events as JSON: opir's own, one per line, or a list of objects with the same keys."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from opir_core.plugin import BadFileError
-from opir_readers.detections.numbers import Row, Rows
+from opir_core.reading import EVENT_FORMAT
+from opir_readers.detections.numbers import NOTES, Row, Rows
 
 #: The keys of times, and of directions.
 _TIMES = ("timestamp", "time_s")
@@ -46,10 +47,25 @@ def is_of_events(text: str) -> bool:
 
 def event_rows(text: str) -> Rows:
     """Return the detections of a text; raises `BadFileError` with the line of another value."""
-    rows = [_row(value, line) for value, line in _values(text)]
+    values = list(_values(text))
+    notes = _version_notes(values)
+    rows = [_row(value, line) for value, line in values]
     if not rows:
         raise BadFileError("has no detection")
-    return rows
+    return [{**rows[0], NOTES: notes}, *rows[1:]] if notes else rows
+
+
+def _version_notes(values: Sequence[tuple[Any, int | None]]) -> list[str]:
+    """Return what there is to say of the versions of events; `BadFileError` for one not read."""
+    stated = dict[str, int | None]()
+    for value, line in values:
+        version = value.get("schema_version") if isinstance(value, dict) else None
+        if version is not None:
+            stated.setdefault(str(version), line)
+    for version, line in stated.items():
+        if refusal := EVENT_FORMAT.refusal(version):
+            raise BadFileError(f"{_place(line)}schema_version: {refusal}")
+    return [note for version in stated if (note := EVENT_FORMAT.note(version))]
 
 
 def _values(text: str) -> Iterator[tuple[Any, int | None]]:

@@ -1,0 +1,230 @@
+"""Files that another process removes, cuts off or replaces under a run: the run says so and ends
+with its exit code, and calls nothing delivered that is in no file.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from spool_transports import MIB, Holding, spooled, window
+from waiting import until
+
+from opir_core import compile_plan
+from opir_core.cli.main import main
+from opir_core.errors import SinkError
+from opir_core.live import LiveRun, LiveSettings
+from opir_core.output import deliver
+from opir_core.output.spool import Journal
+from opir_core.plugin import Host
+from opir_core.reading import scene_from_mapping
+from opir_core.simulation.run import plan_windows
+
+SCENE: Mapping[str, Any] = {
+    "scene": "under",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 40.0,
+    "seed": 1,
+    "sensors": [{"constellation": "SBIRS-GEO"}],
+    "targets": [
+        {
+            "id": "T1",
+            "type": "ICBM",
+            "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 1.0},
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+        }
+    ],
+}
+
+
+def removed(path: Path) -> None:
+    path.unlink()
+
+
+def replaced(path: Path) -> None:
+    other = path.with_name("other")
+    other.write_bytes(b"")
+    other.replace(path)
+
+
+def cut(path: Path) -> None:
+    os.truncate(path, path.stat().st_size // 2)
+
+
+HARMS = pytest.mark.parametrize("harm", [removed, replaced, cut])
+
+
+class Once:
+    """Harms a file after the third window with events."""
+
+    def __init__(self, harm: Callable[[Path], None], path: Path) -> None:
+        self._harm = harm
+        self._path = path
+        self._windows = 0
+        self.lines = 0
+
+    def __call__(self, window: Any) -> None:
+        self._windows += len(getattr(window, "window", window).detections) > 0
+        if self._windows == 3:
+            self._windows += 1
+            self.lines = lines_in(self._path)
+            self._harm(self._path)
+
+
+def scene_of(output: Mapping[str, Any]) -> Any:
+    return scene_from_mapping({**SCENE, "outputs": [{"jsonl": output}]})
+
+
+def lines_in(path: Path) -> int:
+    return path.read_bytes().count(b"\n") if path.is_file() else 0
+
+
+def batch_run(folder: Path, on_window: Any, **spool: Any) -> Any:
+    plan = compile_plan(scene_of({"path": str(folder / "e.jsonl"), **spool}))
+    return deliver(
+        plan,
+        truth_path=folder / "e.truth.jsonl",
+        manifest_path=folder / "e.manifest.json",
+        on_window=on_window,
+        windows=plan_windows(plan, 2.0),
+    )
+
+
+@HARMS
+@pytest.mark.parametrize("name", ["e.jsonl", "e.truth.jsonl", "e.manifest.json"])
+def test_files_of_a_batch_run(name: str, harm: Any, tmp_path: Path) -> None:
+    path = tmp_path / f"{name}.part"
+    if name == "e.manifest.json" and harm is cut:
+        harm = lambda _: None  # noqa: E731 - it is empty until the end
+    ending = None
+    try:
+        outcome = batch_run(tmp_path, Once(harm, path))
+        outcome.raise_for_failures()
+    except SinkError as error:
+        ending = error
+    manifest = tmp_path / "e.manifest.json"
+    if ending is None:
+        assert name == manifest.name
+        for entry in json.loads(manifest.read_text())["written_files"]:
+            content = (tmp_path / entry["name"]).read_bytes()
+            assert hashlib.sha256(content).hexdigest() == entry["sha256"]
+        return
+    assert ending.exit_code == 5
+    assert "another process" in str(ending)
+    assert str(tmp_path / name) in str(ending)
+    assert not manifest.exists()
+    assert not (tmp_path / "e.jsonl").exists()
+
+
+@HARMS
+@pytest.mark.parametrize("name", ["e.jsonl", "e.spool", "e.spool-wal"])
+def test_files_of_a_spooled_batch_run(name: str, harm: Any, tmp_path: Path) -> None:
+    spool = {"path": str(tmp_path / "e.spool"), "survives_power_cut": True}
+    harmed = Once(harm, tmp_path / name)
+    outcome = batch_run(tmp_path, harmed, spool=spool)
+    with pytest.raises(SinkError, match="another process") as ending:
+        outcome.raise_for_failures()
+    assert ending.value.exit_code == 5
+    (delivery,) = outcome.report.sinks
+    taken = outcome.report.events
+    assert delivery.delivered + delivery.spooled + delivery.dropped == taken
+    if name == "e.jsonl":
+        assert delivery.spooled > 0
+        assert delivery.delivered <= harmed.lines
+    else:
+        assert delivery.delivered == lines_in(tmp_path / "e.jsonl")
+        assert delivery.spooled == 0
+
+
+@HARMS
+@pytest.mark.parametrize("name", ["spool", "spool-wal"])
+@pytest.mark.parametrize("is_acknowledged", [False, True])
+def test_a_spool_before_a_transport(
+    name: str, harm: Any, is_acknowledged: bool, tmp_path: Path
+) -> None:
+    carrier = Holding("take" if is_acknowledged else "hold")
+    sink = spooled(tmp_path / "spool", carrier)
+    sink.write(window(500))
+    if is_acknowledged:
+        until(lambda: sink.delivery_so_far().delivered == 500)
+    assert sink.parked is None
+    harm(tmp_path / name)
+    assert "another process" in str(sink.parked)
+    assert sink.outlives_the_process is False
+    sink.write(window(100, 500))
+    delivery = sink.close()
+    assert f"the spool {tmp_path / 'spool'} cannot be written: the file or its log: another" in (
+        delivery.complaint or ""
+    )
+    assert (delivery.spooled, delivery.delivered + delivery.dropped) == (0, 600)
+    assert delivery.delivered <= len(carrier.ids)
+    assert delivery.delivered >= 500 * is_acknowledged
+
+
+@HARMS
+@pytest.mark.parametrize("is_spooled", [False, True])
+def test_the_file_of_a_live_run(is_spooled: bool, harm: Any, tmp_path: Path) -> None:
+    path = tmp_path / "e.jsonl"
+    spool = {"spool": {"path": str(tmp_path / "e.spool")}} if is_spooled else {}
+
+    def harmed(live: Any) -> None:
+        if live.window.start_s == 20.0:
+            until(lambda: lines_in(path) > 100)
+            harm(path)
+
+    settings = LiveSettings(speed=None, cycle_ns=1_000_000_000)
+    run = LiveRun(scene_of({"path": str(path), **spool}), Host.discover(), settings, harmed)
+    run.start()
+    until(lambda: run.status().state == "ended")
+    status = run.stop()
+    (sink,) = status.sinks
+    assert sink.state == "failed"
+    assert "another process" in (sink.error or "")
+    assert sink.delivered + sink.spooled + sink.dropped == status.detections
+    assert sink.spooled > 0 if is_spooled else sink.dropped > 0
+
+
+def test_the_command_ends_with_the_code_of_its_outputs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spool = tmp_path / "e.spool"
+    take = Journal.acknowledge
+
+    def harmed(journal: Journal, numbers: Any) -> None:
+        take(journal, numbers)
+        spool.unlink(missing_ok=True)
+
+    monkeypatch.setattr(Journal, "acknowledge", harmed)
+    scene = tmp_path / "scene.yaml"
+    output = {"path": str(tmp_path / "e.jsonl"), "spool": {"path": str(spool)}}
+    scene.write_text(json.dumps({**SCENE, "outputs": [{"jsonl": output}]}))
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", str(scene), "--quiet"]) == 5
+    assert "the file or its log: another process removed it" in capsys.readouterr().err
+
+
+def test_a_file_that_is_moved_away_is_still_written(tmp_path: Path) -> None:
+    """As logs are rotated: what is written is in the moved file."""
+    path = tmp_path / "e.jsonl"
+
+    def moved(live: Any) -> None:
+        if live.window.start_s == 20.0:
+            path.rename(tmp_path / "e.1.jsonl")
+
+    settings = LiveSettings(speed=None, cycle_ns=1_000_000_000)
+    run = LiveRun(scene_of({"path": str(path)}), Host.discover(), settings, moved)
+    run.start()
+    until(lambda: run.status().state == "ended")
+    status = run.stop()
+    assert status.sinks[0].delivered == status.detections == lines_in(tmp_path / "e.1.jsonl")
+
+
+def test_a_spool_that_nobody_touches_has_no_fault(tmp_path: Path) -> None:
+    journal = Journal(str(tmp_path / "spool"), MIB)
+    assert journal.outlives_the_process
+    assert journal.sync_fault == ""
+    journal.close()
+    assert journal.sync_fault == ""
