@@ -329,6 +329,12 @@ class SceneBuilder:
                 fields["director"] = self.components.named(
                     "opir_directors", values["director"], "director"
                 )
+        if values.get("links") is not None and "sensors" in fields:
+            with self.collector.at(key_step("links")):
+                from opir_core.reading.links import read_links  # few scenes have links
+
+                ids = [sensor.id for sensor in fields["sensors"]]
+                fields["links"] = read_links(values["links"], ids)
         if detection.reason and "detection" in fields:
             fields["detection"] = evolve(fields["detection"], reason=detection.reason, written={})
         return fields

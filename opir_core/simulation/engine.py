@@ -41,6 +41,7 @@ from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
 
 if TYPE_CHECKING:
     from opir_core.simulation.directing import Directing
+    from opir_core.simulation.links import LinkQueues
     from opir_core.simulation.pointing import PointedFields
     from opir_core.simulation.reporting import ReportingDelays
 
@@ -56,6 +57,7 @@ class Engine:
         self._scheduled: ScheduledTracker | None = None
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
         self._fields, self._directing = _directed(plan)
+        self._links = _link_queues(plan)
         with self._plugin_errors:
             self._count = CountDetections(plan)
             self._stages = self._planned_stages(plan)
@@ -100,6 +102,8 @@ class Engine:
         if self.plan.sensors is not former.plan.sensors:
             self._tracker.set_sensors(self.plan.tracker_sensors())
         self._count.take_over(former._count)
+        if former._links is not None and self._links is not None:
+            self._links.take_over(former._links)
         if former._directing is not None and self._fields is not None:
             self._fields.take_over(former._directing.fields)
             former._directing.use(self.plan, self._fields)
@@ -175,6 +179,8 @@ class Engine:
         """Return a window of observations with the tracks of its ticks, and what these change in
         its detections.
         """
+        if self._links is not None:
+            window = self._links.passed_on(window)
         with self._plugin_errors:
             tracked = self._tracker.absorb(window.detections, start_ns, end_ns)
             detections = with_tracks(
@@ -195,6 +201,15 @@ def _directed(plan: Plan) -> "tuple[PointedFields | None, Directing | None]":
     from opir_core.simulation.directing import directed
 
     return directed(plan)
+
+
+def _link_queues(plan: Plan) -> "LinkQueues | None":
+    """Return the queues of a plan's links; None without any."""
+    if plan.links is None:
+        return None
+    from opir_core.simulation.links import LinkQueues
+
+    return LinkQueues(plan.links, len(plan.sensors))
 
 
 def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:

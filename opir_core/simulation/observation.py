@@ -118,4 +118,5 @@ def joined_windows(windows: Sequence[Window]) -> Window:
         estimates=Tracks.concatenate(window.estimates for window in windows),
         health=last.health,
         commands=tuple(record for window in windows for record in window.commands),
+        lost=None if first.lost is None else sum(window.lost for window in windows),
     )

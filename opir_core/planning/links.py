@@ -1,0 +1,310 @@
+"""The links of a plan: by sensor when its transmitter is open, and which way a report takes then."""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from itertools import pairwise, product
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.errors import Problem, SceneError
+from opir_core.geometry import components, geodetic_to_ecef, length
+from opir_core.interfaces.sensors import Orbit, Sensor
+from opir_core.orbits.contacts import contact_intervals, crosslink_intervals
+from opir_core.orbits.orbit_models import GeostationaryOrbit
+from opir_core.random_streams.failures import failure_spans_s
+from opir_core.random_streams.philox import stream_key
+from opir_core.scene.links import ANY, Downlink, LinkOutage, Links
+from opir_core.scene.scene import Scene
+
+#: The purpose of the streams of outages at random.
+STREAM = "link-outage"
+
+#: The stage of reporting that links take the place of.
+_REPLACED = "downlink"
+
+
+@frozen(eq=False)
+class StationPlace:
+    """A ground station as a node: it stands at (3,), ECEF, m."""
+
+    ecef_m: FloatArray
+    mask_rad: float
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return its positions (n, 3) at times (n,)."""
+        return np.broadcast_to(self.ecef_m, (len(time_s), 3))
+
+
+@frozen(eq=False)
+class Transmitter:
+    """A sensor's transmitter: open or closed between `edge_ns` (k + 1,), with a path while open.
+
+    `path` (k,) are numbers of the network's paths, -1 while closed; `open_ns` (k + 1,) is how long
+    it has been open up to each edge. Times are those of the scene.
+    """
+
+    downlink: Downlink
+    edge_ns: IntArray
+    path: IntArray
+    open_ns: IntArray
+
+    @property
+    def service_ns(self) -> int:
+        """The time that it takes for a report, ns; at least 1."""
+        return max(round(self.downlink.service_s * 1e9), 1)
+
+    def open_until_ns(self, time_ns: IntArray) -> IntArray:
+        """Return how long (n,), ns, it has been open up to times (n,) of the scene."""
+        segment = np.searchsorted(self.edge_ns, time_ns, side="right") - 1
+        segment = np.clip(segment, 0, len(self.path) - 1)
+        since_ns = np.minimum(time_ns, self.edge_ns[-1]) - self.edge_ns[segment]
+        return self.open_ns[segment] + np.where(self.path[segment] >= 0, since_ns, 0)
+
+    def sent(self, until_ns: IntArray) -> tuple[IntArray, IntArray]:
+        """Return when (n,), ns, it has been open for so long (n,), and its paths (n,) up to then.
+
+        Both are -1 for what it is not open for.
+        """
+        segment = np.searchsorted(self.open_ns, until_ns, side="left") - 1
+        is_sent = segment < len(self.path)
+        segment = np.clip(segment, 0, len(self.path) - 1)
+        time_ns = self.edge_ns[segment] + until_ns - self.open_ns[segment]
+        return np.where(is_sent, time_ns, -1), np.where(is_sent, self.path[segment], -1)
+
+
+@frozen(eq=False)
+class NetworkPath:
+    """A way from a sensor to the ground: its nodes, the sensor first, and what it delays in them."""
+
+    nodes: tuple[str, ...]
+    delay_ns: int
+
+    @property
+    def hops(self) -> tuple[str, ...]:
+        """The nodes after the sensor."""
+        return self.nodes[1:]
+
+
+@frozen(eq=False)
+class Network:
+    """The links of a plan, by number of the sensor; `nodes` have the positions of its paths."""
+
+    nodes: Mapping[str, Orbit | StationPlace]
+    paths: tuple[NetworkPath, ...]
+    transmitters: Mapping[int, Transmitter]
+
+    def flight_ns(self, path: int, time_ns: IntArray) -> IntArray:
+        """Return the times (n,), ns, that reports sent at times (n,) take along a path: light time
+        by the places of its nodes then, and the delays in them.
+        """
+        time_s = time_ns * 1e-9
+        ends = [self.nodes[name].position_ecef_m(time_s) for name in self.paths[path].nodes]
+        distance_m = np.zeros(len(time_ns))
+        for before_m, after_m in pairwise(ends):
+            distance_m += length(*components(after_m - before_m))
+        light_ns = np.rint(distance_m * (1e9 / SPEED_OF_LIGHT_M_S)).astype(np.int64)
+        return light_ns + self.paths[path].delay_ns
+
+    @property
+    def quickest_ns(self) -> int:
+        """The time, ns, in which a report gets through its sensor's slowest path, without a queue
+        and a wait for a contact.
+        """
+        slowest_ns = [
+            transmitter.service_ns
+            + max(
+                int(self.flight_ns(path, transmitter.edge_ns[:-1][transmitter.path == path]).max())
+                for path in np.unique(transmitter.path[transmitter.path >= 0]).tolist()
+            )
+            for transmitter in self.transmitters.values()
+            if (transmitter.path >= 0).any()
+        ]
+        return max(slowest_ns, default=0)
+
+
+def path_uses(network: Network, sensors: Sequence[Sensor], end_ns: int) -> list[Mapping[str, Any]]:
+    """Return a row for each sensor and path that is used before an end, and one for the rest, as
+    plain values.
+
+    `share` is that of the time up to the end, `delay_s` from look to arrival without a queue, at
+    the first use; `longest_s` the longest time in which the sensor has this path, or none, at once.
+    """
+    rows = list[Mapping[str, Any]]()
+    for number, transmitter in network.transmitters.items():
+        inside = transmitter.edge_ns[:-1] < end_ns
+        start_ns = transmitter.edge_ns[:-1][inside]
+        stop_ns = np.minimum(transmitter.edge_ns[1:][inside], end_ns)
+        path = transmitter.path[inside]
+        for used in np.unique(path).tolist():
+            of_path = path == used
+            delay_ns = transmitter.service_ns + (
+                network.flight_ns(used, start_ns[of_path][:1])[0] if used >= 0 else 0
+            )
+            rows.append(
+                {
+                    "sensor_id": sensors[number].id,
+                    "path": list(network.paths[used].hops) if used >= 0 else None,
+                    "share": float((stop_ns - start_ns)[of_path].sum() / end_ns),
+                    "longest_s": _longest_ns(start_ns, stop_ns, of_path) * 1e-9,
+                    "delay_s": float(delay_ns * 1e-9) if used >= 0 else None,
+                }
+            )
+    return rows
+
+
+def _longest_ns(start_ns: IntArray, stop_ns: IntArray, has_path: BoolArray) -> int:
+    """Return the longest time, ns, in which neighbouring spans (n,) have a path."""
+    group = np.cumsum(np.diff(has_path, prepend=False))
+    lengths_ns = np.bincount(group, np.where(has_path, stop_ns - start_ns, 0))
+    return int(lengths_ns.max())
+
+
+def network_of(scene: Scene, links: Links, sensors: Sequence[Sensor]) -> Network:
+    """Return the links of a scene; raises `SceneError` for a sensor that has a latency of its
+    downlink beside them.
+    """
+    nodes = _nodes(links, sensors)
+    downlinks = {number: links.downlink_of(sensor.id) for number, sensor in enumerate(sensors)}
+    own = {number: downlink for number, downlink in downlinks.items() if downlink is not None}
+    _require_one_downlink([sensors[number] for number in own])
+    compiler = _Compiler(scene, links, nodes)
+    transmitters = {
+        number: compiler.transmitter(sensors[number].id, downlink)
+        for number, downlink in own.items()
+    }
+    return Network(nodes, tuple(compiler.paths), transmitters)
+
+
+def _nodes(links: Links, sensors: Sequence[Sensor]) -> dict[str, Orbit | StationPlace]:
+    """Return all nodes by their ids: sensors, relays, stations, in this order."""
+    stations = {
+        station.id: StationPlace(
+            geodetic_to_ecef(
+                np.radians(station.lat_deg), np.radians(station.lon_deg), station.height_m
+            ),
+            float(np.radians(station.mask_deg)),
+        )
+        for station in links.stations
+    }
+    relays = {relay.id: GeostationaryOrbit(relay.lon_deg) for relay in links.relays}
+    return {**{sensor.id: sensor.orbit for sensor in sensors}, **relays, **stations}
+
+
+def _require_one_downlink(sensors: Sequence[Sensor]) -> None:
+    for sensor in sensors:
+        latencies_s = [stage.mean_s for stage in sensor.reporting if stage.name == _REPLACED]
+        if any(latencies_s):
+            words = (
+                f"{sensor.id} has reporting.{_REPLACED} too; links take its place, leave one out"
+            )
+            raise SceneError([Problem("links.downlinks", words)])
+
+
+class _Compiler:
+    """Compiles the transmitters of sensors; contacts of pairs of nodes are computed once."""
+
+    def __init__(
+        self, scene: Scene, links: Links, nodes: Mapping[str, Orbit | StationPlace]
+    ) -> None:
+        self._links = links
+        self._nodes = nodes
+        self.paths = list[NetworkPath]()
+        longest_s = max(downlink.keep_s for downlink in links.downlinks)
+        self._end_s = scene.duration_s + longest_s
+        self._contacts = cache(self._contact_ns)
+        self._outages = [
+            (outage.node, _outage_ns(scene.seed, number, outage, self._end_s))
+            for number, outage in enumerate(links.outages)
+        ]
+
+    def transmitter(self, sensor: str, downlink: Downlink) -> Transmitter:
+        """Return the transmitter of a sensor."""
+        paths = self._paths_of(sensor, downlink)
+        contacts = [list(map(self._contacts, path.nodes[:-1], path.nodes[1:])) for path in paths]
+        outages = [[span for name, span in self._outages if name in path.nodes] for path in paths]
+        spans = [span.ravel() for of_path in (*contacts, *outages) for span in of_path]
+        end_ns = round(self._end_s * 1e9)
+        edge_ns = np.unique(np.concatenate([*spans, [0, end_ns]]))
+        edge_ns = edge_ns[(edge_ns >= 0) & (edge_ns <= end_ns)]
+        # Between two edges nothing changes.
+        is_open = np.array(
+            [_is_open(edge_ns[:-1], *of_path) for of_path in zip(contacts, outages, strict=True)]
+        )
+        path = np.where(is_open.any(axis=0), len(self.paths) + is_open.argmax(axis=0), -1)
+        lengths_ns = np.where(path >= 0, np.diff(edge_ns), 0)
+        self.paths += paths
+        return Transmitter(downlink, edge_ns, path, np.append(0, np.cumsum(lengths_ns)))
+
+    def _paths_of(self, sensor: str, downlink: Downlink) -> list[NetworkPath]:
+        """Return the paths of a sensor, in order, with satellites in place of `any`."""
+        written = downlink.paths or tuple((station.id,) for station in self._links.stations)
+        ways = [way for hops in written for way in self._ways(sensor, hops)]
+        return [NetworkPath(way, self._delay_ns(way)) for way in dict.fromkeys(ways)]
+
+    def _ways(self, sensor: str, hops: Sequence[str]) -> list[tuple[str, ...]]:
+        """Return the ways from a sensor over hops, none of them twice."""
+        satellites = [
+            name for name, node in self._nodes.items() if not isinstance(node, StationPlace)
+        ]
+        choices = [satellites if hop == ANY else [hop] for hop in hops]
+        ways = product([sensor], *choices)
+        return [way for way in ways if len(set(way)) == len(way)]
+
+    def _delay_ns(self, way: Sequence[str]) -> int:
+        nodes = (*self._links.stations, *self._links.relays)
+        return round(1e9 * sum(node.delay_s for node in nodes if node.id in way))
+
+    def _contact_ns(self, sender: str, receiver: str) -> IntArray:
+        """Return the spans (n, 2), ns, in which a satellite and the next node see each other."""
+        orbit = self._nodes[sender]
+        other = self._nodes[receiver]
+        if isinstance(other, StationPlace):
+            spans_s = contact_intervals(
+                orbit, other.ecef_m, mask_rad=other.mask_rad, start_s=0.0, stop_s=self._end_s
+            )
+        else:
+            clearance_m = 1e3 * self._links.clearance_km
+            spans_s = crosslink_intervals(
+                orbit, other, clearance_m=clearance_m, start_s=0.0, stop_s=self._end_s
+            )
+        return np.rint(spans_s * 1e9).astype(np.int64)
+
+
+def _outage_ns(seed: int, number: int, outage: LinkOutage, end_s: float) -> IntArray:
+    """Return the spans (n, 2), ns, of an outage; those at random by the seed."""
+    stop_s = max(min(outage.end_s, end_s), outage.at_s)
+    if outage.mtbf_s is None or outage.mttr_s is None:
+        spans_s = np.array([[outage.at_s, stop_s]])
+    else:
+        spans_s = failure_spans_s(
+            stream_key(seed, outage.node, STREAM, str(number)),
+            mtbf_s=outage.mtbf_s,
+            mttr_s=outage.mttr_s,
+            start_s=outage.at_s,
+            end_s=stop_s,
+        )
+    return np.rint(spans_s * 1e9).astype(np.int64)
+
+
+def _is_open(
+    time_ns: IntArray, contacts: Sequence[IntArray], outages: Sequence[IntArray]
+) -> BoolArray:
+    """Return whether a path is open from times (n,) on: in all contacts, and in none of the
+    outages.
+    """
+    is_open = np.ones(len(time_ns), dtype=np.bool_)
+    for spans in contacts:
+        is_open &= _is_inside(spans, time_ns)
+    for spans in outages:
+        is_open &= ~_is_inside(spans, time_ns)
+    return is_open
+
+
+def _is_inside(spans_ns: IntArray, time_ns: IntArray) -> BoolArray:
+    """Return whether times (n,) are in one of the spans (k, 2), which are in order."""
+    begun, ended = (np.searchsorted(edge, time_ns, side="right") for edge in spans_ns.T)
+    return begun > ended
