@@ -1,5 +1,6 @@
 """The links of a plan: by sensor when its transmitter is open, and which way a report takes then."""
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise, product
@@ -17,7 +18,7 @@ from opir_core.orbits.contacts import contact_intervals, crosslink_intervals
 from opir_core.orbits.orbit_models import GeostationaryOrbit
 from opir_core.random_streams.failures import failure_spans_s
 from opir_core.random_streams.philox import stream_key
-from opir_core.scene.links import ANY, Downlink, LinkOutage, Links
+from opir_core.scene.links import ANY, Downlink, GroundStation, LinkOutage, Links
 from opir_core.scene.scene import Scene
 
 #: The purpose of the streams of outages at random.
@@ -101,7 +102,7 @@ class Network:
         """Return the times (n,), ns, that reports sent at times (n,) take along a path: light time
         by the places of its nodes then, and the delays in them.
         """
-        time_s = time_ns * 1e-9
+        time_s: FloatArray = time_ns.astype(np.float64) * 1e-9
         ends = [self.nodes[name].position_ecef_m(time_s) for name in self.paths[path].nodes]
         distance_m = np.zeros(len(time_ns))
         for before_m, after_m in pairwise(ends):
@@ -167,31 +168,24 @@ def network_of(scene: Scene, links: Links, sensors: Sequence[Sensor]) -> Network
     """Return the links of a scene; raises `SceneError` for a sensor that has a latency of its
     downlink beside them.
     """
-    nodes = _nodes(links, sensors)
+    stations = {station.id: _placed(station) for station in links.stations}
+    satellites: dict[str, Orbit] = {sensor.id: sensor.orbit for sensor in sensors}
+    satellites |= {relay.id: GeostationaryOrbit(relay.lon_deg) for relay in links.relays}
     downlinks = {number: links.downlink_of(sensor.id) for number, sensor in enumerate(sensors)}
     own = {number: downlink for number, downlink in downlinks.items() if downlink is not None}
     _require_one_downlink([sensors[number] for number in own])
-    compiler = _Compiler(scene, links, nodes)
+    compiler = _Compiler(scene, links, satellites, stations)
     transmitters = {
         number: compiler.transmitter(sensors[number].id, downlink)
         for number, downlink in own.items()
     }
-    return Network(nodes, tuple(compiler.paths), transmitters)
+    return Network({**satellites, **stations}, tuple(compiler.paths), transmitters)
 
 
-def _nodes(links: Links, sensors: Sequence[Sensor]) -> dict[str, Orbit | StationPlace]:
-    """Return all nodes by their ids: sensors, relays, stations, in this order."""
-    stations = {
-        station.id: StationPlace(
-            geodetic_to_ecef(
-                np.radians(station.lat_deg), np.radians(station.lon_deg), station.height_m
-            ),
-            float(np.radians(station.mask_deg)),
-        )
-        for station in links.stations
-    }
-    relays = {relay.id: GeostationaryOrbit(relay.lon_deg) for relay in links.relays}
-    return {**{sensor.id: sensor.orbit for sensor in sensors}, **relays, **stations}
+def _placed(station: GroundStation) -> StationPlace:
+    latitude_rad = math.radians(station.lat_deg)
+    place_m = geodetic_to_ecef(latitude_rad, math.radians(station.lon_deg), station.height_m)
+    return StationPlace(place_m, math.radians(station.mask_deg))
 
 
 def _require_one_downlink(sensors: Sequence[Sensor]) -> None:
@@ -208,10 +202,15 @@ class _Compiler:
     """Compiles the transmitters of sensors; contacts of pairs of nodes are computed once."""
 
     def __init__(
-        self, scene: Scene, links: Links, nodes: Mapping[str, Orbit | StationPlace]
+        self,
+        scene: Scene,
+        links: Links,
+        satellites: Mapping[str, Orbit],
+        stations: Mapping[str, StationPlace],
     ) -> None:
         self._links = links
-        self._nodes = nodes
+        self._satellites = satellites
+        self._stations = stations
         self.paths = list[NetworkPath]()
         longest_s = max(downlink.keep_s for downlink in links.downlinks)
         self._end_s = scene.duration_s + longest_s
@@ -247,29 +246,33 @@ class _Compiler:
 
     def _ways(self, sensor: str, hops: Sequence[str]) -> list[tuple[str, ...]]:
         """Return the ways from a sensor over hops, none of them twice."""
-        satellites = [
-            name for name, node in self._nodes.items() if not isinstance(node, StationPlace)
-        ]
-        choices = [satellites if hop == ANY else [hop] for hop in hops]
+        choices = [[*self._satellites] if hop == ANY else [hop] for hop in hops]
         ways = product([sensor], *choices)
         return [way for way in ways if len(set(way)) == len(way)]
 
     def _delay_ns(self, way: Sequence[str]) -> int:
-        nodes = (*self._links.stations, *self._links.relays)
-        return round(1e9 * sum(node.delay_s for node in nodes if node.id in way))
+        delays_s = self._links.delays_s
+        return round(1e9 * sum(delays_s.get(name, 0.0) for name in way))
 
     def _contact_ns(self, sender: str, receiver: str) -> IntArray:
         """Return the spans (n, 2), ns, in which a satellite and the next node see each other."""
-        orbit = self._nodes[sender]
-        other = self._nodes[receiver]
-        if isinstance(other, StationPlace):
-            spans_s = contact_intervals(
-                orbit, other.ecef_m, mask_rad=other.mask_rad, start_s=0.0, stop_s=self._end_s
+        orbit = self._satellites[sender]
+        station = self._stations.get(receiver)
+        if station is None:
+            spans_s = crosslink_intervals(
+                orbit,
+                self._satellites[receiver],
+                clearance_m=1e3 * self._links.clearance_km,
+                start_s=0.0,
+                stop_s=self._end_s,
             )
         else:
-            clearance_m = 1e3 * self._links.clearance_km
-            spans_s = crosslink_intervals(
-                orbit, other, clearance_m=clearance_m, start_s=0.0, stop_s=self._end_s
+            spans_s = contact_intervals(
+                orbit,
+                station.ecef_m,
+                mask_rad=station.mask_rad,
+                start_s=0.0,
+                stop_s=self._end_s,
             )
         return np.rint(spans_s * 1e9).astype(np.int64)
 

@@ -14,9 +14,9 @@ def read_links(node: Node, sensors: Sequence[str]) -> Links:
     block = block_of(node)
     satellites = [*sensors, *(relay.id for relay in links.relays)]
     nodes = [*satellites, *(station.id for station in links.stations)]
-    for name in satellites:
-        if nodes.count(name) > 1:
-            raise node.refused(f"{name!r} names two nodes")
+    twice = next((name for name in satellites if nodes.count(name) > 1), None)
+    if twice is not None:
+        raise node.refused(f"{twice!r} names two nodes")
     for steps, name, known in _names(block, sensors, satellites, nodes):
         if name.value not in known:
             with under(*steps):

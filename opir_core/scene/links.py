@@ -182,7 +182,7 @@ class Links:
     )
 
     def __attrs_post_init__(self) -> None:
-        ids = [node.id for node in (*self.stations, *self.relays)]
+        ids = [*(station.id for station in self.stations), *(relay.id for relay in self.relays)]
         twice = sorted(name for name in set(ids) if ids.count(name) > 1 or name in ("", ANY))
         if twice:
             raise ValueError(f"{twice[0]!r} names two nodes, or is no name of one")
@@ -197,6 +197,12 @@ class Links:
             raise ValueError("two downlinks name no sensors; one is for all others")
         if not self.downlinks:
             raise ValueError("links need a downlink")
+
+    @property
+    def delays_s(self) -> dict[str, float]:
+        """What stations and relays delay a report, s, by their ids."""
+        stations = {station.id: station.delay_s for station in self.stations}
+        return stations | {relay.id: relay.delay_s for relay in self.relays}
 
     def downlink_of(self, sensor: str) -> Downlink | None:
         """Return the downlink of a sensor by its id; None if it has none."""

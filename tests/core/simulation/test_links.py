@@ -260,6 +260,15 @@ def test_explain_tells_paths_and_delays() -> None:
     assert explained(compile_plan(scene(None)))["links"] == []
 
 
+def test_an_overloaded_link_is_warned_of() -> None:
+    slow = explained(compile_plan(scene(links({"rate_bytes_s": 800.0, "message_bytes": 1000}))))
+    words = [line for line in slow["warnings"] if line.startswith("links: WEST: ")]
+    assert len(words) == 1
+    assert "its link is open for 90 s; reports queue" in words[0]
+    fast = explained(compile_plan(scene(links(FAST))))
+    assert not any(line.startswith("links") for line in fast["warnings"])
+
+
 def test_a_scene_is_written_and_read_again() -> None:
     whole = scene(QUEUED)
     again = opir.scene_from_mapping(scene_mapping(whole))
