@@ -39,6 +39,7 @@ from opir_core.planning.built_parts import (
 )
 from opir_core.planning.faults import SensorFaults, drawn_faults, watching
 from opir_core.planning.looks import LookGeometry
+from opir_core.planning.optional_parts import director_maker_of, network
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import (
     offered_hypotheses,
@@ -274,7 +275,7 @@ def reseeded(plan: Plan, seed: int) -> Plan:
         plan,
         scene=scene,
         bias=drawn_bias(seed, plan.sensors),
-        links=_network(scene, plan.sensors),
+        links=network(scene, plan.sensors),
     )
     with PluginErrors(host, scene):
         if scene.sources or plan.detection.uses_seed:
@@ -342,9 +343,9 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         make_tracker=make_tracker,
         bias=drawn_bias(scene.seed, sensors),
         end_ns=round(scene.duration_s * 1e9),
-        make_director=_director_maker(scene, host, sensors),
+        make_director=director_maker_of(scene, host, sensors),
         faults=SensorFaults.of(faults, [sensor.id for sensor in sensors]),
-        links=_network(scene, sensors),
+        links=network(scene, sensors),
         sources=sources,
         reported_types=reported_types(scene, host),
     )
@@ -467,26 +468,6 @@ def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:
             f"{owner_text(host, scene.tracker)}: {fault}; {check_hint(scene.tracker.name)}"
         )
     return tracker
-
-
-def _network(scene: Scene, sensors: tuple[Sensor, ...]) -> "Network | None":
-    """Return the links of a scene; None without any."""
-    if scene.links is None:
-        return None
-    from opir_core.planning.links import network_of
-
-    return network_of(scene, scene.links, sensors)
-
-
-def _director_maker(
-    scene: Scene, host: Host, sensors: tuple[Sensor, ...]
-) -> "Callable[[], Director] | None":
-    """Return what makes a scene's director; None without one."""
-    if scene.director is None:
-        return None
-    from opir_core.planning.directors import director_maker
-
-    return director_maker(scene, scene.director, host, sensors)
 
 
 def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:

@@ -41,7 +41,6 @@ from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
 
 if TYPE_CHECKING:
     from opir_core.simulation.directing import Directing
-    from opir_core.simulation.links import LinkQueues
     from opir_core.simulation.pointing import PointedFields
     from opir_core.simulation.reporting import ReportingDelays
 
@@ -57,7 +56,7 @@ class Engine:
         self._scheduled: ScheduledTracker | None = None
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
         self._fields, self._directing = _directed(plan)
-        self._links = _link_queues(plan)
+        self._links = None if plan.links is None else plan.links.queues(len(plan.sensors))
         with self._plugin_errors:
             self._count = CountDetections(plan)
             self._stages = self._planned_stages(plan)
@@ -201,15 +200,6 @@ def _directed(plan: Plan) -> "tuple[PointedFields | None, Directing | None]":
     from opir_core.simulation.directing import directed
 
     return directed(plan)
-
-
-def _link_queues(plan: Plan) -> "LinkQueues | None":
-    """Return the queues of a plan's links; None without any."""
-    if plan.links is None:
-        return None
-    from opir_core.simulation.links import LinkQueues
-
-    return LinkQueues(plan.links, len(plan.sensors))
 
 
 def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:

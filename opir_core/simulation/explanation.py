@@ -15,6 +15,7 @@ from opir_core.interfaces.classification import Classifier
 from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.sensors import Sensor
 from opir_core.orbits import eclipse_intervals, outage_intervals
+from opir_core.planning.link_compiler import path_uses
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
@@ -177,11 +178,7 @@ def _links(plan: Plan) -> list[Mapping[str, Any]]:
     """Return how long each sensor's transmitter is open during the scene, by path, and what a path
     delays a report without a queue; nothing without links.
     """
-    if plan.links is None:
-        return []
-    from opir_core.planning.links import path_uses
-
-    return path_uses(plan.links, plan.sensors, plan.end_ns)
+    return [] if plan.links is None else path_uses(plan.links, plan.sensors, plan.end_ns)
 
 
 def _tracking(plan: Plan) -> Mapping[str, Any]:

@@ -7,7 +7,6 @@ from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core.planning.plan import compile_plan
-from opir_core.simulation.links import LinkQueues
 
 LIGHT_M_S = 299_792_458.0
 NS = 1_000_000_000
@@ -23,7 +22,7 @@ def network(outages=(), **downlink):
 
 def waits_ns(links, time_ns, pieces=1):
     """Return the waits of reports with looks at times (n,), before they are sent."""
-    queues = LinkQueues(links, 2)
+    queues = links.queues(2)
     parts = [
         queues.passed_on(stub_window(len(part), time_ns=part, sensor=0)).detections
         for part in np.array_split(time_ns, pieces)
@@ -88,6 +87,6 @@ def test_lost_reports_are_as_many_as_their_rate_says():
         time_ns=poisson_ns(10.0, count, seed=2),
         detection_id=rng.integers(0, 2**63, (count, 2), dtype=np.uint64),
     )
-    lost = LinkQueues(links, 2).passed_on(window).lost
+    lost = links.queues(2).passed_on(window).lost
     assert lost.tolist() == [lost[0], 0]
     assert lost[0] == pytest.approx(0.03 * count, abs=3.0 * np.sqrt(0.03 * 0.97 * count))

@@ -49,8 +49,8 @@ def test_passes_over_the_pole_follow_the_triangle(mask_deg: float) -> None:
 def test_a_geostationary_satellite_is_in_contact_throughout_or_never() -> None:
     station_m = geodetic_to_ecef(0.3, 0.1, 0.0)
     settings = {"mask_rad": 0.1, "start_s": 0.0, "stop_s": 5000.0}
-    near = contact_intervals(GeostationaryOrbit(0.0), station_m, **settings)
-    assert near.tolist() == [[0.0, 5000.0]]
+    spans = contact_intervals(GeostationaryOrbit(0.0), station_m, **settings)
+    assert spans.tolist() == [[0.0, 5000.0]]
     assert contact_intervals(GeostationaryOrbit(180.0), station_m, **settings).shape == (0, 2)
 
 
@@ -59,8 +59,8 @@ def test_two_satellites_see_each_other_past_the_limb(clearance_m: float) -> None
     fixed = GeostationaryOrbit(0.0)
     far_m = float(np.abs(fixed.position_ecef_m(np.zeros(1))).max())
     low_m = 6_378_137.0 + clearance_m
-    apart = np.arccos(low_m / RADIUS_M) + np.arccos(low_m / far_m)
-    half_s = apart / RATE_RAD_S
+    angle_rad = np.arccos(low_m / RADIUS_M) + np.arccos(low_m / far_m)
+    half_s = angle_rad / RATE_RAD_S
     turn_s = 2.0 * np.pi / RATE_RAD_S
     spans = crosslink_intervals(
         Circle(RADIUS_M), fixed, clearance_m=clearance_m, start_s=0.0, stop_s=turn_s

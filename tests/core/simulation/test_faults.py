@@ -159,14 +159,14 @@ def test_faults_at_random_follow_the_seed_and_their_means() -> None:
     spans = plan.sensors[WEST].watched_s
     assert spans == opir.compile_plan(scene(rated, seed=4)).sensors[WEST].watched_s
     assert spans != opir.compile_plan(scene(rated, seed=5)).sensors[WEST].watched_s
-    again = opir.reseeded(plan, 5)
-    assert again.sensors[WEST].watched_s == (
+    reseeded = opir.reseeded(plan, 5)
+    assert reseeded.sensors[WEST].watched_s == (
         opir.compile_plan(scene(rated, seed=5)).sensors[WEST].watched_s
     )
     assert spans is not None
     assert spans[0][0] == 0.0
     assert spans[0][1] > 5.0
-    down = [(one[1], other[0]) for one, other in pairwise(spans)]
+    down = [(span[1], following[0]) for span, following in pairwise(spans)]
     time_s, _ = directions(opir.simulate(scene(rated, seed=4)), WEST)
     assert len(time_s) > 100
     assert not any(((time_s > start) & (time_s < end)).any() for start, end in down)
@@ -178,9 +178,10 @@ def test_faults_at_random_last_and_come_as_often_as_their_means_say() -> None:
     long = scene(fault("blind", 0.0, None, **settings), duration_s=6e5, targets=[], sources=[])
     drawn = opir.compile_plan(long).faults
     assert drawn is not None
-    spans = np.array([(each.at_s, each.end_s) for _, each in drawn.faults])
-    lasted, apart = spans[:, 1] - spans[:, 0], spans[1:, 0] - spans[:-1, 1]
-    for lengths, mean_s in ((lasted, mttr_s), (apart, mtbf_s)):
+    spans = np.array([(drawn_fault.at_s, drawn_fault.end_s) for _, drawn_fault in drawn.faults])
+    repairs_s = spans[:, 1] - spans[:, 0]
+    gaps_s = spans[1:, 0] - spans[:-1, 1]
+    for lengths, mean_s in ((repairs_s, mttr_s), (gaps_s, mtbf_s)):
         assert lengths.mean() == pytest.approx(mean_s, abs=3.0 * mean_s / np.sqrt(len(lengths)))
         share = np.mean(lengths > mean_s)
         assert share == pytest.approx(np.exp(-1.0), abs=3.0 * 0.49 / np.sqrt(len(lengths)))

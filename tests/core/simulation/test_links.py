@@ -28,13 +28,13 @@ FAST = {"rate_bytes_s": 1e6}
 
 
 def links(*downlinks: dict[str, Any], **more: Any) -> dict[str, Any]:
-    given = {"downlinks": list(downlinks)} if downlinks else {}
-    return {"stations": [HAWAII, COLORADO], **given, **more}
+    listed = {"downlinks": list(downlinks)} if downlinks else {}
+    return {"stations": [HAWAII, COLORADO], **listed, **more}
 
 
 def scene(block: dict[str, Any] | None, **changes: Any) -> opir.Scene:
-    given = {} if block is None else {"links": block}
-    return opir.scene_from_mapping(two_sensor_scene(duration_s=90.0, **given, **changes))
+    written = {} if block is None else {"links": block}
+    return opir.scene_from_mapping(two_sensor_scene(duration_s=90.0, **written, **changes))
 
 
 def columns(run: opir.Run) -> list[bytes]:
@@ -106,16 +106,18 @@ def test_a_queue_serves_one_report_after_another() -> None:
 
 def test_in_an_outage_nothing_is_sent_and_the_next_path_is_taken() -> None:
     outage = {"node": "HI", "at_s": 20.0, "until_s": 40.0}
-    one = opir.simulate(scene(links({**FAST, "paths": [["HI"]]}, outages=[outage])))
-    look_s, delay_s = delays_s(one, WEST)
-    sent_s = look_s + delay_s - slant_s(one, WEST, HAWAII)
+    direct = opir.simulate(scene(links({**FAST, "paths": [["HI"]]}, outages=[outage])))
+    look_s, delay_s = delays_s(direct, WEST)
+    sent_s = look_s + delay_s - slant_s(direct, WEST, HAWAII)
     assert not ((sent_s > 20.0 + 1e-6) & (sent_s < 40.0)).any()
     waited = (look_s > 20.0) & (look_s < 40.0)
     queue = np.arange(1, np.count_nonzero(waited) + 1)
     np.testing.assert_allclose(sent_s[waited], 40.0 + 0.0005 * queue, atol=1e-6)
-    other = opir.simulate(scene(links(FAST, outages=[outage])))
-    names = other.plan.link_paths
-    for look, path in zip(*(other.detections.time_s, other.detections.path[:, 0]), strict=True):
+    switched = opir.simulate(scene(links(FAST, outages=[outage])))
+    names = switched.plan.link_paths
+    for look, path in zip(
+        *(switched.detections.time_s, switched.detections.path[:, 0]), strict=True
+    ):
         assert names[path] == (("CO",) if 20.0 <= look < 39.9995 else ("HI",)) or (
             abs(look - 20.0) < 1e-3
         )
@@ -146,19 +148,19 @@ def test_relays_crosslinks_and_any_pass_reports_on() -> None:
 
 
 def test_lost_reports_are_missing_and_counted() -> None:
-    whole = opir.simulate(scene(links(FAST)))
+    lossless = opir.simulate(scene(links(FAST)))
     run = opir.simulate(scene(links({**FAST, "loss": 0.25})))
     assert run.lost is not None
-    sent = len(whole.detections)
+    sent = len(lossless.detections)
     assert len(run.detections) + run.lost.sum() == sent
     assert run.lost.sum() == pytest.approx(0.25 * sent, abs=3.0 * np.sqrt(0.1875 * sent))
-    ids = set(map(tuple, whole.detections.detection_id.tolist()))
+    ids = set(map(tuple, lossless.detections.detection_id.tolist()))
     assert ids.issuperset(map(tuple, run.detections.detection_id.tolist()))
     assert run.summary["counts"]["lost_reports"] == run.lost.sum()
     # The same reports are lost with a larger share.
     more = opir.simulate(scene(links({**FAST, "loss": 0.5})))
-    kept = set(map(tuple, run.detections.detection_id.tolist()))
-    assert kept.issuperset(map(tuple, more.detections.detection_id.tolist()))
+    arrived = set(map(tuple, run.detections.detection_id.tolist()))
+    assert arrived.issuperset(map(tuple, more.detections.detection_id.tolist()))
 
 
 def test_reports_that_are_too_old_are_lost() -> None:
@@ -182,13 +184,13 @@ QUEUED = links(
 def test_windows_and_workers_change_no_byte(order: str) -> None:
     lag = {"tracking_lag_s": 60.0} if order == "report" else {}
     queued = scene(QUEUED, tracker="kepler-arc", tracking_order=order, **lag)
-    whole = opir.simulate(queued)
-    assert len(whole.tracks)
-    assert whole.detections.reported_ns.max() > 100e9
+    reference = opir.simulate(queued)
+    assert len(reference.tracks)
+    assert reference.detections.reported_ns.max() > 100e9
     for settings in ({"window_s": 0.7}, {"window_s": 11.0}, {"workers": 2, "window_s": 9.0}):
         run = opir.simulate(queued, **settings)
-        assert columns(run) == columns(whole), settings
-        assert run.lost.tolist() == whole.lost.tolist()
+        assert columns(run) == columns(reference), settings
+        assert run.lost.tolist() == reference.lost.tolist()
 
 
 def test_tracks_are_there_when_the_reports_are() -> None:
@@ -218,16 +220,16 @@ def test_a_live_run_has_the_events_of_the_batch_also_after_a_launch_is_added() -
 
 def test_a_changed_plan_goes_on_with_the_queues() -> None:
     plan = compile_plan(scene(QUEUED))
-    whole = [window.detections for window in plan_windows(plan, 30.0)]
+    windows = [window.detections for window in plan_windows(plan, 30.0)]
     engine = Engine(plan)
-    first = engine.advance(30_000_000_000)
+    start = engine.advance(30_000_000_000)
     changed = Engine(compile_plan(scene(QUEUED)))
     changed.take_over(engine)
-    second = changed.advance(90_000_000_000)
-    both = Detections.concatenate([first.detections, second.detections])
-    order = np.argsort(both.reported_ns, kind="stable")
-    joined = Detections.concatenate(whole)
-    assert both.reported_ns[order].tolist() == joined.reported_ns.tolist()
+    end = changed.advance(90_000_000_000)
+    changes = Detections.concatenate([start.detections, end.detections])
+    order = np.argsort(changes.reported_ns, kind="stable")
+    batch = Detections.concatenate(windows)
+    assert changes.reported_ns[order].tolist() == batch.reported_ns.tolist()
 
 
 def test_events_and_files_have_the_path(tmp_path: Path) -> None:
@@ -269,11 +271,11 @@ def test_an_overloaded_link_is_warned_of() -> None:
     assert not any(line.startswith("links") for line in fast["warnings"])
 
 
-def test_a_scene_is_written_and_read_again() -> None:
-    whole = scene(QUEUED)
-    again = opir.scene_from_mapping(scene_mapping(whole))
-    assert again == whole
-    assert scene_hash(again) != scene_hash(scene(links()))
+def test_a_scene_is_written_and_read_read() -> None:
+    written = scene(QUEUED)
+    read = opir.scene_from_mapping(scene_mapping(written))
+    assert read == written
+    assert scene_hash(read) != scene_hash(scene(links()))
 
 
 @pytest.mark.parametrize(
