@@ -19,6 +19,7 @@ from modelled import modelled_pages
 from opir_core.cli.main import main as opir
 from opir_core.host.host import Host
 from opir_core.reading.scene_schema import SceneFile
+from opir_core.scene.links import Links
 from opir_core.scene.scene import SceneDrag
 
 DOCS = Path(__file__).resolve().parent
@@ -71,6 +72,11 @@ def scene_page() -> str:
             "",
             HEAD,
             *rows(SceneFile),
+            "",
+            "`links` has the settings of [links](../how-to/links.md):",
+            "",
+            HEAD,
+            *rows(Links),
             "",
             (
                 "`forces` is what acts on targets between burnout and impact: `kepler`, or a list out"

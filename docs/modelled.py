@@ -15,6 +15,7 @@ from opir_core.host.components import CATALOGUE, Component
 from opir_core.host.host import Host
 from opir_core.reading.scene_schema import SceneFile
 from opir_core.scene.field_rows import FieldRow, field_rows
+from opir_core.scene.links import Links
 from opir_core.scene.scene import SceneDrag, SpoolConfig
 
 
@@ -347,6 +348,7 @@ def _others() -> Mapping[str, type]:
     return {
         "scene": SceneFile,
         "forces: [{drag: ...}]": SceneDrag,
+        "links": Links,
         "sensors: [{fleet: ...}]": FleetConfig,
         "output's spool": SpoolConfig,
         "opir serve": HttpSettings,

@@ -170,6 +170,17 @@ def _reporting_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     return row["sensor_id"], f"{row['mean_s']:g}", f"{row['sigma_s']:.3g}", ", ".join(stages) or "-"
 
 
+def _link_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    path = row["path"]
+    return (
+        row["sensor_id"],
+        "no contact" if path is None else " > ".join(path),
+        f"{row['share']:.1%}",
+        f"{row['longest_s']:.1f}",
+        "waits" if path is None else f"{row['delay_s']:.3f}",
+    )
+
+
 def _spread(stage: Mapping[str, Any]) -> str:
     """Return `35 ± 8.66`, or `35` for a constant latency."""
     return (
@@ -231,6 +242,11 @@ _TABLES = {
         ("sensor", "band", "NEI W/m2", "noise over NEI", "in one pixel", "saturation W/m2"),
         _focal_plane_cells,
         (2, 3, 4, 5),
+    ),
+    "links": _Listing(
+        ("sensor", "reports go by", "of the time", "longest s", "arrive after s"),
+        _link_cells,
+        (2, 3, 4),
     ),
     "reporting": _Listing(("sensor", "reports after s", "σ s", "stages"), _reporting_cells),
 }

@@ -294,14 +294,17 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
     )  # a quiet run has no answers
 
     counts = outcome.summary["counts"]
-    is_delayed = any(row["reporting_mean_s"] for row in outcome.summary["sensors"])
+    lost = counts.get("lost_reports")
+    is_delayed = lost is not None or any(
+        row["reporting_mean_s"] for row in outcome.summary["sensors"]
+    )
     head = (
         f"{scene.name}: {grouped(counts['detections'])} detections in {grouped(counts['looks'])}"
         f" looks, "
         f"{scene.duration_s:g} s, seed {scene.seed}"
     )
     sections = [
-        "\n".join([head, *scene.automatic]),
+        "\n".join([head, *([] if lost is None else [_lost(counts)]), *scene.automatic]),
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
         _health(outcome.summary),
@@ -314,6 +317,12 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         ),
     ]
     return "\n\n".join(section for section in sections if section)
+
+
+def _lost(counts: Mapping[str, int]) -> str:
+    """Return how many reports the links lose, in words."""
+    sent = counts["detections"] + counts["lost_reports"]
+    return f"links: {grouped(counts['lost_reports'])} of {grouped(sent)} reports do not arrive"
 
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")

@@ -172,7 +172,8 @@ class EncoderContext:
     """The context of an encoder; `reported_types` are the names of the detections' codes.
 
     `hypotheses` are the names of what a hot object may be, in the order of
-    `Tracks.hypothesis_probability`. `render` joins lines from columns for the core's encoders; None
+    `Tracks.hypothesis_probability`. `paths` are the ways of reports to the ground, by number, each
+    the nodes after the sensor. `render` joins lines from columns for the core's encoders; None
     is the reference.
     """
 
@@ -180,6 +181,7 @@ class EncoderContext:
     epoch_us: int
     reported_types: tuple[str, ...] = REPORTED_TYPES
     hypotheses: tuple[str, ...] = ()
+    paths: tuple[tuple[str, ...], ...] = ()
     render: Renderer | None = field(default=None, eq=False)
 
 

@@ -129,6 +129,9 @@ class Detections(Columns):
     state at the last tick before the detection, or -1. If the scene tracks in the order of report,
     it is the last tick available before the report.
 
+    `path` (n, 1) is the number of the report's way to the ground among those of the plan's links,
+    -1 for a sensor without a link; (n, 0) if the scene has no links.
+
     `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis
     across it, without the bias common to all lines of sight of a sensor. `band_irradiance_w_m2` (n,
     B) is measured at the aperture, nan beyond the sensor's own bands; B is the largest number of
@@ -149,6 +152,7 @@ class Detections(Columns):
         "band_irradiance_w_m2": (0,),
         "type_log_probability": (0,),
         "hypothesis_log_probability": (0,),
+        "path": (0,),
     }
 
     time_ns: IntArray
@@ -172,6 +176,9 @@ class Detections(Columns):
     reported_ns: IntArray = field(default=_computed(lambda rows: rows.time_ns))
     hypothesis_log_probability: FloatArray = field(
         default=_computed(lambda rows: np.empty((len(rows.time_ns), 0)))
+    )
+    path: IntArray = field(
+        default=_computed(lambda rows: np.empty((len(rows.time_ns), 0), dtype=np.int64))
     )
 
     @property
@@ -347,6 +354,7 @@ class Window:
     `detections` are those reported in the window, `truth` has their rows; `tracks` are the rows of
     the ticks in the window; `estimates` those to which `detections.estimate` refers. `health` is
     what the tracker has found of the sensors, if it says so. `commands` are those of its director.
+    `lost` (sensors,) are the reports that do not arrive, None without links.
     """
 
     start_s: float
@@ -358,6 +366,7 @@ class Window:
     estimates: Tracks
     health: SensorHealth | None = None
     commands: tuple[CommandRecord, ...] = ()
+    lost: IntArray | None = None
 
     def __repr__(self) -> str:
         """Return the window in one line."""

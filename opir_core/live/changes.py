@@ -143,7 +143,7 @@ _FIXED = {
     **dict.fromkeys(
         ("tracker", "tracking_order", "tracking_lag_s"), f"{_RESTART}: tracks would be lost"
     ),
-    **dict.fromkeys(("sources", "limits", "faults"), _RESTART),
+    **dict.fromkeys(("sources", "limits", "faults", "links"), _RESTART),
 }
 
 

@@ -8,6 +8,10 @@ from opir_core.orbits.configs import (
     TundraConfig as TundraConfig,
     WalkerConfig as WalkerConfig,
 )
+from opir_core.orbits.contacts import (
+    contact_intervals as contact_intervals,
+    crosslink_intervals as crosslink_intervals,
+)
 from opir_core.orbits.elements import (
     CRITICAL_INCLINATION_RAD as CRITICAL_INCLINATION_RAD,
     Elements as Elements,

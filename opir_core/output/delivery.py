@@ -319,6 +319,7 @@ def _origin(plan: Plan) -> EncoderContext:
         epoch_us=plan.scene.epoch_us,
         reported_types=plan.reported_types,
         hypotheses=plan.hypothesis_names,
+        paths=plan.link_paths,
     )
 
 

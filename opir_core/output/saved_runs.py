@@ -82,6 +82,7 @@ class _Event(msgspec.Struct, gc=False):
     target_type: str = "UNKNOWN"
     confidence: float | None = None
     reported_at: str | None = None
+    path: tuple[str, ...] | None = None
     bands: tuple[str, ...] = ()
     snr: float | None = None
     scan: int | None = None
@@ -279,6 +280,7 @@ class _Columns:
             line_of_sight_sigma_rad=_numbers(self._values("line_of_sight_sigma_urad")) * 1e-6,
             band_irradiance_w_m2=self._irradiances(sensor),
             type_log_probability=self._type_probabilities(),
+            path=self._paths(sensor),
         )
         return self._with_reports(detections)
 
@@ -358,6 +360,18 @@ class _Columns:
                 [(row.band_irradiance_w_m2 or {}).get(name) for name in band_names]
             )
         return values
+
+    def _paths(self, sensor: IndexArray) -> IntArray:
+        """Return the ways to the ground (n, 1), -1 for what is none of the scene; (n, 0) without
+        links.
+        """
+        links = self.plan.links
+        if links is None:
+            return np.empty((len(self.rows), 0), dtype=np.int64)
+        numbers = {path.nodes: number for number, path in enumerate(links.paths)}
+        ids = [self.plan.sensors[number].id for number in sensor.tolist()]
+        nodes = ((id_, *(row.path or ())) for id_, row in zip(ids, self.rows, strict=True))
+        return np.array([[numbers.get(way, -1)] for way in nodes], dtype=np.int64).reshape(-1, 1)
 
     def _type_probabilities(self) -> FloatArray:
         if not any(row.type_probability for row in self.rows):

@@ -9,8 +9,13 @@ from attrs import evolve
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.sensors import Sensor, Spans
 from opir_core.planning.sensor_states import turned
+from opir_core.random_streams.failures import failure_spans_s
+from opir_core.random_streams.philox import stream_key
 from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, SensorFault
 from opir_core.scene.scene import Scene
+
+#: The purpose of the streams of faults at random.
+STREAM = "fault"
 
 
 class SensorFaults(NamedTuple):
@@ -75,10 +80,35 @@ class SensorFaults(NamedTuple):
                 yield fault, np.flatnonzero((sensor == number) & is_late)
 
 
-def watching(sensor: Sensor, scene: Scene) -> Sensor:
+def drawn_faults(scene: Scene) -> tuple[SensorFault, ...]:
+    """Return the faults of a scene; of each that comes at random the times that its seed draws."""
+    return tuple(
+        each for number, fault in enumerate(scene.faults) for each in _drawn(scene, number, fault)
+    )
+
+
+def _drawn(scene: Scene, number: int, fault: SensorFault) -> list[SensorFault]:
+    if fault.mtbf_s is None or fault.mttr_s is None:
+        return [fault]
+    spans_s = failure_spans_s(
+        stream_key(scene.seed, fault.sensor, STREAM, str(number)),
+        mtbf_s=fault.mtbf_s,
+        mttr_s=fault.mttr_s,
+        start_s=fault.at_s,
+        end_s=min(fault.end_s, scene.duration_s),
+    )
+    settled = evolve(fault, mtbf_s=None, mttr_s=None)
+    return [
+        evolve(settled, at_s=start_s, until_s=until_s)
+        for start_s, until_s in spans_s.tolist()
+        if start_s < until_s
+    ]
+
+
+def watching(sensor: Sensor, scene: Scene, faults: Iterable[SensorFault]) -> Sensor:
     """Return a sensor with the spans in which it looks by its scene, where it does not throughout."""
     watched_s = scene.watched_s.get(sensor.id, sensor.watched_s)
-    for fault in scene.faults:
+    for fault in faults:
         if fault.sensor == sensor.id and fault.fault == DOWN:
             watched_s = _without(watched_s or ((0.0, scene.duration_s),), fault)
     return sensor if watched_s is None else evolve(sensor, watched_s=watched_s)

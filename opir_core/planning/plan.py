@@ -37,8 +37,9 @@ from opir_core.planning.built_parts import (
     tracker_fault,
     trajectories_fault,
 )
-from opir_core.planning.faults import SensorFaults, watching
+from opir_core.planning.faults import SensorFaults, drawn_faults, watching
 from opir_core.planning.looks import LookGeometry
+from opir_core.planning.optional_parts import director_maker_of, network
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import (
     offered_hypotheses,
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
     from opir_core.interfaces.directors import Director
     from opir_core.interfaces.radiometric_models import Sources
+    from opir_core.planning.links import Network
 
 
 @frozen(eq=False, kw_only=True, repr=False)
@@ -87,10 +89,22 @@ class PlanParts:
     make_director: "Callable[[], Director] | None" = None
     #: The faults of the sensors; None without any.
     faults: SensorFaults | None = None
+    #: The links by which reports get to the ground; None without any.
+    links: "Network | None" = None
     #: The built `sources` of the scene; their emitters follow the launches in `targets`.
     sources: "tuple[Sources, ...]" = ()
     #: The names of the types that events report, by code.
     reported_types: tuple[str, ...] = REPORTED_TYPES
+
+    @property
+    def has_latency(self) -> bool:
+        """Whether reports come later than their looks."""
+        return self.links is not None or any(sensor.reporting for sensor in self.sensors)
+
+    @property
+    def link_paths(self) -> tuple[tuple[str, ...], ...]:
+        """The ways of reports to the ground, by number: the nodes after the sensor."""
+        return () if self.links is None else tuple(path.hops for path in self.links.paths)
 
     def pair_compiler(self, exclusions: Sequence[SolarExclusion | None]) -> PairCompiler:
         """Return the compiler of the pairs of sensors and targets."""
@@ -255,7 +269,14 @@ def reseeded(plan: Plan, seed: int) -> Plan:
     """
     scene = evolve(plan.scene, seed=seed)
     host = plan.host
-    changed = evolve(plan, scene=scene, bias=drawn_bias(seed, plan.sensors))
+    if any(fault.mtbf_s is not None for fault in scene.faults):
+        return compile_plan(scene, host)
+    changed = evolve(
+        plan,
+        scene=scene,
+        bias=drawn_bias(seed, plan.sensors),
+        links=network(scene, plan.sensors),
+    )
     with PluginErrors(host, scene):
         if scene.sources or plan.detection.uses_seed:
             changed = evolve(changed, **_seeded_parts(plan, scene))
@@ -290,6 +311,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     Raises `SceneError` with the problems of all sensors, sources and targets.
     """
     problems = BuildProblems()
+    faults = drawn_faults(scene)
     built_sensors = list[Sensor]()
     for choice in scene.sensors:
         with problems.of(choice.model.path):
@@ -300,7 +322,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
                 duration_s=scene.duration_s,
             )
             sensor = _sensor(host, choice.model, context)
-            built_sensors.append(watching(sensor, scene))
+            built_sensors.append(watching(sensor, scene, faults))
     sensors = tuple(built_sensors)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
@@ -321,8 +343,9 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         make_tracker=make_tracker,
         bias=drawn_bias(scene.seed, sensors),
         end_ns=round(scene.duration_s * 1e9),
-        make_director=_director_maker(scene, host, sensors),
-        faults=SensorFaults.of(scene.faults, [sensor.id for sensor in sensors]),
+        make_director=director_maker_of(scene, host, sensors),
+        faults=SensorFaults.of(faults, [sensor.id for sensor in sensors]),
+        links=network(scene, sensors),
         sources=sources,
         reported_types=reported_types(scene, host),
     )
@@ -445,17 +468,6 @@ def _tracker(scene: Scene, host: Host, context: TrackerContext) -> Tracker:
             f"{owner_text(host, scene.tracker)}: {fault}; {check_hint(scene.tracker.name)}"
         )
     return tracker
-
-
-def _director_maker(
-    scene: Scene, host: Host, sensors: tuple[Sensor, ...]
-) -> "Callable[[], Director] | None":
-    """Return what makes a scene's director; None without one."""
-    if scene.director is None:
-        return None
-    from opir_core.planning.directors import director_maker
-
-    return director_maker(scene, scene.director, host, sensors)
 
 
 def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:

@@ -33,6 +33,7 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         **({"watched_s": plain_spans(scene.watched_s)} if scene.watched_s else {}),
         **({} if scene.director is None else {"director": _block(scene.director)}),
         **({"faults": [_set_values(fault) for fault in scene.faults]} if scene.faults else {}),
+        **({} if scene.links is None else {"links": _set_values(scene.links)}),
         "forces": ("kepler" if scene.forces.is_kepler else [*scene.forces.zonal, *drag]),
         "sensors": _sensors(scene.sensors),
         "targets": [_target(target) for target in scene.targets],

@@ -5,6 +5,7 @@ Sensors stand alone, in constellations by name, or in constellations with their 
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from importlib import import_module
 from typing import Any
 
 from attrs import evolve, fields, frozen
@@ -329,9 +330,19 @@ class SceneBuilder:
                 fields["director"] = self.components.named(
                     "opir_directors", values["director"], "director"
                 )
+        if values.get("links") is not None:
+            fields["links"] = self._links(values["links"], fields.get("sensors", ()))
         if detection.reason and "detection" in fields:
             fields["detection"] = evolve(fields["detection"], reason=detection.reason, written={})
         return fields
+
+    def _links(self, node: Node, sensors: Sequence[SceneSensor]) -> Any:
+        """Return the links of a node; their reader is imported for scenes that have links."""
+        with self.collector.at(key_step("links")):
+            if sensors:  # else their errors are collected already
+                reader = import_module("opir_core.reading.links")
+                return reader.read_links(node, [sensor.id for sensor in sensors])
+        return None
 
     def default_name(self, key: str, nodes: Mapping[str, Any]) -> str:
         """Return the name that a key has if the scene names none; a detection model may bring its

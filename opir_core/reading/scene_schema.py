@@ -163,6 +163,11 @@ class SceneFile:
         default=(),
         source="choice",
     )
+    links: Node | None = nested(
+        help="links: ground stations, relays and queues on the way of reports to the ground",
+        default=None,
+        source="none: reports arrive after the latencies of `reporting`",
+    )
     director: Node | None = nested(
         help="director: points sensors with a narrow field during the run; its name, or a block of"
         " model and settings",

@@ -18,9 +18,21 @@ _SETTINGS = {
 }
 
 
+def span_complaint(
+    at_s: float, until_s: float | None, mtbf_s: float | None, mttr_s: float | None
+) -> str | None:
+    """Return what is wrong with the times of a failure, None if nothing is."""
+    if until_s is not None and not at_s < until_s:
+        return f"the repair at {until_s:g} s is not after {at_s:g} s"
+    if (mtbf_s is None) != (mttr_s is None):
+        return "mtbf_s and mttr_s belong together"
+    return None
+
+
 @frozen(kw_only=True)
 class SensorFault:
-    """A fault of one sensor, from `at_s` until `until_s`; repaired then.
+    """A fault of one sensor, from `at_s` until `until_s`; repaired then. With `mtbf_s` and `mttr_s`
+    it comes and goes at random in this time.
 
     >>> SensorFault(sensor="S2", fault="noise", at_s=60.0, factor=3.0).end_s
     inf
@@ -37,6 +49,21 @@ class SensorFault:
     at_s: float = number(help="start of the fault, scene time", unit="s", minimum=0.0, source="")
     until_s: float | None = number(
         help="time of the repair; without one the fault stays",
+        unit="s",
+        above=0.0,
+        default=None,
+        source="choice",
+    )
+    mtbf_s: float | None = number(
+        help="mean time between failures: between `at_s` and `until_s` the fault comes at random, by"
+        " the seed",
+        unit="s",
+        above=0.0,
+        default=None,
+        source="choice",
+    )
+    mttr_s: float | None = number(
+        help="mean time to repair of faults at random",
         unit="s",
         above=0.0,
         default=None,
@@ -76,8 +103,9 @@ class SensorFault:
             raise ValueError(f"{self.fault} has no {unread[0]}")
         if own and not given:
             raise ValueError(f"{self.fault} needs {' or '.join(own)}")
-        if not self.at_s < self.end_s:
-            raise ValueError(f"the repair at {self.end_s:g} s is not after {self.at_s:g} s")
+        complaint = span_complaint(self.at_s, self.until_s, self.mtbf_s, self.mttr_s)
+        if complaint:
+            raise ValueError(complaint)
 
     @property
     def end_s(self) -> float:
@@ -90,4 +118,7 @@ class SensorFault:
         given = [f"{name} {value:g}" for name, value in values.items() if value is not None]
         size = f" ({', '.join(given)})" if given else ""
         end = "on" if self.until_s is None else f"to {self.until_s:g} s"
-        return f"{self.sensor}: {self.fault}{size} from {self.at_s:g} s {end}"
+        rate = (
+            "" if self.mtbf_s is None else f" at random, {self.mttr_s:g} s every {self.mtbf_s:g} s"
+        )
+        return f"{self.sensor}: {self.fault}{size} from {self.at_s:g} s {end}{rate}"

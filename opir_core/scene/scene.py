@@ -1,7 +1,7 @@
 """The scene: what is simulated, as frozen values. No file is read and nothing is computed here."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from attrs import asdict, field, fields, frozen, has
 
@@ -9,6 +9,9 @@ from opir_core.errors import number_of
 from opir_core.notebook import html_view
 from opir_core.scene.faults import SensorFault
 from opir_core.scene.fields import flag, nested, number, text
+
+if TYPE_CHECKING:
+    from opir_core.scene.links import Links
 
 #: The target types a scene may launch, in the order of their codes.
 TARGET_TYPES = ("ICBM", "IRBM", "SRBM")
@@ -277,6 +280,8 @@ class Scene:
     #: By sensor the spans in which it looks, s; other sensors look throughout.
     watched_s: Mapping[str, tuple[tuple[float, float], ...]] = field(factory=dict, hash=False)
     faults: tuple[SensorFault, ...] = ()
+    #: How reports get to the ground; None: as soon as sensors make them.
+    links: "Links | None" = None
     #: What points sensors with a narrow field during the run; None: they stay as they are.
     director: Choice | None = None
     #: The keys of the file that are set to other values than their defaults.

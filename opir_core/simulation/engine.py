@@ -56,6 +56,7 @@ class Engine:
         self._scheduled: ScheduledTracker | None = None
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
         self._fields, self._directing = _directed(plan)
+        self._links = None if plan.links is None else plan.links.queues(len(plan.sensors))
         with self._plugin_errors:
             self._count = CountDetections(plan)
             self._stages = self._planned_stages(plan)
@@ -100,6 +101,8 @@ class Engine:
         if self.plan.sensors is not former.plan.sensors:
             self._tracker.set_sensors(self.plan.tracker_sensors())
         self._count.take_over(former._count)
+        if former._links is not None and self._links is not None:
+            self._links.take_over(former._links)
         if former._directing is not None and self._fields is not None:
             self._fields.take_over(former._directing.fields)
             former._directing.use(self.plan, self._fields)
@@ -175,6 +178,8 @@ class Engine:
         """Return a window of observations with the tracks of its ticks, and what these change in
         its detections.
         """
+        if self._links is not None:
+            window = self._links.passed_on(window)
         with self._plugin_errors:
             tracked = self._tracker.absorb(window.detections, start_ns, end_ns)
             detections = with_tracks(

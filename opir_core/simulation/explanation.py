@@ -15,6 +15,7 @@ from opir_core.interfaces.classification import Classifier
 from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.sensors import Sensor
 from opir_core.orbits import eclipse_intervals, outage_intervals
+from opir_core.planning.link_compiler import path_uses
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
@@ -51,6 +52,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "noise": _noise(plan),
         "focal_planes": _focal_planes(plan),
         "reporting": _reporting(plan),
+        "links": _links(plan),
         "tracking": _tracking(plan),
         "sensors_assumed": _sensors_assumed(plan),
         "hypotheses": _hypotheses(plan),
@@ -172,6 +174,13 @@ def _reporting(plan: Plan) -> list[Mapping[str, Any]]:
     ]
 
 
+def _links(plan: Plan) -> list[Mapping[str, Any]]:
+    """Return how long each sensor's transmitter is open during the scene, by path, and what a path
+    delays a report without a queue; nothing without links.
+    """
+    return [] if plan.links is None else path_uses(plan.links, plan.sensors, plan.end_ns)
+
+
 def _tracking(plan: Plan) -> Mapping[str, Any]:
     """Return the order in which the tracker gets detections and its lag, None for the order of
     observation.
@@ -271,7 +280,7 @@ def _not_computed(plan: Plan) -> list[str]:
         (plan.scene.atmosphere.name == "clear", "atmosphere (a clear sky, transmittance 1)"),
         (plan.scene.background.name == "none", "background (none)"),
         (
-            not any(sensor.reporting for sensor in plan.sensors),
+            not plan.has_latency,
             "reporting latency (reports are at the times of looks)",
         ),
         (not plan.scene.outputs, "event encoding (no outputs)"),

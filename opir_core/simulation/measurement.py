@@ -160,7 +160,9 @@ class Classification:
         from measurements.
         """
         if codes is None and self.has_probabilities:
-            return Detections.deferring(columns, Deferred(_TYPED, sightings, self))
+            no_path = np.empty((len(sightings), 0), dtype=np.int64)
+            present = {**columns, "path": no_path}
+            return Detections.deferring(present, Deferred(_TYPED, sightings, self))
         types = (
             classified(self.classifier, sightings, rng, self.types)
             if codes is None

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, TypeAlias
 
+import numpy as np
 from attrs import define, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
@@ -118,4 +119,10 @@ def joined_windows(windows: Sequence[Window]) -> Window:
         estimates=Tracks.concatenate(window.estimates for window in windows),
         health=last.health,
         commands=tuple(record for window in windows for record in window.commands),
+        lost=_joined_lost([window.lost for window in windows if window.lost is not None]),
     )
+
+
+def _joined_lost(lost: Sequence[IntArray]) -> IntArray | None:
+    total: IntArray = np.sum(lost, axis=0)
+    return total if lost else None

@@ -48,9 +48,32 @@ class CheckedScene(PlanParts):
 
 def plan_warnings(plan: Plan | CheckedScene) -> list[str]:
     """Return the warnings: settings that nothing reads, coinciding scan instants, implausible
-    values, more or fewer launches than expected."""
+    values, more or fewer launches than expected, links that are overloaded."""
     unread = unread_texts(unread_settings(plan.scene, plan.host))
-    return [*unread, *alignment_warnings(plan), *_implausible(plan), *_unexpected(plan)]
+    return [
+        *unread,
+        *alignment_warnings(plan),
+        *_implausible(plan),
+        *_unexpected(plan),
+        *_overloaded(plan),
+    ]
+
+
+def _overloaded(plan: Plan | CheckedScene) -> list[str]:
+    """Return the sensors whose links are not open for as long as all of their looks would take."""
+    transmitters = {} if plan.links is None else plan.links.transmitters
+    looks = np.bincount(plan.pairs.sensor, plan.pairs.looks, minlength=len(plan.sensors))
+    end_ns = np.array([plan.end_ns])
+    taken_s = {
+        number: (each.service_ns * looks[number] * 1e-9, each.open_until_ns(end_ns)[0] * 1e-9)
+        for number, each in transmitters.items()
+    }
+    return [
+        f"links: {plan.sensors[number].id}: a report of each of its {looks[number]:.0f} looks at"
+        f" targets would take {busy_s:.4g} s, and its link is open for {open_s:.4g} s; reports queue"
+        for number, (busy_s, open_s) in taken_s.items()
+        if busy_s > open_s
+    ]
 
 
 def launch_expectations(plan: Plan | CheckedScene) -> list[Mapping[str, Any]]:

@@ -13,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 from attrs import field, frozen
 
+from opir_core.arrays import IntArray
 from opir_core.errors import Problem, SceneError, number_of
 from opir_core.host.host import Host
 from opir_core.interfaces.records import CommandRecord, Detections, DetectionTruth, Tracks, Window
@@ -54,6 +55,8 @@ class Run:
     plan: Plan = field(kw_only=True)
     #: What became of the director's commands.
     commands: Sequence[CommandRecord] = ()
+    #: Reports (sensors,) that did not arrive; None without links.
+    lost: IntArray | None = None
 
     @cached_property
     def summary(self) -> Mapping[str, Any]:
@@ -273,6 +276,7 @@ def _collected(plan: Plan, tally: Tally, windows: Sequence[Window]) -> Run:
         tracks=Tracks.concatenate(window.tracks for window in windows),
         estimates=Tracks.concatenate(window.estimates for window in windows),
         commands=[record for window in windows for record in window.commands],
+        lost=tally.lost,
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         sightings=tally.sightings(),

@@ -36,9 +36,7 @@ def shared_windows(
     require_workers(workers)
     engine = Engine(plan)
     reports = ReportOrder(plan)
-    is_final = plan.make_tracker().cadence_s is None and not any(
-        sensor.reporting for sensor in plan.sensors
-    )
+    is_final = plan.make_tracker().cadence_s is None and not plan.has_latency
     reduced = counted if only_counted and is_final else lambda window: window
     with WindowWorkers(engine, edges_ns, workers, (is_final and encoders) or {}, reduced) as group:
         for edge_ns, computed in zip(edges_ns, group.computed(), strict=True):

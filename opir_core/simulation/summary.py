@@ -65,7 +65,11 @@ class Tally:
         self._detections = np.zeros(shape, dtype=np.int64)
         self._first_s = np.full(shape, np.inf)
         self._first_report_s = np.full(shape[1], np.inf)
-        self._is_delayed = any(sensor.reporting for sensor in sensors)
+        self._is_delayed = plan.has_latency
+        #: Reports by sensor that did not arrive; None without links.
+        self.lost: IntArray | None = None
+        if plan.links is not None:
+            self.lost = np.zeros(shape[0], dtype=np.int64)
         self._last_s = np.full(shape, -np.inf)
         self._reported = np.zeros((shape[1], len(self._types)), dtype=np.int64)
         self._confidence = np.zeros(shape[1])
@@ -98,6 +102,8 @@ class Tally:
             self.health = window.health.documents()
         if len(window.tracks):
             self._latest_tracks().take(window.tracks)
+        if self.lost is not None and window.lost is not None:
+            self.lost += window.lost
         detections = window.detections
         target = window.truth.target
         self._count_held(target, detections.track)
@@ -171,6 +177,7 @@ class Tally:
             "detections": int(self._detections.sum() + self._noise.sum()),
             "noise_detections": int(self._noise.sum()),
             "tracks": self._tracks,
+            **({} if self.lost is None else {"lost_reports": int(self.lost.sum())}),
         }
 
     def summary(self) -> Mapping[str, Any]:
@@ -194,6 +201,7 @@ class Tally:
                     "targets_detected": int((self._detections[row] > 0)[~self._is_source].sum()),
                     "sources_detected": int((self._detections[row] > 0)[self._is_source].sum()),
                     "health": self.health[row] if self.health else None,
+                    **({} if self.lost is None else {"lost_reports": int(self.lost[row])}),
                 }
                 for row, sensor in enumerate(self._sensors)
             ],

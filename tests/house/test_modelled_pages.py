@@ -19,6 +19,7 @@ from opir_core.host.host import Host
 from opir_core.reading.scene_schema import SceneFile
 from opir_core.scene.field_rows import field_rows, nested_config
 from opir_core.scene.fields import METADATA_KEY
+from opir_core.scene.links import Links
 from opir_core.scene.scene import SceneDrag, SpoolConfig
 from opir_core.sensors.pointed_sensor import PointedSensorConfig
 from opir_core.sensors.radiometer import RadiometerConfig
@@ -74,6 +75,7 @@ def settable():
     records = {
         "scene": SceneFile,
         "forces: [{drag: ...}]": SceneDrag,
+        "links": Links,
         "output's spool": SpoolConfig,
     }
     records["sensors: [{fleet: ...}]"] = FleetConfig

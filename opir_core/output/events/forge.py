@@ -124,6 +124,7 @@ class ForgeEncoder(Encoder):
         self._has_tracks = has_tracks
         self._has_positions = has_positions or has_tracks
         self._hypotheses = context.hypotheses
+        self._path_texts = [b',"path":%b' % _json(path) for path in (*context.paths, None)]
         sensors = context.sensors
         self._sensor_texts = [
             text for sensor in sensors for text in _sensor_texts(sensor, context.reported_types)
@@ -155,6 +156,7 @@ class ForgeEncoder(Encoder):
                 _points(window, self._epoch_us, self._has_tracks),
                 Decimal(detections.confidence, SHARE_DECIMALS),
                 *(_VERSION, report, b'"'),
+                *self._paths(detections),
                 _tracks(detections.track),
                 Decimal(
                     rounded_bearing_deg(angles.azimuth_rad, decimals=DEGREE_DECIMALS),
@@ -176,6 +178,12 @@ class ForgeEncoder(Encoder):
                 b"}\n",
             ],
         )
+
+    def _paths(self, detections: Detections) -> list[Column]:
+        """Return the ways to the ground, null without a link; nothing in scenes without links."""
+        none = len(self._path_texts) - 1
+        columns = detections.path.T
+        return [Looked(self._path_texts, np.where(path < 0, none, path)) for path in columns]
 
     def _looks(self, detections: Detections, sensor: IntArray) -> list[Column]:
         """Return the line-of-sight sigma and the confirming bands; from a table if all sigmas are

@@ -23,7 +23,7 @@ from opir_core.simulation.report_order import with_own_estimates
 from opir_core.simulation.shifting import shifted
 
 CONTENT_TYPE = "application/vnd.opir.window+npz"
-VERSION = "6"
+VERSION = "7"
 _DETECTION_COLUMNS = tuple(attribute.name for attribute in fields(Detections))
 _TRACK_COLUMNS = tuple(attribute.name for attribute in fields(Tracks))
 _COLUMNS = {"detections": _DETECTION_COLUMNS, "tracks": _TRACK_COLUMNS, "estimates": _TRACK_COLUMNS}

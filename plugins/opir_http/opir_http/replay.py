@@ -46,6 +46,7 @@ class Replay:
             sensors=tuple(run.sensors),
             epoch_us=self.scene.epoch_us,
             reported_types=tuple(run.reported_types),
+            paths=run.plan.link_paths,
             render=chosen_renderer(run.plan.host)[1],
         )
         self._encoder = ForgeEncoder(context, has_positions=True)

@@ -45,6 +45,7 @@ class Service:
                 sensors=run.plan.sensors,
                 epoch_us=run.scene.epoch_us,
                 reported_types=run.plan.reported_types,
+                paths=run.plan.link_paths,
                 render=chosen_renderer(run.plan.host)[1],
             ),
             settings.history,

@@ -52,12 +52,12 @@ def test_the_schema_is_a_schema() -> None:
 def test_schema_and_encoder_have_the_same_fields() -> None:
     fields = list(SCHEMA["properties"])
     # These are only there if the classifier gives probabilities, or if the encoder reports
-    # irradiances or track states: test_spectral_classifier.py, test_forge_bands.py,
-    # test_forge_tracks.py.
+    # irradiances or track states, or in scenes with links: test_spectral_classifier.py,
+    # test_forge_bands.py, test_forge_tracks.py, test_links.py.
     of_tracks = {"burnout", *(name for name in fields if name.startswith("track_"))} - {"track_id"}
     assert len(of_tracks) == 10
     of_tracks |= {"latitude_deg", "longitude_deg", "altitude_m"}
-    for name in ("type_probability", "band_irradiance_w_m2", *of_tracks):
+    for name in ("path", "type_probability", "band_irradiance_w_m2", *of_tracks):
         fields.remove(name)
     assert list(sample_event()) == SCHEMA["required"] == fields
 

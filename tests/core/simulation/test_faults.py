@@ -1,5 +1,6 @@
 """Sensors that fail during a scene, against what each fault says."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -150,3 +151,44 @@ def test_explain_says_which_sensors_fail() -> None:
         "WEST: noise (factor 3) from 60 s on",
         "WEST: down from 40 s to 70 s",
     ]
+
+
+def test_faults_at_random_follow_the_seed_and_their_means() -> None:
+    rated = fault("down", 5.0, None, mtbf_s=8.0, mttr_s=3.0)
+    plan = opir.compile_plan(scene(rated, seed=4))
+    spans = plan.sensors[WEST].watched_s
+    assert spans == opir.compile_plan(scene(rated, seed=4)).sensors[WEST].watched_s
+    assert spans != opir.compile_plan(scene(rated, seed=5)).sensors[WEST].watched_s
+    reseeded = opir.reseeded(plan, 5)
+    assert reseeded.sensors[WEST].watched_s == (
+        opir.compile_plan(scene(rated, seed=5)).sensors[WEST].watched_s
+    )
+    assert spans is not None
+    assert spans[0][0] == 0.0
+    assert spans[0][1] > 5.0
+    down = [(span[1], following[0]) for span, following in pairwise(spans)]
+    time_s, _ = directions(opir.simulate(scene(rated, seed=4)), WEST)
+    assert len(time_s) > 100
+    assert not any(((time_s > start) & (time_s < end)).any() for start, end in down)
+
+
+def test_faults_at_random_last_and_come_as_often_as_their_means_say() -> None:
+    mtbf_s, mttr_s = 300.0, 20.0
+    settings = {"mtbf_s": mtbf_s, "mttr_s": mttr_s}
+    long = scene(fault("blind", 0.0, None, **settings), duration_s=6e5, targets=[], sources=[])
+    drawn = opir.compile_plan(long).faults
+    assert drawn is not None
+    spans = np.array([(drawn_fault.at_s, drawn_fault.end_s) for _, drawn_fault in drawn.faults])
+    repairs_s = spans[:, 1] - spans[:, 0]
+    gaps_s = spans[1:, 0] - spans[:-1, 1]
+    for lengths, mean_s in ((repairs_s, mttr_s), (gaps_s, mtbf_s)):
+        assert lengths.mean() == pytest.approx(mean_s, abs=3.0 * mean_s / np.sqrt(len(lengths)))
+        share = np.mean(lengths > mean_s)
+        assert share == pytest.approx(np.exp(-1.0), abs=3.0 * 0.49 / np.sqrt(len(lengths)))
+
+
+def test_a_rate_needs_both_of_its_times() -> None:
+    with pytest.raises(opir.SceneError, match="mtbf_s and mttr_s belong together"):
+        scene(fault("down", mtbf_s=10.0))
+    text = str(scene(fault("down", 5.0, None, mtbf_s=8.0, mttr_s=3.0)).faults[0])
+    assert text == "WEST: down from 5 s on at random, 3 s every 8 s"

@@ -468,6 +468,9 @@ LEFT_OUT = {
         "Eclipses": "a record",
         "Elements": "a record; through perigee_state_eci",
         "Outages": "a record",
+        "contact_intervals": "to 1 ms, by elevations"
+        " (tests/against/test_against_skyfield_contacts.py)",
+        "crosslink_intervals": "to 1 ms, by grazing heights (tests/core/orbits)",
         "eclipse_intervals": "to 1 ms, by sunlit discs"
         " (tests/against/test_against_astropy_sun_events.py)",
         "outage_intervals": "a search to 1 ms in nadir angles (tests/core/orbits)",

@@ -22,6 +22,7 @@ def detection_columns(run: Any) -> Iterator[TableColumn]:
         sensors=tuple(run.sensors),
         epoch_us=run.plan.scene.epoch_us,
         reported_types=tuple(run.reported_types),
+        paths=run.plan.link_paths,
     )
     yield from columns_of_detections(run.detections, origin)
 
@@ -75,6 +76,10 @@ def _reports(rows: Detections, origin: EncoderContext, *, in_file: bool) -> Iter
     if not in_file:
         yield TableColumn("reported_s", rows.reported_ns * 1e-9, "scene time of the report")
     yield TableColumn("reported", instants(rows.reported_ns, epoch_us), "time of the report")
+    if origin.paths:
+        ways = [" > ".join(path) for path in origin.paths]
+        words = "way of the report to the ground, null without a link"
+        yield TableColumn("path", names(np.ravel(rows.path), ways), words)
     yield TableColumn(
         "scan",
         numbers_known(rows.scan),

@@ -1,0 +1,32 @@
+"""Parts of a plan that few scenes have; what builds them is imported for these scenes alone."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from opir_core.host.host import Host
+from opir_core.interfaces.sensors import Sensor
+from opir_core.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.directors import Director
+    from opir_core.planning.links import Network
+
+
+def network(scene: Scene, sensors: tuple[Sensor, ...]) -> "Network | None":
+    """Return the links of a scene; None without any."""
+    if scene.links is None:
+        return None
+    from opir_core.planning.link_compiler import network_of
+
+    return network_of(scene, scene.links, sensors)
+
+
+def director_maker_of(
+    scene: Scene, host: Host, sensors: tuple[Sensor, ...]
+) -> "Callable[[], Director] | None":
+    """Return what makes a scene's director; None without one."""
+    if scene.director is None:
+        return None
+    from opir_core.planning.directors import director_maker
+
+    return director_maker(scene, scene.director, host, sensors)
