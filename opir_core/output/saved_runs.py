@@ -17,7 +17,7 @@ from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.host.components import SinkModel
 from opir_core.host.host import Host
-from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.records import CommandRecord, Detections, DetectionTruth, Tracks, Window
 from opir_core.interfaces.sensors import Sensor
 from opir_core.output.delivery import columns_sink, has_columns
 from opir_core.output.run_files import (
@@ -38,8 +38,9 @@ from opir_core.simulation.summary import Tally
 _MANIFEST = ".manifest.json"
 _TRUTH = ".truth.jsonl"
 _TRACKS = ".tracks.jsonl"
+_COMMANDS = ".commands.jsonl"
 _PARQUET_TRUTH = ".truth.parquet"
-_BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS)
+_BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS, _COMMANDS)
 #: What 64 bits hold in nanoseconds, µs: 292 years.
 _LONGEST_US = (1 << 63) // 1_000
 
@@ -59,6 +60,16 @@ class _TruthLine(msgspec.Struct, gc=False):
     range_m: float | None = None
     target_elevation_rad: float | None = None
     probability: float | None = None
+
+
+class _CommandLine(msgspec.Struct, gc=False):
+    time_s: float
+    sensor_id: str
+    track_id: int | None
+    reason: str
+    start_s: float | None
+    from_s: float | None
+    refusal: str
 
 
 class _Event(msgspec.Struct, gc=False):
@@ -131,6 +142,7 @@ def read_run(
         truth=detection_truth.freeze(),
         tracks=estimates,
         estimates=Tracks.empty(),
+        commands=list(_commands_of(events.with_suffix(_COMMANDS), contents, plan)),
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         sightings=tally.sightings(),
@@ -173,6 +185,19 @@ def _tracks_of(
     if tracks is None:
         require_file_of_run("tracks", place, manifest)
     return estimates
+
+
+def _commands_of(path: Path, manifest: Mapping[str, Any], plan: Plan) -> Iterator[CommandRecord]:
+    """Yield what became of a director's commands, from the file beside the events if there is one."""
+    if plan.scene.director is None or not path.is_file():
+        return
+    require_file_of_run("commands", path, manifest)
+    for line in _lines(path, _CommandLine, "a command of a director"):
+        start_s, from_s = _numbers([line.start_s, line.from_s]).tolist()
+        track = -1 if line.track_id is None else line.track_id
+        yield CommandRecord(
+            line.time_s, line.sensor_id, track, line.reason, start_s, from_s, line.refusal
+        )
 
 
 def _truth_beside(events: Path) -> Path:
