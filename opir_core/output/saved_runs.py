@@ -149,6 +149,7 @@ def read_run(
         truth=detection_truth.freeze(),
         tracks=estimates,
         estimates=Tracks.empty(),
+        commands=_commands_of(events.with_suffix(_COMMANDS), contents, plan),
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         sightings=tally.sightings(),
@@ -156,7 +157,6 @@ def read_run(
         make_manifest=lambda: contents,
         reported_types=plan.reported_types,
         plan=plan,
-        commands=_commands_of(events),
     )
 
 
@@ -194,10 +194,14 @@ def _tracks_of(
     return estimates
 
 
-def _commands_of(events: Path) -> Sequence[CommandRecord]:
-    """Return the commands of the director beside the events, none without a file of them."""
-    path = events.with_suffix(_COMMANDS)
-    return read_commands(path) if path.is_file() else ()
+def _commands_of(path: Path, manifest: Mapping[str, Any], plan: Plan) -> Sequence[CommandRecord]:
+    """Return what became of a director's commands, from the file beside the events if there is
+    one.
+    """
+    if plan.scene.director is None or not path.is_file():
+        return ()
+    require_file_of_run("commands", path, manifest)
+    return read_commands(path)
 
 
 def _truth_beside(events: Path) -> Path:

@@ -15,7 +15,7 @@ from opir_core.simulation.run import Run
 
 
 def saved(run: Run, path: str | Path = "events.jsonl") -> Path:
-    """Write events, and beside them truth, tracks and manifest; return the path of the events.
+    """Write events, and beside them truth, tracks, commands and manifest; return the path of the events.
 
     Events are columns where the path ends in `.parquet`, else lines. Raises `SinkError` where a
     file cannot be written, for which no file of an earlier run is replaced, and for a run that was
@@ -41,17 +41,20 @@ def saved(run: Run, path: str | Path = "events.jsonl") -> Path:
         run.tracks,
         run.estimates,
         SensorHealth.of_documents(health) if all(health) else None,
+        tuple(run.commands),
     )
     truth = events.with_suffix(f".truth{events.suffix if has_columns(events) else '.jsonl'}")
     has_tracks = plan.make_tracker().cadence_s is not None
     tracks = events.with_suffix(".tracks.jsonl") if has_tracks else None
+    commands = events.with_suffix(".commands.jsonl") if plan.scene.director else None
     manifest = events.with_suffix(".manifest.json")
     deliver(
         evolve(plan, scene=evolve(plan.scene, outputs=(output,))),
         truth_path=truth,
         tracks_path=tracks,
+        commands_path=commands,
         manifest_path=manifest,
-        made_up=(truth, tracks, manifest),
+        made_up=(truth, tracks, commands, manifest),
         windows=[window],
     ).raise_for_failures()
     return events

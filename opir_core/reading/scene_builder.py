@@ -55,6 +55,8 @@ from opir_core.scene.scene import Choice, Scene, SceneSensor, SpoolConfig
 _MODELS = "opir_sensor_models"
 _CONSTELLATIONS = "opir_constellations"
 _SENSOR_KEYS = ("model", "id", "preset")
+#: Name of a scene's `director` that is none.
+_NO_DIRECTOR = "none"
 _NAMING_KEYS = ("constellation", "model")
 _FLEET_KEYS = ("constellation", "preset")
 
@@ -325,11 +327,10 @@ class SceneBuilder:
                 fields[key] = self._model(
                     hook, values.get(key), key, self.default_name(key, values)
                 )
-        if values.get("director") is not None:
+        director = values.get("director")
+        if director is not None and director.value != _NO_DIRECTOR:
             with self.collector.at(key_step("director")):
-                fields["director"] = self.components.named(
-                    "opir_directors", values["director"], "director"
-                )
+                fields["director"] = self.components.named("opir_directors", director, "director")
         if values.get("links") is not None:
             fields["links"] = self._links(values["links"], fields.get("sensors", ()))
         if detection.reason and "detection" in fields:

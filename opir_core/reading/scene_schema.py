@@ -170,7 +170,7 @@ class SceneFile:
     )
     director: Node | None = nested(
         help="director: points sensors with a narrow field during the run; its name, or a block of"
-        " model and settings",
+        " model and settings; none for no director",
         default=None,
         source="none: sensors stay as they are",
     )

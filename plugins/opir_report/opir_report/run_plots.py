@@ -12,6 +12,7 @@ from opir_report.canvas import STYLE, WIDTH_IN, Plots, new_axes, svg_of, without
 from opir_report.figure_data import FigureData
 from opir_report.plots.confidence import confidence_plot, confidences
 from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
+from opir_report.plots.directing import direction_plot, directions, directions_height_in
 from opir_report.plots.flights import fields_of_view, ground_tracks
 from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
 from opir_report.plots.impact import impact_map
@@ -59,6 +60,14 @@ class RunPlots(Plots):
         """Draw the number of detections of each sensor over time, by target."""
         counts = detection_counts(self.facts)
         return self._drawn(timeline, counts, ax=ax, height_in=timeline_height_in(counts))
+
+    def directing(self, ax: Axes | None = None) -> Axes:
+        """Draw where the director pointed each narrow field over time: the target of the track that
+        it followed, and its turns.
+        """
+        spans = directions(self.facts)
+        height_in = directions_height_in(spans)
+        return self._drawn(direction_plot, spans, ax=ax, height_in=height_in)
 
     def impact(self, target: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw the last predicted impact regions of a target with its true impact.

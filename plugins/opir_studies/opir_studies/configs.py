@@ -40,6 +40,32 @@ class DetectionByTimeConfig:
     )
 
 
+@frozen(kw_only=True)
+class CustodyConfig:
+    """The settings of the metric `custody`."""
+
+    within_km: float | None = number(
+        help="an estimate counts whose position is within this of the truth; null for any",
+        default=10.0,
+        unit="km",
+        above=0.0,
+        source="notional",
+    )
+
+
+@frozen(kw_only=True)
+class HandOverConfig:
+    """The settings of the metric `hand_over_gap`."""
+
+    lost_after_s: float = number(
+        help="a field that has not detected a launch for so long has lost it",
+        default=5.0,
+        unit="s",
+        above=0.0,
+        source="notional",
+    )
+
+
 #: Phases of a flight at which predicted impacts are scored, as in `opir_scoring`.
 PHASE_NAMES = (
     "25 % of burn",

@@ -8,7 +8,9 @@ from typing import Any
 
 from opir_core.plugin import ExecutorModel, MetricModel, hookimpl
 from opir_studies.configs import (
+    CustodyConfig,
     DetectionByTimeConfig,
+    HandOverConfig,
     ImpactConfig,
     MilestonesConfig,
     ProcessesConfig,
@@ -55,6 +57,7 @@ def opir_metrics() -> Iterable[MetricModel]:
         build=_built_by(detection, "false_events_metric"),
     )
     yield from _track_metrics()
+    yield from _direction_metrics()
 
 
 def _track_metrics() -> Iterable[MetricModel]:
@@ -94,6 +97,34 @@ def _track_metrics() -> Iterable[MetricModel]:
         " of some bounds; shares of launches and regions that hold the impact then",
         config=MilestonesConfig,
         build=_built_by("metrics.warning_metric", "milestones_metric"),
+    )
+
+
+def _direction_metrics() -> Iterable[MetricModel]:
+    direction = "metrics.direction_metrics"
+    yield MetricModel(
+        name="custody",
+        summary="share of the time from ignition to impact in which a launch is tracked",
+        config=CustodyConfig,
+        build=_built_by(direction, "custody_metric"),
+    )
+    yield MetricModel(
+        name="cue_delay",
+        summary="time from the first track to the first detection by a narrow field; share of"
+        " launches with one",
+        build=_built_by(direction, "cue_delay_metric"),
+    )
+    yield MetricModel(
+        name="hand_over_gap",
+        summary="hand-overs of launches between narrow fields, and the time that none detects",
+        config=HandOverConfig,
+        build=_built_by(direction, "hand_over_gap_metric"),
+    )
+    yield MetricModel(
+        name="looks_used",
+        summary="shares of the looks of narrow fields that detect a launch, and of their time that"
+        " they turn",
+        build=_built_by(direction, "looks_used_metric"),
     )
 
 

@@ -243,6 +243,8 @@ def test_windows_and_workers_do_not_change_a_directed_run(settings: dict[str, An
 
 
 def test_a_scene_without_a_director_has_no_word_of_it() -> None:
+    named_none = opir.scene_from_mapping(two_sensor_scene(director="none"))
+    assert named_none == opir.scene_from_mapping(two_sensor_scene())
     assert "director" not in scene_mapping(opir.scene_from_mapping(two_sensor_scene()))
     directed = scene(stay)
     assert scene_mapping(directed)["director"] == {"model": "script"}

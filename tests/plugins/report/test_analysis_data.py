@@ -20,6 +20,7 @@ PLOTS = (
     "map",
     "world",
     "timeline",
+    "directing",
     "impact",
     "snr",
     "probability",

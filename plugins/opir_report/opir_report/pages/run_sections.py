@@ -2,6 +2,7 @@
 show.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from opir_report.figure_data import FigureData
 from opir_report.pages.page import ReportFigure, ReportSection, ReportTable
 from opir_report.plots.confidence import confidence_plot, confidences
 from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
+from opir_report.plots.directing import direction_plot, directions, directions_height_in
 from opir_report.plots.flights import fields_of_view, view_time_s
 from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
 from opir_report.plots.impact import impact_map, impact_points
@@ -37,6 +39,10 @@ _SATELLITES = (
 )
 _DETECTIONS = (
     "Detections over scene time, one row per sensor with its own scale; bars on top are the burns."
+)
+_DIRECTING = (
+    "Where the director pointed each narrow field: the target of the track that it followed, or a"
+    " place. Thin is the turn, in which the field looks nowhere."
 )
 _SIGNAL = (
     "What a look would measure along the boost, for each sensor while it sees the target: the"
@@ -69,6 +75,7 @@ _NEES = (
 _MANIFEST = (
     "The manifest beside the events holds the whole scene: enough to repeat the run byte for byte."
 )
+_SPAN_TIMES = ("start_s", "from_s", "until_s")
 
 
 def figure_of(
@@ -148,6 +155,36 @@ def _sensor_tables(rows: Sequence[Mapping[str, Any]]) -> Iterator[ReportTable]:
     texts = [(row["sensor_id"], row["health"]["text"]) for row in rows if row["health"]]
     if texts:
         yield ReportTable("What the tracker found of them", ("sensor", "found"), texts)
+
+
+def directing_section(plots: RunPlots) -> ReportSection | None:
+    """Return where narrow fields were pointed and why, and the refused commands, if the scene has a
+    director.
+    """
+    facts = plots.facts
+    spans = directions(facts)
+    parts: list[ReportFigure | ReportTable] = []
+    if len(spans):
+        plot = plot_of(
+            "directing",
+            lambda axes: direction_plot(axes, facts, spans),
+            directions_height_in(spans),
+            "Targets at which narrow fields were pointed over time",
+            _DIRECTING,
+            spans,
+        )
+        parts.append(plot)
+    columns = [spans[name].tolist() for name in ("sensor_id", "target_id", "reason")]
+    times = [[f"{time:.1f}" for time in spans[name].tolist()] for name in _SPAN_TIMES]
+    head = ("sensor", "target", "why", "turns at s", "looks from s", "to s", "commands")
+    rows = list(zip(*columns, *times, spans["commands"].astype(str).tolist(), strict=True))
+    parts += _table_of("Who was sent where, and why", head, rows)
+    refused = Counter(
+        (record.sensor, record.refusal) for record in facts.run.commands if record.refusal
+    )
+    rows = [(*key, grouped(count)) for key, count in refused.most_common()]
+    parts += _table_of("Refused commands", ("sensor", "refusal", "commands"), rows)
+    return ReportSection("directing", "Who was sent where", "", parts) if parts else None
 
 
 def signal_section(plots: RunPlots) -> ReportSection | None:
@@ -348,6 +385,7 @@ def _models(scene: Scene) -> tuple[Choice, ...]:
 SECTIONS: tuple[Callable[[RunPlots], ReportSection | None], ...] = (
     map_section,
     detection_section,
+    directing_section,
     latency_section,
     signal_section,
     confidence_section,

@@ -1,0 +1,100 @@
+"""Where a director pointed narrow fields: the targets that they followed over time."""
+
+from collections.abc import Iterator
+from itertools import groupby
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from opir_core.plugin import CommandRecord
+from opir_report.canvas import legend_of, without_data
+from opir_report.figure_data import FigureData
+from opir_report.palette import MUTED, Hue
+from opir_report.run_facts import RunFacts
+
+#: Fields that are drawn: those that were pointed first.
+_FIELDS_SHOWN = 24
+PLACE = Hue(MUTED, "-", "a place, or a track of no launch")
+_COLUMNS = (
+    "sensor_id",
+    "track_id",
+    "target_id",
+    "reason",
+    "start_s",
+    "from_s",
+    "until_s",
+    "commands",
+)
+
+
+def directions(facts: RunFacts) -> FigureData:
+    """Return the spans in which fields followed one track, or had one reason: sensor_id, track_id,
+    target_id, reason, start_s, from_s, until_s, commands, by sensor and time.
+
+    A field turns from `start_s` to `from_s`, and looks there until `until_s`. `track_id` is -1 for
+    a command without a track, `target_id` "" for a place or a track of no launch.
+    """
+    taken = [record for record in facts.run.commands if not record.refusal]
+    order = {sensor.id: place for place, sensor in enumerate(facts.run.sensors)}
+    taken.sort(key=lambda record: (order[record.sensor], record.start_s))
+    targets = dict(zip(facts.owners.track.tolist(), facts.owners.target.tolist(), strict=True))
+    names = [*facts.ids, ""]
+    duration_s = facts.plan.scene.duration_s
+    rows = [
+        (sensor, track, names[targets.get(track, -1)], reason, *times_s, commands)
+        for sensor, records in groupby(taken, lambda record: record.sensor)
+        for track, reason, *times_s, commands in _spans(list(records), duration_s)
+    ]
+    return FigureData.of_rows(_COLUMNS, rows)
+
+
+def _spans(
+    records: list[CommandRecord], duration_s: float
+) -> Iterator[tuple[int, str, float, float, float, int]]:
+    """Yield track, reason, start, first look, end and number of commands of each span of a sensor."""
+    groups = [
+        list(group)
+        for _, group in groupby(
+            records, lambda record: (record.track, record.track < 0 and record.reason)
+        )
+    ]
+    ends_s = [*(group[0].start_s for group in groups[1:]), duration_s]
+    for group, end_s in zip(groups, ends_s, strict=True):
+        first = group[0]
+        start_s = min(first.start_s, end_s)
+        from_s = min(first.from_s, end_s)
+        yield first.track, first.reason, start_s, from_s, end_s, len(group)
+
+
+def direction_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
+    """Draw a row for each field that was pointed: a bar where it looks, a thin one where it turns."""
+    if not len(spans):
+        return without_data(axes, "no narrow field was pointed")
+    names = spans.levels("sensor_id")[:_FIELDS_SHOWN]
+    hue_of = dict(zip(facts.ids, facts.hues.of_target, strict=True))
+    for row, name in enumerate(names):
+        of_field = spans.at("sensor_id", name)
+        for target in of_field.levels("target_id"):
+            of_target = of_field.at("target_id", target)
+            colour = hue_of.get(target, PLACE).colour
+            turn_s = of_target["from_s"] - of_target["start_s"]
+            look_s = of_target["until_s"] - of_target["from_s"]
+            turns = np.stack([of_target["start_s"], turn_s], axis=1)
+            looks = np.stack([of_target["from_s"], look_s], axis=1)
+            axes.broken_barh(turns.tolist(), (-row - 0.05, 0.1), color=colour, linewidth=0.0)
+            axes.broken_barh(looks.tolist(), (-row - 0.35, 0.7), color=colour, linewidth=0.0)
+    axes.set_yticks([-float(row) for row in range(len(names))], names)
+    axes.set(xlim=(0.0, facts.plan.scene.duration_s), ylim=(-len(names) + 0.4, 0.6))
+    hidden = len(spans.levels("sensor_id")) - len(names)
+    omission = f" ({hidden} more fields were pointed)" if hidden else ""
+    axes.set_xlabel(f"scene time, s{omission}")
+    axes.grid(axis="y", visible=False)
+    has_place = "" in spans.levels("target_id")
+    legend_of(axes, [*facts.hues.legend, *([PLACE] if has_place else [])])
+    return axes
+
+
+def directions_height_in(spans: FigureData) -> float:
+    """Return the height of the plot, inches."""
+    rows = min(len(spans.levels("sensor_id")), _FIELDS_SHOWN) if len(spans) else 3
+    return 1.7 + 0.33 * rows

@@ -1,0 +1,89 @@
+"""Who was sent where and why: the report's spans against the commands of a run."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from opir_report.pages.page import ReportTable
+from reported_runs import report_data, report_page, scored_run
+
+import opir_core as opir
+from opir_core.plugin import CommandRecord
+
+SCENE: dict[str, Any] = {
+    "scene": "directed",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 90.0,
+    "seed": 3,
+    "sensors": [
+        {"model": "generic-scanner", "id": "WIDE", "orbital_slot_deg": -150.0},
+        {"model": "generic-pointed", "id": "SPOT", "orbital_slot_deg": -100.0},
+    ],
+    "targets": [
+        {
+            "id": "T1",
+            "type": "ICBM",
+            "launch": {"lat_deg": 34.0, "lon_deg": -120.0, "time_s": 0.0},
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+        }
+    ],
+    "director": {"model": "round-robin", "places_deg": [[34, -120], [10, -90]], "dwell_s": 30},
+}
+
+
+@cache
+def directed_run() -> opir.Run:
+    return opir.simulate(opir.scene_from_mapping(SCENE))
+
+
+def test_spans_are_those_of_the_accepted_commands() -> None:
+    spans = report_data(directed_run())["directing"]
+    records = directed_run().commands
+    assert [record.time_s for record in records] == [0.0, 30.0, 60.0]
+    assert spans.reason.tolist() == [record.reason for record in records]
+    assert spans.from_s.tolist() == [record.from_s for record in records]
+    assert spans.until_s.tolist() == [*(record.start_s for record in records[1:]), 90.0]
+    assert set(spans.sensor_id) == {"SPOT"}
+    assert set(spans.target_id) == {""}
+
+
+def test_commands_that_follow_one_track_are_one_span() -> None:
+    refusal = "out of its field of regard"
+    records = [
+        CommandRecord(10.0, "SPOT", 4, "track 4 since 10 s", 11.0, 15.0),
+        CommandRecord(20.0, "SPOT", 4, "track 4 since 10 s", 21.0, 21.0),
+        CommandRecord(30.0, "SPOT", 5, "track 5", float("nan"), float("nan"), refusal),
+        CommandRecord(40.0, "SPOT", 6, "track 6", 41.0, 44.0),
+    ]
+    run = opir.simulate(opir.scene_from_mapping(SCENE))
+    object.__setattr__(run, "commands", records)
+    spans = report_data(run)["directing"]
+    assert spans.commands.tolist() == [2, 1]
+    assert spans.start_s.tolist() == [11.0, 41.0]
+    assert spans.until_s.tolist() == [41.0, 90.0]
+    (section,) = [each for each in report_page(run).sections if each.name == "directing"]
+    tables = {each.caption: each.rows for each in section.parts if isinstance(each, ReportTable)}
+    assert [list(row) for row in tables["Refused commands"]] == [["SPOT", refusal, "1"]]
+    assert len(tables["Who was sent where, and why"]) == 2
+
+
+def test_a_run_without_a_director_has_no_such_section() -> None:
+    assert "directing" not in [section.name for section in report_page(scored_run()).sections]
+    axes = scored_run().plot.directing()
+    assert "no narrow field" in axes.texts[0].get_text()
+
+
+@pytest.mark.parametrize("ending", ["jsonl", "parquet"])
+def test_commands_are_read_back(tmp_path: Path, ending: str) -> None:
+    path = directed_run().save(tmp_path / f"events.{ending}")
+    assert opir.load_run(path).commands == directed_run().commands
+    assert opir.load_run(tmp_path).commands == directed_run().commands
+
+
+def test_commands_of_another_run_are_refused(tmp_path: Path) -> None:
+    path = directed_run().save(tmp_path / "events.jsonl")
+    commands = tmp_path / "events.commands.jsonl"
+    commands.write_text(commands.read_text().replace("turn", "order"))
+    with pytest.raises(opir.OpirError, match="not the commands of the manifest's run"):
+        opir.load_run(path)
