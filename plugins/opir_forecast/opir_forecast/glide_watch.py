@@ -10,13 +10,13 @@ from functools import cached_property
 
 import numpy as np
 from attrs import evolve, frozen
-from opir_estimation import dot, glide_drag_m_s2, law_parameters
+from opir_estimation import COAST, dot, glide_drag_m_s2, law_parameters
 from opir_estimation.square_root import inverse_root
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.interfaces import Columns
-from opir_forecast.estimates import COAST, BoostEstimates
+from opir_forecast.estimates import BoostEstimates
 from opir_forecast.launch_forecasts import LaunchForecasts
 from opir_forecast.outcomes import Outcomes
 from opir_forecast.vehicles import LAW as STAGE_LAW
@@ -77,14 +77,20 @@ class GlideWatch(Columns):
         ratio = _likelihood_ratios(state, force, np.hypot(sigma, LAW.least_force_m_s2))
         odds = self.odds[rows]
         odds = np.where(np.isnan(ratio), odds, (odds + _begun_odds(outcomes, state)) * ratio)
-        columns = {"since_s": time_s, "energy": energy, "speed": speed, "odds": odds}
-        return evolve(self, **{name: self._with(name, rows, new) for name, new in columns.items()})
+        return GlideWatch(
+            self.number,
+            _replaced(self.since_s, rows, time_s),
+            _replaced(self.energy, rows, energy),
+            _replaced(self.speed, rows, speed),
+            _replaced(self.odds, rows, odds),
+        )
 
-    def _with(self, name: str, rows: IntArray, new: FloatArray | float) -> FloatArray:
-        """Return a column with other values of rows."""
-        column: FloatArray = getattr(self, name).copy()
-        column[rows] = new
-        return column
+
+def _replaced(column: FloatArray, rows: IntArray, new: FloatArray | float) -> FloatArray:
+    """Return a column with other values of rows."""
+    replaced = column.copy()
+    replaced[rows] = new
+    return replaced
 
 
 def with_glides(
