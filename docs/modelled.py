@@ -81,10 +81,12 @@ PARTS = (
         "grey body that reflects sunlight as a diffuse sphere, with the Earth's umbra and penumbra"
         " ([the Sun](sun.md)), and that the air heats:"
         " [nose, windward and lee side in radiative equilibrium](radiometry.md#bodies-in-the-air)."
-        " Every sensor looks at gliders, those with `follows_bodies` at all bodies",
+        " [A nozzle cools](radiometry.md#bodies-in-the-air) by radiation after the burn. Every sensor"
+        " looks at gliders, those with `follows_bodies` at all bodies; `spent_stages` fall by"
+        " themselves",
         "earthshine; gloss and spin; albedo that differs from band to band; which side a sensor"
         " sees; in the air conduction, ablation, wakes, glowing air and plasma"
-        " lines; spent stages, debris and nozzles that cool after burnout; with"
+        " lines; break-up, residual propellant, the push of separations; with"
         " `forces: kepler` the drag of re-entry",
         "LWIR: earthshine adds at most about 10 % at emissivity 0.9. In the air: flow turns turbulent"
         " somewhere between Reynolds numbers of 3e5 and 1e7, where light is off by up to a factor of"
@@ -220,9 +222,9 @@ PARTS = (
         " an exponential"
         " atmosphere, then free fall. SLV: one burn that ends in a circular orbit. Both on notional"
         " class profiles",
-        "HGV: the Earth's rotation during the glide; phugoid motion, manoeuvres, heating, the dive."
+        "HGV: the Earth's rotation during the glide; phugoid motion, manoeuvres, the dive."
         " SLV: coast phases,"
-        " several burns, spent stages",
+        " several burns",
         "Rotation, eastwards on the equator at 5 km/s: the glider carries 8 % of its weight less,"
         " so it glides farther;"
         " the rest is not estimated",

@@ -339,7 +339,8 @@ class SourceContext:
     epoch, length, seed.
 
     `make_atmosphere` returns the scene's atmosphere, through which sunlight comes down to what
-    mirrors it; without it that light is whole.
+    mirrors it; without it that light is whole. `launched` returns the trajectories of the scene's
+    launch with an id, and its row there; it raises `ModelError` for an unknown one.
     """
 
     bands: tuple[Band, ...]
@@ -349,6 +350,7 @@ class SourceContext:
     duration_s: float
     seed: int
     make_atmosphere: Callable[[], Transmittance] | None = None
+    launched: "Callable[[str], tuple[Trajectories, int]] | None" = None
 
 
 @frozen(kw_only=True)

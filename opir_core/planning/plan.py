@@ -296,9 +296,10 @@ def _seeded_parts(plan: Plan, scene: Scene) -> dict[str, Any]:
     """
     host = plan.host
     sensors = plan.sensors
-    sources = _sources(scene, host, sensors)
     places = _rows_by_model(scene)
-    targets = _joined(scene, plan.targets.trajectories[: len(places)], places, sources)
+    launches = plan.targets.trajectories[: len(places)]
+    sources = _sources(scene, host, sensors, launches)
+    targets = _joined(scene, launches, places, sources)
     detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
     models = {"detection": detection, "classifier": classifier, "confidence": confidence}
@@ -324,10 +325,12 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
             sensor = _sensor(host, choice.model, context)
             built_sensors.append(watching(sensor, scene, faults))
     sensors = tuple(built_sensors)
+    launches = _launches(scene, host, sensors, problems)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
-        sources = _sources(scene, host, sensors)
-    targets = _targets(scene, host, sensors, sources, problems)
+        sources = _sources(scene, host, sensors, launches)
+    problems.require_none()
+    targets = _joined(scene, launches, _rows_by_model(scene), sources)
     detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
     # A tracker that cannot be built is an error of the plan, not of its first run.
@@ -481,35 +484,33 @@ def _owner(host: Host, choice: Choice) -> Callable[[], str]:
     return partial(owner_text, host, choice)
 
 
-def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sources, ...]":
-    """Build the sources, one for each block of `sources`."""
+def _sources(
+    scene: Scene, host: Host, sensors: Sequence[Sensor], launches: Sequence[Trajectories]
+) -> "tuple[Sources, ...]":
+    """Build the sources, one for each block of `sources`; some may follow the scene's launches."""
     if not scene.sources:
         return ()
     from opir_core.planning.sources import make_sources
 
-    return make_sources(scene, host, sensors)
+    flights = {
+        scene.targets[number].id: (launched, row)
+        for launched, numbers in zip(launches, _rows_by_model(scene), strict=False)
+        for row, number in enumerate(numbers)
+    }
+    return make_sources(scene, host, sensors, flights)
 
 
-def _targets(
-    scene: Scene,
-    host: Host,
-    sensors: Sequence[Sensor],
-    sources: "Sequence[Sources]",
-    problems: BuildProblems,
-) -> Targets:
-    """Return all targets, each model's in one batch: the scene's launches, then the emitters of its
-    sources.
-
-    Raises `SceneError` if there are problems, its own or those found before.
-    """
-    places = _rows_by_model(scene)
+def _launches(
+    scene: Scene, host: Host, sensors: Sequence[Sensor], problems: BuildProblems
+) -> Sequence[Trajectories]:
+    """Return the scene's launches, each model's in one batch; none where there are problems."""
     trajectories = list[Trajectories]()
     free_flight = any(sensor.follows_bodies for sensor in sensors)
+    places = _rows_by_model(scene)
     for rows in places:
         with problems.of("targets"):
             trajectories.append(_trajectories(scene, host, rows, free_flight))
-    problems.require_none()
-    return _joined(scene, trajectories, places, sources)
+    return trajectories if len(trajectories) == len(places) else ()
 
 
 def _joined(

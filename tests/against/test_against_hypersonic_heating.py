@@ -10,13 +10,14 @@ import math
 import numpy as np
 import pytest
 from opir_photons.radiometry import stagnation_flux_w_m2
-from scipy.integrate import quad
+from opir_photons.radiometry.heating import HeatedBodies
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.planning import Looks
-from opir_core.plugin import Exposures
+from opir_core.plugin import Band, Exposures
 from opir_core.simulation import ProbabilityInterpolant
 
 EPOCH = "2026-03-01T12:00:00Z"
@@ -55,7 +56,9 @@ def surface_k(flux, speed, emissivity=0.9, cold=300.0):
             1.0 - 1100.0 * kelvin / enthalpy
         )
 
-    return min(brentq(balance, cold, 3e4, xtol=1e-9), 3900.0)
+    # A wall of the air's temperature gets nothing: below Mach 4 it may stay as cold as without air.
+    warms = balance(cold) < 0.0
+    return min(brentq(balance, cold, 3e4, xtol=1e-9), 3900.0) if warms else cold
 
 
 def radiance(kelvin, low, high):
@@ -65,8 +68,8 @@ def radiance(kelvin, low, high):
     return quad(spectral, low, high, epsrel=1e-10)[0]
 
 
-def plate_w_m2(density, speed, length):
-    slope = math.radians(10.0)
+def plate_w_m2(density, speed, length, slope_deg=10.0):
+    slope = math.radians(slope_deg)
     shape = math.sqrt(math.cos(slope) / length) * math.sin(slope)
     laminar = 2.53e-5 * shape * math.sqrt(density) * speed**3.2
     fast = speed**3.7 if speed > 3962.0 else 3962.0**0.33 * speed**3.37
@@ -82,14 +85,16 @@ def nose_w_m2(density, speed, radius):
     return min(1.7415e-4 * math.sqrt(density / radius) * speed**3, 0.5 * density * speed**3)
 
 
-def body_w_sr(speed, band, *parts):
-    """Return the light of a body of 4 m² with parts of an area, m², that get a heat flux."""
+def body_w_sr(speed, band, *parts, emissivity=0.9, shown_m2=4.0):
+    """Return the light of a body of an area, as seen, with parts of an area, m², that get a heat
+    flux.
+    """
     cold = radiance(300.0, *BANDS[band])
     excess = sum(
-        0.25 * 0.9 * area * (radiance(surface_k(flux, speed), *BANDS[band]) - cold)
+        0.25 * area * (radiance(surface_k(flux, speed, emissivity), *BANDS[band]) - cold)
         for area, flux in parts
     )
-    return 0.9 * 4.0 * cold + excess
+    return emissivity * (shown_m2 * cold + excess)
 
 
 def glider_w_sr(density, speed, band):
@@ -103,6 +108,30 @@ def cone_w_sr(density, speed, band):
     """A nose of 5 cm, and 16 m² of a flank."""
     nose = math.pi * 0.05**2, nose_w_m2(density, speed, 0.05)
     return body_w_sr(speed, band, nose, (16.0, plate_w_m2(density, speed, 1.0)))
+
+
+def stage_w_sr(density, speed, band, since_s):
+    """A nose of 50 cm, 24 m² each of a windward and a lee side, and a nozzle of 0.96 m²."""
+    flux = plate_w_m2(density, speed, 3.0, slope_deg=40.0)
+    nose = math.pi * 0.5**2, nose_w_m2(density, speed, 0.5)
+    sides = (24.0, flux), (24.0, 0.1 * flux)
+    body = body_w_sr(speed, band, nose, *sides, emissivity=0.8, shown_m2=12.0)
+    return body + nozzle_w_sr(0.96, since_s, band)
+
+
+def nozzle_w_sr(area_m2, since_s, band):
+    """What a nozzle of 1 300 K and 12 kJ/(m² K) radiates more than at 300 K, from both of its
+    sides cooled for a time.
+    """
+    cooled = solve_ivp(
+        lambda _, kelvin: -2.0 * 0.8 * SIGMA * kelvin**4 / 12e3,
+        (0.0, since_s),
+        [1300.0],
+        rtol=1e-10,
+    )
+    edges = BANDS[band]
+    excess = radiance(cooled.y[0, -1], *edges) - radiance(300.0, *edges)
+    return 0.8 * area_m2 * max(excess, 0.0)
 
 
 def plan_of(target, follows=False, **changes):
@@ -120,14 +149,15 @@ def plan_of(target, follows=False, **changes):
     return opir.compile_plan(opir.scene_from_mapping(scene | changes))
 
 
-def seen_w_sr(plan, time_s):
-    """Return opir's intensities (2, n), heights, m, and speeds, m/s, of the target at times."""
-    target = np.zeros(len(time_s), dtype=np.int32)
+def seen_w_sr(plan, time_s, row=0):
+    """Return opir's intensities (2, n), heights, m, and speeds, m/s, of a target at times."""
+    target = np.full(len(time_s), row, dtype=np.int32)
     place_m = plan.targets.position_ecef_m(target, time_s)
     aside_m = place_m + np.array([3e7, 0.0, 1e7])
     ones = np.ones(len(time_s))
+    sensor = np.zeros_like(target)
     looks = Exposures(
-        time_s, time_s, target, target, target, 3.2e7 * ones, 0.5 * ones, place_m, aside_m
+        time_s, time_s, sensor, sensor, target, 3.2e7 * ones, 0.5 * ones, place_m, aside_m
     )
     height_m = ecef_to_geodetic(place_m).height_m
     environment = plan.detection.environment
@@ -207,6 +237,115 @@ def test_a_body_that_comes_down_radiates_what_an_own_script_gives(forces):
     ]
     assert len(rows) > 10
     assert light[:, rows] == pytest.approx(np.array(expected), rel=0.01)
+
+
+def test_from_7_to_1_5_km_s_the_light_falls_as_an_own_script_gives():
+    """Of a glider whose equilibrium is at 59 km at 5.4 km/s, where the class begins a glide of 5 000
+    km (Eggers, Allen and Neice, 1957).
+    """
+    circular = math.sqrt(3.986004418e14 / 6.438e6)
+    lifts = [speed**2 / (circular**2 - speed**2) for speed in (5400.0, 7000.0, 1500.0)]
+    heights = [59e3 + 7100.0 * math.log(lift / lifts[0]) for lift in lifts[1:]]
+    densities = [air_kg_m3(height) for height in heights]
+    glider = HeatedBodies.of(["HGV"], np.array([4.0]), np.array([0.9]), np.array([300.0]))
+    light = [
+        glider.excess_w_sr(
+            [Band("SWIR", *BANDS["SWIR"])],
+            np.zeros(1, dtype=np.int32),
+            np.array([density]),
+            np.array([speed]),
+        )[0, 0]
+        for density, speed in zip(densities, (7000.0, 1500.0), strict=True)
+    ]
+    expected = [
+        glider_w_sr(density, speed, "SWIR")
+        for density, speed in zip(densities, (7e3, 1.5e3), strict=True)
+    ]
+    ratio = expected[0] / expected[1]
+    assert ratio > 20.0
+    assert light[0] / light[1] == pytest.approx(ratio, rel=0.01)
+
+
+def test_a_nozzle_cools_after_the_burn_as_an_integration_gives():
+    """Above the air, to which the next test belongs."""
+    target = {
+        "id": "R",
+        "type": "ICBM",
+        "launch": {"lat_deg": 20.0, "lon_deg": 140.0, "time_s": 10.0},
+        "aim": {"lat_deg": 45.0, "lon_deg": -140.0},
+        "signature": {"model": "plume", "body_albedo": 0.0},
+    }
+    plan = plan_of(target, follows=True)
+    since_s = np.array([20.0, 40.0, 90.0, 300.0, 900.0])
+    light, height_m, _ = seen_w_sr(plan, plan.targets.burnout_s[0] + since_s)
+    assert height_m.min() > 200e3
+    expected = [
+        [
+            0.9 * 4.0 * radiance(300.0, *BANDS[band]) + nozzle_w_sr(0.5, after_s, band)
+            for after_s in since_s
+        ]
+        for band in BANDS
+    ]
+    assert light == pytest.approx(np.array(expected), rel=1e-4)
+
+
+def test_a_spent_stage_radiates_what_an_own_script_gives():
+    block = {"id": "S", "model": "spent_stages", "launch": "G", "albedo": 0.0}
+    plan = plan_of(GLIDER, sources=[block])
+    row = plan.targets.ids.index("S-2")
+    begin_s, end_s = plan.targets.ignition_s[row], plan.targets.end_s[row]
+    assert begin_s == pytest.approx(plan.targets.burnout_s[0])
+    time_s = begin_s + np.linspace(0.0, 1.0, 60)[1:-1] * (end_s - begin_s)
+    light, height_m, speed_m_s = seen_w_sr(plan, time_s, row)
+    low = np.flatnonzero(height_m < 70e3)
+    assert len(low) > 20
+    assert speed_m_s[low].max() > 6000.0
+    assert speed_m_s[low].min() < 1000.0
+    expected = [
+        [
+            stage_w_sr(air_kg_m3(height_m[place]), speed_m_s[place], band, time_s[place] - begin_s)
+            for place in low
+        ]
+        for band in BANDS
+    ]
+    assert light[:, low] == pytest.approx(np.array(expected), rel=0.01)
+
+
+def test_a_spent_stage_falls_as_an_integration_gives():
+    """Drag of the standard atmosphere, that turns with the Earth, and gravity with J2, from the
+    place and the velocity of the launch where it burns out.
+    """
+    block = {"id": "S", "model": "spent_stages", "launch": "G"}
+    plan = plan_of(GLIDER, follows=True, sources=[block])
+    row = plan.targets.ids.index("S-2")
+    begin_s = plan.targets.burnout_s[0]
+    launch = np.zeros(4, dtype=np.int32)
+    back_s = 0.2 * np.arange(4.0)
+    path = plan.targets.position_ecef_m(launch, begin_s - back_s)
+    # A parabola and its third difference.
+    velocity = (11.0 * path[0] - 18.0 * path[1] + 9.0 * path[2] - 2.0 * path[3]) / (6.0 * 0.2)
+    spin = np.array([0.0, 0.0, 7.292115e-5])
+
+    def rates(_, state):
+        place, speed = state[:3], state[3:]
+        radius = np.linalg.norm(place)
+        z = (place[2] / radius) ** 2
+        flat = 1.5 * 1.08262668e-3 * (6378137.0 / radius) ** 2
+        bent = place * (1.0 - flat * (5.0 * z - np.array([1.0, 1.0, 3.0])))
+        gravity = -3.986004418e14 / radius**3 * bent
+        height = ecef_to_geodetic(place[None]).height_m[0]
+        drag = -0.5 * air_kg_m3(height) / 150.0 * np.linalg.norm(speed) * speed
+        turning = -2.0 * np.cross(spin, speed) - np.cross(spin, np.cross(spin, place))
+        return np.concatenate([speed, gravity + drag + turning])
+
+    start = np.concatenate([path[0], velocity])
+    flown = solve_ivp(rates, (0.0, 80.0), start, rtol=1e-9, atol=1e-6, dense_output=True)
+    after_s = np.array([0.0, 20.0, 40.0, 80.0])
+    rows = np.full(4, row, dtype=np.int32)
+    place = plan.targets.position_ecef_m(rows, begin_s + after_s)
+    miss_m = np.linalg.norm(place - flown.sol(after_s)[:3].T, axis=1)
+    assert miss_m[0] < 0.1
+    assert np.all(miss_m < 1.0 + 2.0 * after_s)
 
 
 def test_stagnation_flux_is_that_of_another_law_within_a_fifth():

@@ -30,6 +30,7 @@ from opir_estimation.filter.free_thrust import (
     FreeThrust as FreeThrust,
 )
 from opir_estimation.filter.gliding import (
+    glide_drag_m_s2 as glide_drag_m_s2,
     glided as glided,
 )
 from opir_estimation.filter.measurement_updates import (

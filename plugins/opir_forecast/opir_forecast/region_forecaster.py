@@ -3,7 +3,7 @@
 from typing import Any, Self
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight import Forces
@@ -11,6 +11,7 @@ from opir_core.interfaces import names_of
 from opir_forecast.configs import RegionsConfig
 from opir_forecast.estimates import BoostEstimates
 from opir_forecast.forecaster import Forecaster, outcomes_of, track_ends
+from opir_forecast.glide_watch import LAW as WATCH_LAW, GlideWatch, with_glides
 from opir_forecast.launch_forecasts import LaunchForecasts
 from opir_forecast.outcomes import Outcomes
 from opir_forecast.particles import LAW
@@ -51,6 +52,8 @@ class RegionForecaster(Forecaster):
         self._share = (config or RegionsConfig()).renewal_share
         self._history = StageHistory.begun(np.empty(0, dtype=np.int64), 0.0)
         self._latest = self._nothing(self._history.number)
+        self._glides = GlideWatch.begun(self._history.number)
+        self._look_s = -np.inf
 
     def forecasts(self, estimates: BoostEstimates, time_s: float) -> LaunchForecasts:
         """Return the forecasts of tracks (n,) at a time; what is no launch has the prior of
@@ -61,11 +64,15 @@ class RegionForecaster(Forecaster):
         )
         self._history = history.updated(estimates, time_s)
         self._latest = rows_of_tracks(self._latest, estimates.track, self._nothing)
+        glides = self._gliding(estimates, time_s)
+        if glides is not None:
+            # What glides and is seen burns no more.
+            estimates = evolve(estimates, burning=estimates.burning * (1.0 - glides))
         self._renew(estimates, time_s)
         latest = self._latest
         end = track_ends(latest, time_s, estimates.silent_s > LAW.longest_gap_s)
         impact = latest.impact, latest.impact_covariance, latest.impact_sigmas
-        return LaunchForecasts(
+        forecasts = LaunchForecasts(
             latest.given_launch,
             *impact,
             latest.impact_regions,
@@ -75,6 +82,19 @@ class RegionForecaster(Forecaster):
             latest.in_orbit,
             end,
         )
+        return forecasts if glides is None else with_glides(forecasts, glides, self._outcomes)
+
+    def _gliding(self, estimates: BoostEstimates, time_s: float) -> FloatArray | None:
+        """Return the probabilities (n,) that tracks glide and are seen; None where none does."""
+        watch = self._glides
+        if time_s < self._look_s and not watch.is_any:
+            return None
+        watch = rows_of_tracks(watch, estimates.track, GlideWatch.begun)
+        if time_s >= self._look_s:
+            watch = watch.updated(estimates, self._outcomes, time_s)
+            self._look_s = time_s + WATCH_LAW.look_s
+        self._glides = watch
+        return watch.probability if watch.is_any else None
 
     def _nothing(self, number: IntArray) -> LatestForecasts:
         """Return what is said of tracks without a forecast: the prior of hypotheses."""

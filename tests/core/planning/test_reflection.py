@@ -9,6 +9,7 @@ import opir_photons.reflection
 import pytest
 from attrs import evolve
 from opir_photons.radiometry import band_radiance, solar_irradiance
+from opir_photons.radiometry.heating import HeatedBodies
 from opir_photons.reflection import shadow_times_s
 
 import opir_core as opir
@@ -37,6 +38,16 @@ WEST = (9.0, 167.7)
 #: At 04:00 both bodies fly from one side of the terminator to the other, at 14:00 one of them
 #: twice, at 12:00 neither.
 TWILIGHT = "2026-04-01T04:00:00"
+
+
+@pytest.fixture(autouse=True)
+def cold_nozzles(monkeypatch):
+    """Nozzles that do not glow: their light is held against a script of its own elsewhere."""
+
+    def dark(_bodies, bands, rows, _since_s):
+        return np.zeros((len(bands), len(rows)))
+
+    monkeypatch.setattr(HeatedBodies, "nozzle_w_sr", dark)
 
 
 def planned(epoch=TWILIGHT, albedo=0.3, detection="snr", sensors=(SENSOR,), **settings):

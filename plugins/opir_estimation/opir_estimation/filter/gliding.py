@@ -27,13 +27,27 @@ def glided(
     """
     place = state[:, :3]
     velocity = state[:, 3:]
-    radius = np.sqrt(dot(place, place))
-    axes = _glide_axes(place / radius[:, None], velocity)
-    inertial = velocity + ground_velocities(place)
-    weight = np.maximum(EARTH_MU_M3_S2 / radius - dot(inertial, inertial), 0.0) / radius
+    axes = _glide_axes(place / np.sqrt(dot(place, place))[:, None], velocity)
+    weight = _carried_m_s2(place, velocity + ground_velocities(place))
     moved = np.stack([0.5 * since_s * since_s, since_s], axis=1) * weight[:, None]
     side = (moved[:, :, None, None] * axes[:, None]).reshape(-1, 6, 3)
     return state + side @ _MEAN, covariance + (side * _SIGMA**2) @ side.transpose(0, 2, 1)
+
+
+def glide_drag_m_s2(state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean forces (n,) along the flight of gliders with inertial states (n, 6), m/s²,
+    below 0, and their standard deviations.
+    """
+    weight = _carried_m_s2(state[:, :3], state[:, 3:])
+    return _MEAN[2] * weight, _SIGMA[2] * weight
+
+
+def _carried_m_s2(place: FloatArray, inertial: FloatArray) -> FloatArray:
+    """Return the weight less the centrifugal force (n,), at least 0, of inertial velocities (n,
+    3).
+    """
+    radius = np.sqrt(dot(place, place))
+    return np.maximum(EARTH_MU_M3_S2 / radius - dot(inertial, inertial), 0.0) / radius
 
 
 def _glide_axes(up: FloatArray, velocity: FloatArray) -> FloatArray:

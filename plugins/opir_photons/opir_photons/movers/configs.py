@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from attrs import frozen
 
-from opir_core.plugin import cited, flag, nested, number, with_defaults
+from opir_core.plugin import cited, flag, nested, number, text, with_defaults
 from opir_photons.radiometry.source_configs import PlacedConfig, PlacesConfig, SourceConfig
 
 _DAYLIGHT_1972 = "daylight fireball of 10 August 1972: 15 km/s, perigee 57 km, 100 s in the air"
@@ -254,6 +254,53 @@ class ReentryConfig(SourceConfig):
         above=0.0,
         maximum=100.0,
         help="radius of the nose that meets the air",
+    )
+    lowest_m: float = number(
+        default=15e3,
+        unit="m",
+        minimum=0.0,
+        maximum=100e3,
+        help="height at which it is dark: it is followed down to there",
+    )
+
+
+@frozen(kw_only=True)
+class SpentStagesConfig:
+    """What a scene may set of `spent_stages`: the stages that one of its launches drops."""
+
+    launch: str = text(help="id of the target that drops them", source="no default")
+    stages: int | None = number(
+        default=None,
+        minimum=1,
+        maximum=8,
+        help="equal stages of a flight in one burn; flights in several burns drop one after each",
+        source="none: those of the flown profile's plume",
+    )
+    drops_last: bool | None = flag(
+        default=None,
+        help="whether the last stage is dropped at burnout",
+        source="none: gliders drop it, other classes keep it",
+    )
+    ballistic_coefficient_kg_m2: float = number(
+        default=150.0,
+        unit="kg/m2",
+        minimum=1.0,
+        maximum=1e5,
+        help="mass over drag coefficient times area",
+    )
+    area_m2: float = number(
+        default=12.0,
+        unit="m2",
+        above=0.0,
+        maximum=1e4,
+        help="cross-section on average over directions: a quarter of the surface",
+    )
+    temperature_k: float = number(
+        default=300.0, unit="K", above=0.0, maximum=1000.0, help="temperature without air"
+    )
+    emissivity: float = number(default=0.8, above=0.0, maximum=1.0, help="emissivity")
+    albedo: float = number(
+        default=0.3, minimum=0.0, maximum=1.0, help="share of the sunlight that it reflects"
     )
     lowest_m: float = number(
         default=15e3,

@@ -62,7 +62,7 @@ class HotNoseSignatures(Signatures):
         self, target: IndexArray, since_s: FloatArray, altitude_m: FloatArray
     ) -> FloatArray:
         """Return the temperatures (n,) of bodies, K."""
-        speed_m_s = _speeds_m_s(self.flight, target, since_s)
+        speed_m_s = speeds_m_s(self.flight, target, since_s)
         density = density_kg_m3(altitude_m)
         flux = stagnation_flux_w_m2(density, speed_m_s, self.emitters["nose_radius_m"][target])
         emissivity = self.emitters["emissivity"][target]
@@ -95,7 +95,7 @@ class GrazerSignatures(Signatures):
         aspect_rad: FloatArray,
     ) -> FloatArray:
         """Return radiant intensities (n,), W/sr; the aspect does not matter."""
-        speed_m_s = _speeds_m_s(self.flight, target, time_since_ignition_s)
+        speed_m_s = speeds_m_s(self.flight, target, time_since_ignition_s)
         power = density_kg_m3(altitude_m) * speed_m_s**3
         return self.peak_w_sr[band][target] * power / self.power_w_m2[target]
 
@@ -112,14 +112,23 @@ def reentry_sources(config: ReentryConfig, context: SourceContext) -> Sources:
     start_m = starts_m(emitters)
     way = directions(start_m, emitters["heading_deg"], emitters["descent_deg"])
     velocity_m_s = way * emitters["speed_m_s"][:, None]
+    flight, end_s = falls(emitters, start_m, velocity_m_s, config.lowest_m)
+    signatures = HotNoseSignatures(context.bands, emitters, flight)
+    return moving_sources("re-entry", "other", emitters, context, flight, end_s, signatures)
+
+
+def falls(
+    emitters: Emitters, start_m: FloatArray, velocity_m_s: FloatArray, lowest_m: float
+) -> tuple[Ephemeris, FloatArray]:
+    """Return the ephemeris of falls from places and velocities (n, 3), ECEF, down to a height, and
+    the times (n,) at which they end.
+    """
     forces = _forces(emitters["ballistic_coefficient_kg_m2"])
     states = ecef_to_eci_state(start_m, velocity_m_s, np.zeros(len(emitters)))
     within_s = np.maximum(emitters["end_s"] - emitters["start_s"], 1.0)
-    fall_s, _ = impact(*states, config.lowest_m, forces, within_s=within_s)
+    fall_s, _ = impact(*states, lowest_m, forces, within_s=within_s)
     end_s = emitters["start_s"] + np.maximum(np.where(np.isnan(fall_s), within_s, fall_s), 1e-3)
-    flight = _flight(start_m, velocity_m_s, emitters["start_s"], end_s, forces)
-    signatures = HotNoseSignatures(context.bands, emitters, flight)
-    return moving_sources("re-entry", "other", emitters, context, flight, end_s, signatures)
+    return _flight(start_m, velocity_m_s, emitters["start_s"], end_s, forces), end_s
 
 
 def grazer_sources(config: GrazerConfig, context: SourceContext) -> Sources:
@@ -145,7 +154,7 @@ def _placed(config: ReentryConfig | GrazerConfig, context: SourceContext) -> Emi
     return with_headings(emitters_of(config, context, is_brief=True), context)
 
 
-def _speeds_m_s(flight: Ephemeris, target: IndexArray, since_s: FloatArray) -> FloatArray:
+def speeds_m_s(flight: Ephemeris, target: IndexArray, since_s: FloatArray) -> FloatArray:
     """Return speeds (n,) over the Earth, m/s, at times since flights began, at most their
     lengths.
     """

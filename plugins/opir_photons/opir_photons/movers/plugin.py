@@ -15,6 +15,7 @@ from opir_photons.movers.configs import (
     ReentryConfig,
     SatelliteConfig,
     ShipConfig,
+    SpentStagesConfig,
     StormConfig,
     TrainConfig,
 )
@@ -52,6 +53,12 @@ _MODELS = (
         "bodies that enter the air unpowered, slowed by drag, as hot as it makes them",
         ReentryConfig,
         "falls.reentry_sources",
+    ),
+    (
+        "spent_stages",
+        "stages that a launch of the scene drops, in the sunlight and hot from burn and air",
+        SpentStagesConfig,
+        "stages.spent_stage_sources",
     ),
     ("grazers", "meteors that graze the air and leave it", GrazerConfig, "falls.grazer_sources"),
     (

@@ -4,6 +4,8 @@ warmth.
 Above most of the air the Sun's light is whole; in the Earth's shadow there is none.
 """
 
+from typing import Any
+
 import numpy as np
 from attrs import frozen
 
@@ -19,14 +21,13 @@ from opir_core.geometry import (
     length,
     sun_ecef_m,
 )
-from opir_core.plugin import Signatures, SourceContext, Sources, Trajectories
+from opir_core.plugin import Signatures, SourceContext, Sources
 from opir_photons.movers.configs import BalloonConfig, SatelliteConfig
 from opir_photons.movers.courses import flight_of, legs_of
 from opir_photons.movers.trajectories import moving_sources, with_headings
 from opir_photons.radiometry.emitters import Emitters, emitters_of
 from opir_photons.radiometry.sources import (
     EmitterSources,
-    GreySignatures,
     by_band,
     directions,
     grey_w_sr,
@@ -44,7 +45,7 @@ class SunlitSignatures(Signatures):
     own_w_sr: FloatArray
     sunlight_w_m2: FloatArray
     reflecting_m2: FloatArray
-    flight: Trajectories
+    flight: Ephemeris
     epoch_us: int
 
     def intensity_w_sr(
@@ -64,7 +65,7 @@ class SunlitSignatures(Signatures):
         self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray
     ) -> FloatArray | None:
         """Return phase angles (n,), rad: pi, of no light, in the Earth's shadow."""
-        position_m = self.flight.position_ecef_m(target, time_s)
+        position_m = self.flight.position_m(target, time_s)
         sun_m = sun_ecef_m(time_s, self.epoch_us)
         phase = angle_between_rad(sun_m - position_m, to_sensor_ecef)
         return np.where(is_sunlit(position_m, sun_m), phase, np.pi)
@@ -100,15 +101,19 @@ def _sunlit(
     kind: str, emitters: Emitters, context: SourceContext, flight: Ephemeris
 ) -> EmitterSources:
     """Return spheres of a kind in the sunlight on an ephemeris."""
-    light = [solar_irradiance(band.lower_um, band.upper_um)[None] for band in context.bands]
-    dark = GreySignatures(grey_w_sr(emitters, context))
+    signatures = SunlitSignatures(**sunlit(emitters, context, flight))
     end_s = emitters["end_s"]
-    sources = moving_sources(kind, "other", emitters, context, flight, end_s, dark)
-    signatures = SunlitSignatures(
-        own_w_sr=dark.peak_w_sr,
-        sunlight_w_m2=by_band(light, 1)[:, 0],
-        reflecting_m2=emitters["area_m2"] * emitters["albedo"],
-        flight=sources.trajectories,
-        epoch_us=context.epoch_us,
-    )
+    sources = moving_sources(kind, "other", emitters, context, flight, end_s, signatures)
     return EmitterSources(tuple(sources.ids), sources.trajectories, signatures)
+
+
+def sunlit(emitters: Emitters, context: SourceContext, flight: Ephemeris) -> dict[str, Any]:
+    """Return the columns of `SunlitSignatures` of spheres on an ephemeris."""
+    light = [solar_irradiance(band.lower_um, band.upper_um)[None] for band in context.bands]
+    return {
+        "own_w_sr": grey_w_sr(emitters, context),
+        "sunlight_w_m2": by_band(light, 1)[:, 0],
+        "reflecting_m2": emitters["area_m2"] * emitters["albedo"],
+        "flight": flight,
+        "epoch_us": context.epoch_us,
+    }

@@ -5,7 +5,8 @@ The nose gets the stagnation heat flux of Sutton and Graves, q = K √(ρ/R) v³
 flow along a plate, laminar or turbulent by its Reynolds number (Tauber, Menees and Adelman). Both
 are at most the flow of energy ρ v³/2 that meets the part. In radiative equilibrium a surface of
 emissivity ε at T gets ε σ (T⁴ - T₀⁴) = q (1 - c T/H), with the total enthalpy H = c T_air + v²/2
-and the temperature T₀ that it has without air. Constants, shapes and sources:
+and the temperature T₀ that it has without air. After its burn a nozzle cools by radiation to both
+sides: C dT/dt = -2 ε σ T⁴. Constants, shapes and sources:
 `opir_photons/data/heated_bodies.json`. A convex body shows a quarter of its surface on average over
 all directions.
 """
@@ -102,6 +103,14 @@ def equilibrium_temperature_k(
     return np.clip(temperature, unheated, np.maximum(table["limit_k"], unheated))
 
 
+def cooling_nozzle_k(since_burn_s: ArrayLike) -> FloatArray:
+    """Return the temperatures of nozzles at times after their burns, K: T⁻³ grows evenly."""
+    table = law("heated_bodies")
+    emitting = 2.0 * table["nozzle_emissivity"] * STEFAN_BOLTZMANN_W_M2_K4
+    per_k3_s = 3.0 * emitting / table["nozzle_heat_j_m2_k"]
+    return (table["nozzle_k"] ** -3.0 + per_k3_s * floats(since_burn_s)) ** (-1.0 / 3.0)
+
+
 @frozen(eq=False)
 class HeatedParts:
     """One kind of part of n bodies, columns (n,): its wetted area, m², slope, rad, running length,
@@ -127,13 +136,14 @@ class HeatedParts:
 
 @frozen(eq=False)
 class HeatedBodies:
-    """The surfaces of n bodies: their parts, and columns (n,) of emissivity and of the temperature
-    without air.
+    """The surfaces of n bodies: their parts, and columns (n,) of emissivity, of the temperature
+    without air, and of the nozzle, m² as seen.
     """
 
     parts: tuple[HeatedParts, ...]
     emissivity: FloatArray
     unheated_k: FloatArray
+    nozzle_m2: FloatArray
 
     @classmethod
     def of(
@@ -147,7 +157,8 @@ class HeatedBodies:
         shapes = [_shape(profile) for profile in profiles]
         count = max(len(shape["parts"]) for shape in shapes)
         flanks = [_flanks(shapes, 4.0 * projected_m2, number) for number in range(count)]
-        return cls((_noses(shapes), *flanks), emissivity, unheated_k)
+        nozzle_m2 = projected_m2 * np.array([shape["nozzle_share"] for shape in shapes])
+        return cls((_noses(shapes), *flanks), emissivity, unheated_k, nozzle_m2)
 
     def excess_w_sr(
         self,
@@ -176,6 +187,22 @@ class HeatedBodies:
                 area_m2 = 0.25 * emissivity * part.area_m2[rows]
                 light += area_m2 * (band_radiance(hot_k, *edges) - unheated)
         return excess
+
+    def nozzle_w_sr(
+        self, bands: Sequence[Band], rows: IndexArray, since_burn_s: FloatArray
+    ) -> FloatArray:
+        """Return what the nozzles of bodies `rows` (m,) radiate at times after their burns more
+        than at the bodies' temperature (bands, m), W/sr.
+        """
+        light = np.zeros((len(bands), len(rows)))
+        hot_k = cooling_nozzle_k(since_burn_s)
+        unheated_k = self.unheated_k[rows]
+        area_m2 = law("heated_bodies")["nozzle_emissivity"] * self.nozzle_m2[rows]
+        for glow, band in zip(light, bands, strict=True):
+            edges = (band.lower_um, max(band.lower_um, band.upper_um))
+            excess = band_radiance(hot_k, *edges) - band_radiance(unheated_k, *edges)
+            np.multiply(area_m2, np.maximum(excess, 0.0), out=glow)
+        return light
 
 
 def heated_below_m() -> float:

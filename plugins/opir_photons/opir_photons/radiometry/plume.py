@@ -8,8 +8,8 @@ particles have factors of altitude of their own, so that the ratios of bands cha
 factors for stage, rise at ignition and aspect are common. The factor of aspect is that of the
 projected area of a long body: at an angle a from the direction of flight √(sin² a + e² cos² a),
 with e its value end-on. After burnout only the body radiates, grey and at one temperature where
-the air does not heat it (`opir_photons.radiometry.heating`), and reflects sunlight as a diffuse
-sphere; earthshine is not modelled.
+the air does not heat it (`opir_photons.radiometry.heating`), with a nozzle that cools, and
+reflects sunlight as a diffuse sphere; earthshine is not modelled.
 
 The stages of a target with several burns are these, each with a rise at its ignition; otherwise
 stages share the burn equally and only the first rises. A number of stages that the configuration
@@ -39,6 +39,9 @@ from opir_photons.radiometry.propellants import (
     profile_propellant,
     propellants,
 )
+
+#: Time after burnout, s, below which looks are those in dark gaps between burns.
+_LEAST_GLOW_S = 1e-9
 
 #: The largest number of stages of a plume.
 _MAX_STAGES = 8
@@ -106,7 +109,24 @@ class PlumeSignatures(Signatures):
             intensity += self.water_w_sr[band].take(target) * water
             intensity += self.particle_w_sr[band].take(target) * particles
             intensity[burnt_out] = self.body_w_sr[band].take(target[burnt_out])
+        self._add_nozzles(intensities, bands, target, time_since_ignition_s)
         return intensities
+
+    def _add_nozzles(
+        self,
+        intensities: FloatArray,
+        bands: Sequence[int],
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+    ) -> None:
+        """Add the glow of nozzles after the burn to intensities (bands, n), in place; in a dark gap,
+        where the time is that of burnout, there is none.
+        """
+        since_s = time_since_ignition_s - self.burn_time_s[target]
+        rows = np.flatnonzero((since_s > _LEAST_GLOW_S) & (self.bodies.nozzle_m2[target] > 0.0))
+        if len(rows):
+            chosen = [self.bands[band] for band in bands]
+            intensities[:, rows] += self.bodies.nozzle_w_sr(chosen, target[rows], since_s[rows])
 
     def reflecting_area_m2(
         self, target: IndexArray, time_since_ignition_s: FloatArray

@@ -1,6 +1,6 @@
 """Conformance tests of signature, source, atmosphere and background models."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from typing import Any, ClassVar
 
@@ -25,6 +25,7 @@ from opir_core.plugin import (
     SourceContext,
     SourceModel,
     Sources,
+    Trajectories,
     Transmittance,
     Views,
 )
@@ -156,9 +157,12 @@ class SignatureContract(EmitterContract):
 
 
 class SourceContract(EmitterContract):
-    """Conformance tests of a source model."""
+    """Conformance tests of a source model; `launched` is that of `SourceContext`, for one that
+    follows launches.
+    """
 
     kind: ClassVar[type[Component]] = SourceModel
+    launched: ClassVar[Callable[[str], tuple[Trajectories, int]] | None] = None
 
     @classmethod
     @cache
@@ -171,6 +175,7 @@ class SourceContract(EmitterContract):
             epoch_us=_EPOCH_US,
             duration_s=_DURATION_S,
             seed=_SEED,
+            launched=cls.launched,
         )
         return cls.built(Sources, cls.config(), context)
 

@@ -210,7 +210,8 @@ def test_after_burnout_the_warm_body_alone_is_seen():
     )
     plume = plume_signatures([config], context)
     everyone = np.zeros(2, dtype=np.int32)
-    time_s = np.array([181.0, 1500.0])
+    # Half an hour later the nozzle is cold.
+    time_s = np.array([2000.0, 3000.0])
     altitude_m = np.array([2e5, 9e5])
     aspect_rad = np.array([0.1, 1.5])
     for number, band in enumerate(bands):
