@@ -20,7 +20,7 @@ def test_the_list_ends_with_the_count_of_all(capsys):
     assert "250 s liquid, 170 s solid" in " ".join(text.split())
     *_, count = text.split("\n\n")
     assert count.startswith(
-        "109 claims: 77 VALIDATED (30 by published figures, 18 by another library"
+        "109 claims: 85 VALIDATED (32 by published figures, 21 by another library"
     )
 
 
