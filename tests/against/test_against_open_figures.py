@@ -1,9 +1,11 @@
-"""opir's classes, orbits, fixes and fires against figures that others published.
+"""opir's classes, orbits, fixes, fires and persistence against figures that others published.
 
 Burn times: American Physical Society, Boost-Phase Intercept Systems for National Missile Defense
 (2003), and National Research Council, Making Sense of Ballistic Missile Defense (2012). High
 orbits: P. Podvig, russianforces.org (2024). Two bearings: L. G. Taff, MIT Lincoln Laboratory TR-741
-(1986). Fires: L. Giglio et al., Remote Sensing of Environment 87 (2003) 273, as by Wang (2009).
+(1986). Fires: L. Giglio et al., Remote Sensing of Environment 87 (2003) 273, as by Wang (2009); one
+fire in three imagers: CIMSS Satellite Blog, archives 19261. Lightning mappers: AMS Annual Meeting
+2014, paper 234359.
 """
 
 import math
@@ -11,12 +13,16 @@ import math
 import numpy as np
 import pytest
 from opir_estimation.triangulation import information
+from opir_photons.detection import m_of_n_probability
 from opir_photons.radiometry import (
     band_radiance,
+    band_transmittance,
     brightness_temperature_k,
     grey_body_intensity,
+    pixel_temperature_k,
 )
 from opir_photons.radiometry.source_configs import FireConfig
+from scipy.optimize import brentq
 
 from opir_core.flight import boost_profile
 from opir_core.orbits import MolniyaConfig, OrbitConfig, orbit_of, synchronous_semi_major_axis_m
@@ -34,6 +40,20 @@ ROUTINELY_M2, WELL_M2, IDEALLY_M2 = 1000.0, 100.0, 50.0
 
 #: Thresholds of its algorithm: absolute by night, and over the background, K.
 NIGHT_K, RISE_K = 320.0, 10.0
+
+
+#: One fire near 46.9° N, 108.6° W, 15 August 2015, at 3.9 µm: longitudes of the imagers, deg, and
+#: their hottest pixels, K; the last one is the saturation of its detectors.
+FIRE_DEG = (46.9, -108.6)
+FIRE_K = {-75.0: 329.8, -135.0: 336.5, -105.0: 341.2}
+
+#: Pixels of 4 km from 35 786 km, rad.
+IMAGER_PIXEL_RAD = 112e-6
+
+#: A lightning mapper: false events, 1/s, in all, and flashes that its filter leaves, 1/s; pixels;
+#: frames, 1/s; the time within which its events are one flash, s.
+FALSE_EVENTS, FALSE_FLASHES = 40_000.0, 0.7
+MAPPER_PIXELS, MAPPER_FRAMES, FLASH_S = 1372 * 1300, 500.0, 0.33
 
 
 @pytest.mark.parametrize("name", BURN_S)
@@ -148,3 +168,61 @@ def test_fires_are_found_by_size_as_modis_finds_them(ground_k):
     # Under very good conditions: about the threshold; ideal ones: half of it, far above the noise.
     assert 0.7 * RISE_K < rises[WELL_M2] < 2.0 * RISE_K
     assert 0.3 * RISE_K < rises[IDEALLY_M2] < 1.3 * RISE_K
+
+
+def seen_from(longitude_deg):
+    """Return the range, m, and the elevation, rad, of a geostationary imager at the fire."""
+    latitude, longitude = np.radians(FIRE_DEG)
+    place = 6371.0 * np.array(
+        [
+            math.cos(latitude) * math.cos(longitude),
+            math.cos(latitude) * math.sin(longitude),
+            math.sin(latitude),
+        ]
+    )
+    slot = math.radians(longitude_deg)
+    sight = 42_164.0 * np.array([math.cos(slot), math.sin(slot), 0.0]) - place
+    range_km = float(np.linalg.norm(sight))
+    return range_km * 1e3, math.asin(float(sight @ place) / range_km / 6371.0)
+
+
+def fire_in_imager_k(area_m2, longitude_deg, ground_k):
+    """Return the temperature of a pixel with all the light of a fire of 900 K, 1 km up."""
+    range_m, elevation = seen_from(longitude_deg)
+    air = band_transmittance(3.8, 4.0, 1000.0, elevation, climate="midlat_summer")
+    shining = grey_body_intensity(900.0, area_m2, 0.95, 3.8, 4.0) * math.sin(elevation)
+    arriving = float(shining * air) / range_m**2
+    return float(
+        pixel_temperature_k(
+            arriving, band_radiance(ground_k, 3.8, 4.0), IMAGER_PIXEL_RAD, Band("B", 3.8, 4.0)
+        )
+    )
+
+
+@pytest.mark.parametrize("ground_k", [300.0, 310.0])
+def test_one_fire_is_as_hot_in_three_imagers_as_they_saw_it(ground_k):
+    """Of the size that the first one saw, it is hotter in the others in the order that they had;
+    the grid of pixels, which halves or doubles the light of one, makes 8 K.
+    """
+    first = next(iter(FIRE_K))
+    area_m2 = brentq(lambda area: fire_in_imager_k(area, first, ground_k) - FIRE_K[first], 1.0, 1e7)
+    assert 1e4 < area_m2 < 1e5
+    others_k = [fire_in_imager_k(area_m2, slot, ground_k) for slot in list(FIRE_K)[1:]]
+    assert FIRE_K[first] + 1.0 < others_k[0] < others_k[1] - 1.0
+    assert others_k == pytest.approx(list(FIRE_K.values())[1:], abs=8.0)
+
+
+def test_persistence_leaves_as_few_false_flashes_as_the_filter_of_a_lightning_mapper():
+    """Events of noise that repeat in a pixel while a flash lasts: how many must do so was chosen.
+
+    Twice is far too many false flashes, four times far fewer than published.
+    """
+    chance = FALSE_EVENTS / (MAPPER_PIXELS * MAPPER_FRAMES)
+    frames = round(FLASH_S * MAPPER_FRAMES)
+    left = {
+        needed: FALSE_EVENTS * float(m_of_n_probability(chance, needed - 1, frames))
+        for needed in (2, 3, 4)
+    }
+    assert left[3] == pytest.approx(FALSE_FLASHES, rel=0.6)
+    assert left[2] > 100.0 * FALSE_FLASHES
+    assert left[4] < 0.01 * FALSE_FLASHES

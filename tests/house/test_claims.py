@@ -163,7 +163,7 @@ def test_no_test_holds_two_claims():
 
 
 #: How many claims are validated: it only rises.
-LEAST_VALIDATED = 77
+LEAST_VALIDATED = 86
 
 
 def test_the_number_of_validated_claims_only_rises():
@@ -185,7 +185,7 @@ def test_the_figure_of_the_sightings_is_that_of_their_table():
 
 
 @pytest.mark.parametrize(
-    "words", ["EchoStar 23 in the water bands", "entry burn", "boostback burn", "long waves of"]
+    "words", ["EchoStar 23 in the water bands", "burns against the flight", "long waves of"]
 )
 def test_a_sighting_that_is_missed_is_a_row_with_its_figure(words):
     (row,) = [row for row in ROWS if row["claim"].startswith(words)]

@@ -26,8 +26,9 @@ class PlumeConfig:
     The intensities of the gases are fixed in three bands, SWIR 2.5-3.0, MWIR 4.2-4.45 and LWIR 8-12
     µm, and a spectrum through them gives those of other bands: a grey continuum of
     `continuum_temperature_k` that has all of LWIR, and the gases' bands near 2.7 and 4.3 µm at
-    `gas_temperature_k`, which have what the continuum leaves of SWIR and MWIR, and a band near 6.3
-    µm that follows that near 2.7 µm. To these the propellant adds the continuum of its particles.
+    `gas_temperature_k`, which have what the continuum leaves of SWIR and MWIR. To these the
+    propellant adds the continuum of its particles, and, from 5 to 14 µm, hot water and carbon
+    dioxide of exhaust that mixes with the air, by jet power and height.
     """
 
     propellant: str | None = text(
@@ -50,7 +51,8 @@ class PlumeConfig:
         default=1.0,
         minimum=0.0,
         maximum=1e6,
-        help="factor on all intensities",
+        help="factor on the jet power and on all intensities; from 5 to 14 µm, where mixing counts,"
+        " they grow faster",
         source="the table's own",
     )
     peak_w_sr: Mapping[str, float] = nested(

@@ -3,8 +3,8 @@ altitude and aspect.
 
 Sources: `opir_core/data/plumes.json` and `opir_photons/data/plume_gases.json` for the gases,
 `opir_photons/data/propellants.json` for the continuum of soot and alumina, which mark their
-notional values. Gases, hot water near 6.3 µm and
-particles have factors of altitude of their own, so that the ratios of bands change with height; the
+notional values; `opir_photons.radiometry.long_waves` for gases from 5 to 14 µm. Gases, long waves
+and particles depend on height each in its way, so that the ratios of bands change with height; the
 factors for stage, rise at ignition and aspect are common. The factor of aspect is that of the
 projected area of a long body: at an angle a from the direction of flight √(sin² a + e² cos² a),
 with e its value end-on. After burnout only the body radiates, grey and at one temperature where
@@ -31,6 +31,7 @@ from opir_core.scene import core_plumes, core_target_class, plume_table
 from opir_photons.laws import law
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.heating import HeatedBodies, heated_below_m
+from opir_photons.radiometry.long_waves import LongWaves, has_long_waves, jet_spectra
 from opir_photons.radiometry.planck import SECOND_RADIATION_UM_K, band_radiance
 from opir_photons.radiometry.propellants import (
     Propellant,
@@ -46,20 +47,23 @@ _LEAST_GLOW_S = 1e-9
 #: The largest number of stages of a plume.
 _MAX_STAGES = 8
 
+#: The altitude from which gases expand as in vacuum, km; between jets and these light is linear.
+_EXPANDING_KM = 100.0
+
 
 @frozen(eq=False)
 class PlumeSignatures(Signatures):
-    """Plumes of n targets, and their bodies: `peak_w_sr` of gases, `water_w_sr` near 6.3 µm,
-    `particle_w_sr`, `body_w_sr` (bands, n).
+    """Plumes of n targets, and their bodies: `peak_w_sr` of gases, `particle_w_sr`, `body_w_sr`
+    (bands, n); `long_waves` of gases from 5 to 14 µm.
 
-    The other columns are (n,), shapes by number: altitudes, and the factors of gases, water and
-    particles there. `body_reflecting_m2` is albedo times area; `bodies` are heated by the air, in
+    The other columns are (n,), shapes by number: altitudes, and the factors of gases and particles
+    there. `body_reflecting_m2` is albedo times area; `bodies` are heated by the air, in
     `bands`. Of each stage (n, 8) the scale, its
     end and the ignition from which the intensity rises, s since the first ignition.
     """
 
     peak_w_sr: FloatArray
-    water_w_sr: FloatArray
+    long_waves: LongWaves
     particle_w_sr: FloatArray
     body_w_sr: FloatArray
     body_reflecting_m2: FloatArray
@@ -101,12 +105,13 @@ class PlumeSignatures(Signatures):
     ) -> FloatArray:
         """Return those of several bands (bands, n), which differ only in their peaks and bodies."""
         common = self._thrust(target, time_since_ignition_s) * self._aspect(target, aspect_rad)
-        gas, water, particles = common * self._altitude(target, altitude_m)
+        gas, particles = common * self._altitude(target, altitude_m)
         burnt_out = np.flatnonzero(time_since_ignition_s > self.burn_time_s[target])
         intensities = np.empty((len(bands), len(target)))
         for intensity, band in zip(intensities, bands, strict=True):
             np.multiply(self.peak_w_sr[band].take(target), gas, out=intensity)
-            intensity += self.water_w_sr[band].take(target) * water
+            if not self.long_waves.is_dark(band):
+                intensity += common * self.long_waves.w_sr(band, target, altitude_m)
             intensity += self.particle_w_sr[band].take(target) * particles
             intensity[burnt_out] = self.body_w_sr[band].take(target[burnt_out])
         self._add_nozzles(intensities, bands, target, time_since_ignition_s)
@@ -177,8 +182,8 @@ class PlumeSignatures(Signatures):
         return np.where(burns, rise * self.stage_scale[target, stage], 0.0)
 
     def _altitude(self, target: IndexArray, altitude_m: FloatArray) -> FloatArray:
-        """Return the factors of altitude (3, n) of gases, water and particles."""
-        factors = np.empty((3, len(target)))
+        """Return the factors of altitude (2, n) of gases and particles."""
+        factors = np.empty((2, len(target)))
         shape = self.shape[target]
         for number, (points_m, *levels) in enumerate(self.shapes):
             rows = slice(None) if len(self.shapes) == 1 else np.flatnonzero(shape == number)
@@ -212,7 +217,7 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
 
     return PlumeSignatures(
         peak_w_sr=by_band(_Exhaust.gas_w_sr),
-        water_w_sr=by_band(_Exhaust.water_w_sr),
+        long_waves=LongWaves(kind, tuple(each.long_waves(context.bands) for each in exhausts)),
         particle_w_sr=by_band(_Exhaust.particle_w_sr),
         body_w_sr=_bodies_w_sr(configs, unheated_k, context.bands),
         body_reflecting_m2=_column(configs, "body_albedo") * _column(configs, "body_area_m2"),
@@ -270,10 +275,9 @@ class _Exhaust:
         return cls(config, {**plume.peak_w_sr, **config.peak_w_sr}, propellants()[name], path)
 
     @property
-    def shape(self) -> tuple[tuple[float, ...], tuple[float, ...], float, Propellant]:
+    def shape(self) -> tuple[tuple[float, ...], tuple[float, ...], Propellant]:
         """The arguments of `_factors`."""
-        config = self.config
-        return config.altitude_km, config.altitude_scale, config.gas_temperature_k, self.fuel
+        return self.config.altitude_km, self.config.altitude_scale, self.fuel
 
     def gas_w_sr(self, band: Band) -> float:
         """Return the peak of the gases in a band; `ModelError` for impossible peaks."""
@@ -283,29 +287,60 @@ class _Exhaust:
         except ValueError as error:
             raise ModelError(f"{self.path}: {error}") from error
 
-    def water_w_sr(self, band: Band) -> float:
-        """Return the intensity of hot water in a band, at the altitude where the gases peak."""
-        gas_k = self.config.gas_temperature_k
-        return self.config.scale * water_intensity_w_sr(self.peak_w_sr["SWIR"], band, gas_k)
+    @property
+    def power_w(self) -> float:
+        """The jet power."""
+        return self.config.scale * jet_power_w(self.peak_w_sr)
+
+    def long_waves(self, bands: Sequence[Band]) -> tuple[FloatArray, FloatArray]:
+        """Return altitudes (k,), m, and there the intensities (bands, k) of gases in long waves: of
+        jets in the air, and from 100 km on of thin gas that expands.
+        """
+        points_km = _points_km(self.config.altitude_km, self.fuel)
+        high_km = points_km[points_km > _EXPANDING_KM]
+        high_km = np.append(_EXPANDING_KM, high_km)
+        jets = jet_spectra()[self.fuel.name] if any(map(has_long_waves, bands)) else None
+        levels = np.zeros((len(bands), len(points_km)))
+        if jets is not None:
+            heights_km = np.append(jets.height_km, high_km)
+            for level, band in zip(levels, bands, strict=True):
+                low_w_sr = jets.intensities_w_sr(self.power_w, band)
+                high_w_sr = self._expanding_w_sr(high_km, band)
+                level[:] = np.interp(points_km, heights_km, np.append(low_w_sr, high_w_sr))
+        return points_km * 1e3, levels
+
+    def _expanding_w_sr(self, altitude_km: FloatArray, band: Band) -> FloatArray:
+        """Return the intensities of hot water near 6.3 µm without air: of thin gas, by that near
+        2.7 µm.
+        """
+        config = self.config
+        gases = law("plume_gases")
+        cooling = np.interp(altitude_km, gases["cooling_km"], gases["cooling"])
+        level = np.interp(altitude_km, config.altitude_km, config.altitude_scale)
+        hot_w_sr = water_intensity_w_sr(self.peak_w_sr["SWIR"], band, config.gas_temperature_k)
+        ratio = [_water_ratio(config.gas_temperature_k * cooled) for cooled in cooling]
+        cooled_w_sr = hot_w_sr * np.array(ratio) / _water_ratio(config.gas_temperature_k)
+        return np.asarray(config.scale * level * cooled_w_sr)
 
     def particle_w_sr(self, band: Band) -> float:
         """Return the broadside intensity of particles in a band, where it is highest."""
-        power_w = self.config.scale * jet_power_w(self.peak_w_sr)
-        return continuum_w_sr(self.fuel, power_w, band.lower_um, band.upper_um)
+        return continuum_w_sr(self.fuel, self.power_w, band.lower_um, band.upper_um)
 
 
 def _factors(
-    altitude_km: Sequence[float], altitude_scale: Sequence[float], gas_k: float, fuel: Propellant
+    altitude_km: Sequence[float], altitude_scale: Sequence[float], fuel: Propellant
 ) -> tuple[FloatArray, ...]:
-    """Return altitudes, m, and there the factors of gases, water and particles; all are linear
-    between.
-    """
-    gases = law("plume_gases")
-    points_km = np.unique(np.concatenate([altitude_km, fuel.altitude_km, gases["cooling_km"]]))
+    """Return altitudes, m, and there the factors of gases and particles; both are linear between."""
+    points_km = _points_km(altitude_km, fuel)
     gas = np.interp(points_km, altitude_km, altitude_scale)
-    cooled_k = gas_k * np.interp(points_km, gases["cooling_km"], gases["cooling"])
-    water = gas * np.array([_water_ratio(point_k) for point_k in cooled_k]) / _water_ratio(gas_k)
-    return points_km * 1e3, gas, water, np.interp(points_km, fuel.altitude_km, fuel.altitude_scale)
+    return points_km * 1e3, gas, np.interp(points_km, fuel.altitude_km, fuel.altitude_scale)
+
+
+def _points_km(altitude_km: Sequence[float], fuel: Propellant) -> FloatArray:
+    """Return the altitudes between which gases, long waves and particles are linear."""
+    gases = law("plume_gases")
+    parts = (altitude_km, fuel.altitude_km, gases["cooling_km"], gases["jet_heights_km"])
+    return np.unique(np.concatenate(parts))
 
 
 class _Stages(NamedTuple):

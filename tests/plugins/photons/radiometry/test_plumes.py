@@ -12,8 +12,9 @@ from attrs import fields
 from hypothesis import given, strategies as st
 from opir_photons.radiometry import planck, plume as plume_module, propellants as propellants_module
 from opir_photons.radiometry.configs import PlumeConfig
+from opir_photons.radiometry.long_waves import jet_spectra
 from opir_photons.radiometry.plume import plume_intensity_w_sr, plume_signatures
-from opir_photons.radiometry.propellants import continuum_w_sr, propellants
+from opir_photons.radiometry.propellants import continuum_w_sr, jet_power_w, propellants
 
 import opir_core
 from opir_core import Host
@@ -79,9 +80,13 @@ def test_the_tables_bands_have_the_tables_intensities(name):
     clean = PlumeConfig(stages=1, rise_time_s=0.0, propellant="storable")
     signatures = plume_signatures([clean], context(profiles=(name,)))
     for number, band in enumerate(BANDS):
-        assert intensity(signatures, number) == pytest.approx(
-            TABLE["peak_w_sr"][name][band.name], rel=1e-12
+        peak_w_sr = TABLE["peak_w_sr"][name][band.name]
+        jets = jet_spectra()["storable"].intensities_w_sr(
+            jet_power_w(TABLE["peak_w_sr"][name]), band
         )
+        at_best = np.interp(BEST_M / 1e3, jet_spectra()["storable"].height_km, jets)
+        assert intensity(signatures, number) == pytest.approx(peak_w_sr + at_best, rel=1e-12)
+        assert (at_best > 0.0) == (band.name == "LWIR")
 
 
 @pytest.mark.parametrize("name", CLASSES)
@@ -321,18 +326,42 @@ def test_classes_have_propellants_and_peaks_of_gases():
     doubled = {band: 2.0 * peak for band, peak in TABLE["peak_w_sr"]["SLV"].items()}
     given = PlumeConfig(stages=1, peak_w_sr=doubled)
     twice = spectrum_of(plume_signatures([given], context(profiles=("SLV",), bands=WIDE)))
-    np.testing.assert_allclose(twice, 2.0 * spectrum_of(of_class), rtol=1e-9)
+    ratio = twice / spectrum_of(of_class)
+    # Mixing goes with the root of the power: jets of twice the power are more than twice as bright.
+    assert ratio[[0, 1, 3]] == pytest.approx(2.0, rel=1e-9)
+    assert 2.0 < ratio[2] < 4.0
+    assert 2.0 < ratio[4] < 4.0
 
 
-def test_hot_water_is_thin_gas():
-    """By hand, at 2000 K: 41.2 · 1600³ / (e^1.151 - 1) over 35.66 · 3760³ / (e^2.705 - 1) is 0.574
-    of near 2.7 µm, at 1000 K 2.20."""
+def test_hot_water_without_air_is_thin_gas():
+    """By hand, at 1000 K: 41.2 · 1600³ / (e^2.302 - 1) over 35.66 · 3760³ / (e^5.410 - 1) is 2.20
+    of near 2.7 µm, at 750 K 5.88."""
     bands = (Band("near 2.7", 2.45, 3.15), Band("near 6.3", 4.9, 7.8))
     peaks = {"SWIR": 1e5, "MWIR": 0.0, "LWIR": 0.0}
-    config = PlumeConfig(stages=1, rise_time_s=0.0, peak_w_sr=peaks, propellant="storable")
-    signatures = plume_signatures([config], context(bands=bands))
-    for altitude_m, ratio in ((20e3, 0.574), (40e3, 0.574), (100e3, 2.203)):
+    for gas_k, ratio in ((2000.0, 2.203), (1500.0, 5.88)):
+        config = PlumeConfig(
+            stages=1,
+            rise_time_s=0.0,
+            peak_w_sr=peaks,
+            propellant="storable",
+            gas_temperature_k=gas_k,
+        )
+        signatures = plume_signatures([config], context(bands=bands))
         near_3, near_6 = (
-            float(intensity(signatures, number, altitude_m=altitude_m)[0]) for number in (0, 1)
+            float(intensity(signatures, number, altitude_m=100e3)[0]) for number in (0, 1)
         )
         assert near_6 / near_3 == pytest.approx(ratio, rel=0.005)
+
+
+def test_long_waves_pass_from_jets_to_expanding_gas():
+    bands = (Band("near 6.3", 5.77, 6.6), Band("window", 10.1, 10.6))
+    signatures = plume_signatures(
+        [PlumeConfig(stages=1, rise_time_s=0.0)], context(profiles=("SLV",), bands=bands)
+    )
+    jet_w_sr, middle, expanding = (
+        float(intensity(signatures, altitude_m=at)[0]) for at in (80e3, 90e3, 100e3)
+    )
+    assert middle == pytest.approx(0.5 * (jet_w_sr + expanding), rel=0.01)
+    dark = plume_signatures([PlumeConfig(stages=1, rise_time_s=0.0)], context(profiles=("SLV",)))
+    # What bands other sensors have does not change where light bends.
+    assert signatures.altitude_breakpoints_m.tolist() == dark.altitude_breakpoints_m.tolist()
