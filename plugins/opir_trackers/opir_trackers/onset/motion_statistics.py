@@ -31,7 +31,7 @@ _POWERS = 2 * ORDERS - 1
 
 #: i + j and i! of the coefficients i and j of a motion.
 _SUM_OF_ORDERS = np.add.outer(np.arange(ORDERS), np.arange(ORDERS))
-_FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
+FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
 #: A cubic leaves out a snap of 0.03 m/s⁴: 30 m/s² that grow by 3 % a second; notional. A term s τ⁴
 #: / 24 differs from its best cubic over [0, T] by at most s T⁴ / 24 / 128 (Chebyshev).
@@ -132,6 +132,11 @@ class MotionStatistics(Columns):
         return self.probability.argmax(axis=1) == GROUND
 
     @property
+    def has_begun_anew(self) -> BoolArray:
+        """Return which tracks (n,) have lines from before their statistics began anew."""
+        return self.label_information[:, 0, 0] > 0.0
+
+    @property
     def may_stand(self) -> BoolArray:
         """Return which tracks (n,) have lines and are not decided to be anything that moves."""
         has_lines = self.static_information[:, 0, 0] + self.label_information[:, 0, 0] > 0.0
@@ -141,6 +146,11 @@ class MotionStatistics(Columns):
     def are_noise(self) -> BoolArray:
         """Return which tracks (n,) are probably false alarms."""
         return self.probability[:, NOISE] > 0.5
+
+    @property
+    def are_none(self) -> BoolArray:
+        """Return which tracks (n,) are probably neither noise nor on the ground nor launches."""
+        return self.probability[:, BOLIDE] + self.probability[:, NONE] > 0.5
 
     @property
     def are_few(self) -> BoolArray:
@@ -273,11 +283,11 @@ class MotionStatistics(Columns):
         size = 3 * ORDERS
         blocks = (
             self.information[:, _SUM_OF_ORDERS]
-            / _FACTORIALS[:, None, None, None]
-            / _FACTORIALS[:, None, None]
+            / FACTORIALS[:, None, None, None]
+            / FACTORIALS[:, None, None]
         )
         information = blocks.transpose(0, 1, 3, 2, 4).reshape(count, size, size)
-        pull = (self.pull / _FACTORIALS[:, None]).reshape(count, size)
+        pull = (self.pull / FACTORIALS[:, None]).reshape(count, size)
         raised = self.height_m[:, None] * information[:, 2]
         misfit = self.misfit + self.height_m * (2.0 * pull[:, 2] + raised[:, 2])
         return information, pull + raised, misfit
@@ -355,7 +365,7 @@ class MotionStatistics(Columns):
         """Return the statistics with the places of the lines before they began anew, where they
         have.
         """
-        has_begun = self.label_information[:, 0, 0] > 0.0
+        has_begun = self.has_begun_anew
         places = self.label_information, self.static_information
         pulls = self.label_pull, self.static_pull
         return evolve(
