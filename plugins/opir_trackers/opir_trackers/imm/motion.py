@@ -102,15 +102,12 @@ def _relit_motion(
     motion = state.table.motion
     if motion.is_decided.all():
         return motion
-    count = len(state.table)
     owned = owner >= 0
-    first_s = group_minima(owner[owned], time_s[owned], count)
+    first_s = group_minima(owner[owned], time_s[owned], len(state.table))
     rows = (~motion.is_decided & _were_dark(models, state.table, first_s)).nonzero()[0]
     if not len(rows):
         return motion
     position_m = state.table.estimates.likelier_position_m[rows]
     begun = MotionStatistics.fresh(position_m, state.time_s, first_s[rows], models.groups.prior)
     begun.carried[motion.are_none[rows], LAUNCH] = LOG_DARK_LAUNCH
-    order = np.arange(count)
-    order[rows] = count + np.arange(len(rows))
-    return MotionStatistics.concatenate([motion, begun]).take(order)
+    return motion.with_rows(rows, begun)

@@ -57,7 +57,7 @@ _CRUISE_M_S = 240.0
 
 
 class StraightFlight(NamedTuple):
-    """Flights of aircraft: their share; mean speed and standard deviations along and across the
+    """Flights on a course: their share; mean speed and standard deviations along and across the
     course, m/s; that of the climb, m/s; mean acceleration along the course and standard deviations
     along, across and upwards, m/s²; that of the jerk, m/s³; mean and standard deviation of the
     height, m, by default those of the ground.
@@ -134,8 +134,20 @@ class MotionLaw:
     flash: _Spread = ((10e3, 4e3), (10.0, 10.0), (0.0, 0.0), (0.0, 0.0))
     flash_s: float = 0.5
 
-    #: What enters the air from an orbit.
-    reentry: _Spread = ((80e3, 25e3), (5e3, 500.0), (30.0, 15.0), (1.0, 1.0))
+    #: What enters the air from an orbit, at 7 to 8 km/s, and what the air has slowed.
+    reentries: tuple[StraightFlight, ...] = (
+        StraightFlight(
+            0.7, (7.2e3, 700.0, 1.8e3), 300.0, (-10.0, 12.0, 8.0, 12.0), 1.0, (85e3, 15e3)
+        ),
+        StraightFlight(
+            0.3, (4e3, 1.5e3, 1.5e3), 400.0, (-40.0, 25.0, 10.0, 15.0), 2.0, (60e3, 12e3)
+        ),
+    )
+
+    #: Bolides that graze the air, one in twenty, which shine on.
+    grazers: tuple[StraightFlight, ...] = (
+        StraightFlight(0.05, (17e3, 6e3, 7e3), 1e3, (0.0, 10.0, 10.0, 20.0), 2.0, (80e3, 20e3)),
+    )
 
     #: Shares among others of balloons and other lights that stand aloft or drift with the wind; of
     #: anything else.
@@ -154,9 +166,9 @@ class MotionLaw:
     #: or a gain of speed, and turning at several times the weight. One sensor alone can hardly tell
     #: what flies straight on from a launch.
     flights: tuple[StraightFlight, ...] = (
-        StraightFlight(0.35, (230.0, 60.0, 90.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01, _ALOFT_M),
+        StraightFlight(0.31, (230.0, 60.0, 90.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01, _ALOFT_M),
         StraightFlight(0.09, (450.0, 120.0, 180.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01, _ALOFT_M),
-        StraightFlight(0.06, (170.0, 70.0, 90.0), 100.0, (0.0, 0.3, 0.3, 0.3), 0.02, (2e3, 2e3)),
+        StraightFlight(0.10, (170.0, 70.0, 90.0), 100.0, (0.0, 0.3, 0.3, 0.3), 0.02, (2e3, 2e3)),
         StraightFlight(0.31, (230.0, 60.0, 90.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5, _ALOFT_M),
         StraightFlight(0.09, (450.0, 120.0, 180.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5, _ALOFT_M),
         StraightFlight(0.10, (330.0, 100.0, 140.0), 60.0, (0.0, 3.0, 20.0, 5.0), 1.0, _ALOFT_M),
@@ -238,19 +250,20 @@ def _others(config: HypothesesConfig, kinds: Sequence[Ground], age_s: float) -> 
     flashes = _drawn(NONE, config.flashes_per_day * share, *LAW.flash)
     return [
         flashes._replace(fades_s=LAW.flash_s),
-        _drawn(NONE, config.reentries_per_day * share, *LAW.reentry),
         *_on_ground(NONE, rest * LAW.creeping_share, kinds, LAW.creeping),
         *(_drawn(NONE, rest * weight, *spread) for weight, spread in LAW.aloft),
-        *_aircraft(config.aircraft_per_day * share, LAW.flights, kinds, age_s),
-        *_aircraft(config.take_offs_per_day * share, LAW.take_offs, kinds, age_s),
+        *_on_courses(config.reentries_per_day * share, LAW.reentries, kinds, 0.0),
+        *_on_courses(config.bolides_per_day * share, LAW.grazers, kinds, 0.0),
+        *_on_courses(config.aircraft_per_day * share, LAW.flights, kinds, age_s),
+        *_on_courses(config.take_offs_per_day * share, LAW.take_offs, kinds, age_s),
     ]
 
 
-def _aircraft(
+def _on_courses(
     weight: float, flights: Sequence[StraightFlight], kinds: Sequence[Ground], age_s: float
 ) -> list[_Component]:
-    """Return the priors of each kind of flight, course and height of aircraft, that fly on as
-    aircraft do up to an age.
+    """Return the priors of each kind of flight, course and height, that fly on as aircraft do up to
+    an age, 0 for what is none.
     """
     courses = _course_axes()
     return [

@@ -260,6 +260,30 @@ class MotionStatistics(Columns):
         epoch_s[rows] = time_s
         return evolve(self, epoch_s=epoch_s, **changed)
 
+    def with_rows(self, rows: IntArray, others: "MotionStatistics") -> "MotionStatistics":
+        """Return the statistics with those of some rows (k,) replaced by others (k,)."""
+        order = np.arange(len(self))
+        order[rows] = len(self) + np.arange(len(rows))
+        return MotionStatistics.concatenate([self, others]).take(order)
+
+    def moved_on(
+        self, before: "MotionStatistics", position_m: FloatArray, time_s: float
+    ) -> "MotionStatistics":
+        """Return the statistics about where what moves is, inertial positions (n, 3) at a time, where
+        they have begun anew since `before`: about a point far behind, no line is linear.
+        """
+        rows = ((self.epoch_s > before.epoch_s) & ~self.stands).nonzero()[0]
+        if not len(rows):
+            return self
+        anew = MotionStatistics.fresh(
+            position_m[rows], time_s, self.epoch_s[rows], self.probability[0]
+        )
+        known = {
+            name: getattr(self, name)[rows]
+            for name in (*_LABEL_PLACES, "carried", "probability", "has_shared")
+        }
+        return self.with_rows(rows, evolve(anew, **known))
+
     def are_unlike_any_motion(self) -> BoolArray:
         """Return which tracks (n,) have lines that no cubic explains: some of them are of something
         else.
