@@ -250,8 +250,9 @@ TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 IMPACT_METHODS = ("posterior", "paper")
 
 #: How a track ended, in its last row: not yet; its target came down; it stays in orbit, and nothing
-#: new can come; it was lost.
-TRACK_ENDS = ("", "impact", "orbit", "lost")
+#: new can come; it was lost; its light, which was no launch, went out after moments; or before its
+#: lines could tell.
+TRACK_ENDS = ("", "impact", "orbit", "lost", "flash", "unresolved")
 
 
 @frozen(eq=False, repr=False)

@@ -103,7 +103,7 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     impact_regions_id: int | UnsetType = UNSET
     probability_burning: float | None = None
     probability_relights: float | None = None
-    end: Literal["impact", "orbit", "lost"] | None = None
+    end: Literal["impact", "orbit", "lost", "flash", "unresolved"] | None = None
     seen_s: float | None = None
     is_brief: bool = False
 

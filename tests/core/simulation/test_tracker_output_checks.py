@@ -119,8 +119,11 @@ FAULTS = {
             "step at 1 s returned impact_method [0, 2], not codes into ('posterior', 'paper')",
         ),
         (
-            lambda tick_s, _: reported(tick_s, end=np.array([0, 4], dtype=np.uint8)),
-            "step at 1 s returned end [0, 4], not codes into ('', 'impact', 'orbit', 'lost')",
+            lambda tick_s, _: reported(tick_s, end=np.array([0, 9], dtype=np.uint8)),
+            (
+                "step at 1 s returned end [0, 9], not codes into ('', 'impact', 'orbit', 'lost',"
+                " 'flash', 'unresolved')"
+            ),
         ),
         (
             lambda tick_s, _: reported(tick_s, hypothesis_probability=np.ones((2, 2))),

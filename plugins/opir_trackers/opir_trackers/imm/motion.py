@@ -10,8 +10,14 @@ from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import SlicePrediction
 from opir_trackers.imm.state import TrackerState, TrackTable
 from opir_trackers.onset.motion_priors import WIDE_M
-from opir_trackers.onset.motion_statistics import MotionStatistics
-from opir_trackers.onset.posterior import DARK_S, GONE_SCANS
+from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
+from opir_trackers.onset.posterior import (
+    CHANCE,
+    DARK_S,
+    GONE_SCANS,
+    LOG_DARK_LAUNCH,
+    log_silence,
+)
 from opir_trackers.onset.shared_lines import OwnedLines, path_of_places, settled, shared_lines
 from opir_trackers.parts import Association
 
@@ -73,9 +79,15 @@ def _shared_looks(
 
 
 def _were_dark(models: TrackingModels, table: TrackTable, first_s: FloatArray) -> BoolArray:
-    """Return which tracks (n,) had been dark for long at their first lines, inf without any."""
-    limit_s = np.maximum(DARK_S, GONE_SCANS * models.longest(models.period_s, table))
-    return np.isfinite(first_s) & (models.silent_s(table, first_s) > limit_s)
+    """Return which tracks (n,) had been dark for long at their first lines, inf without any: longer
+    than the lines so far, by their rate, leave to chance.
+    """
+    shines = np.isfinite(first_s)
+    silent_s = np.where(shines, models.silent_s(table, first_s), 0.0)
+    period_s = models.longest(models.period_s, table)
+    lit_s = np.maximum(table.seen_s - table.motion.epoch_s, 0.0) + period_s
+    is_surprise = log_silence(table.motion.lines, lit_s, silent_s) < np.log(CHANCE)
+    return (silent_s > GONE_SCANS * period_s) & (is_surprise | (silent_s > DARK_S))
 
 
 def _relit_motion(
@@ -84,19 +96,18 @@ def _relit_motion(
     """Return the motion before lines of rows `owner` (m,) at times, begun anew where an undecided
     track was dark.
 
-    What shines there again may be another source: two flashes would make one fast motion.
+    What shines there again may be another source: two flashes would make one fast motion. Where
+    one was, the next is likelier than a launch that was hidden.
     """
     motion = state.table.motion
     if motion.is_decided.all():
         return motion
-    count = len(state.table)
     owned = owner >= 0
-    first_s = group_minima(owner[owned], time_s[owned], count)
+    first_s = group_minima(owner[owned], time_s[owned], len(state.table))
     rows = (~motion.is_decided & _were_dark(models, state.table, first_s)).nonzero()[0]
     if not len(rows):
         return motion
     position_m = state.table.estimates.likelier_position_m[rows]
     begun = MotionStatistics.fresh(position_m, state.time_s, first_s[rows], models.groups.prior)
-    order = np.arange(count)
-    order[rows] = count + np.arange(len(rows))
-    return MotionStatistics.concatenate([motion, begun]).take(order)
+    begun.carried[motion.are_none[rows], LAUNCH] = LOG_DARK_LAUNCH
+    return motion.with_rows(rows, begun)

@@ -57,6 +57,8 @@ LAW = PruningLaw()
 #: Codes of ends.
 IMPACT = TRACK_ENDS.index("impact")
 LOST = TRACK_ENDS.index("lost")
+FLASH = TRACK_ENDS.index("flash")
+UNRESOLVED = TRACK_ENDS.index("unresolved")
 
 
 @frozen(eq=False)
@@ -91,7 +93,8 @@ class UnlikelyPruner(Pruner):
         if True not in drop:
             return np.zeros(drop.shape, dtype=np.int64)
         is_brief = are_brief(motion, table.first_s, table.seen_s)
-        return np.where(drop, np.where(fallen & ~is_brief, IMPACT, LOST), 0)
+        of_brief = np.where(motion.are_none, FLASH, UNRESOLVED)
+        return np.where(drop, np.where(is_brief, of_brief, np.where(fallen, IMPACT, LOST)), 0)
 
 
 def unlikely_pruner(_config: Any, context: PartContext) -> UnlikelyPruner:
@@ -128,7 +131,7 @@ def prune(
     require_shape(
         models.parts.pruner,
         models.parts.owners["pruning"],
-        f"codes 0 to {LOST} of {table.number.size} tracks",
+        f"codes 0 to {UNRESOLVED} of {table.number.size} tracks",
         is_right=end.shape == table.number.shape and end.dtype.kind in "iu",
     )
     return _without(models, state, end) if end.nonzero()[0].size else state

@@ -16,7 +16,7 @@ from opir_forecast import AT_ONCE, BEFORE_S, Ground, grounds
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.onset.motion_statistics import BOLIDE, GROUND, LAUNCH, NONE, ORDERS
+from opir_trackers.onset.motion_statistics import BOLIDE, FACTORIALS, GROUND, LAUNCH, NONE, ORDERS
 
 #: The record of aircraft that breathe air, 3529.6 km/h (FAI, 28 July 1976), m/s.
 FASTEST_AIRCRAFT_M_S = 980.0
@@ -50,10 +50,17 @@ _Pair = tuple[float, float]
 _Spread = tuple[_Pair, _Pair, _Pair, _Pair]
 
 
+#: Mean and standard deviation of the height of aircraft, m, and the speed of an airliner, m/s: what
+#: has taken off gains it.
+_ALOFT_M = (8e3, 6e3)
+_CRUISE_M_S = 240.0
+
+
 class StraightFlight(NamedTuple):
-    """Flights of aircraft: their share; mean speed and standard deviations along and across the
+    """Flights on a course: their share; mean speed and standard deviations along and across the
     course, m/s; that of the climb, m/s; mean acceleration along the course and standard deviations
-    along, across and upwards, m/s²; that of the jerk, m/s³; whether they begin near the ground.
+    along, across and upwards, m/s²; that of the jerk, m/s³; mean and standard deviation of the
+    height, m, by default those of the ground.
     """
 
     share: float
@@ -61,7 +68,7 @@ class StraightFlight(NamedTuple):
     climb_m_s: float
     gain_m_s2: tuple[float, float, float, float]
     jerk_m_s3: float
-    near_ground: bool = False
+    height_m: _Pair | None = None
 
 
 @frozen
@@ -127,8 +134,20 @@ class MotionLaw:
     flash: _Spread = ((10e3, 4e3), (10.0, 10.0), (0.0, 0.0), (0.0, 0.0))
     flash_s: float = 0.5
 
-    #: What enters the air from an orbit.
-    reentry: _Spread = ((80e3, 25e3), (5e3, 500.0), (30.0, 15.0), (1.0, 1.0))
+    #: What enters the air from an orbit, at 7 to 8 km/s, and what the air has slowed.
+    reentries: tuple[StraightFlight, ...] = (
+        StraightFlight(
+            0.7, (7.2e3, 700.0, 1.8e3), 300.0, (-10.0, 12.0, 8.0, 12.0), 1.0, (85e3, 15e3)
+        ),
+        StraightFlight(
+            0.3, (4e3, 1.5e3, 1.5e3), 400.0, (-40.0, 25.0, 10.0, 15.0), 2.0, (60e3, 12e3)
+        ),
+    )
+
+    #: Bolides that graze the air, one in twenty, which shine on.
+    grazers: tuple[StraightFlight, ...] = (
+        StraightFlight(0.05, (17e3, 6e3, 7e3), 1e3, (0.0, 10.0, 10.0, 20.0), 2.0, (80e3, 20e3)),
+    )
 
     #: Shares among others of balloons and other lights that stand aloft or drift with the wind; of
     #: anything else.
@@ -137,29 +156,29 @@ class MotionLaw:
         (0.66, ((60e3, 60e3), (2e3, 2e3), (30.0, 30.0), (3.0, 3.0))),
     )
 
-    #: Mean and standard deviation of the height of aircraft, m, which have speed where a launch has
-    #: none.
-    aircraft_m: _Pair = (8e3, 6e3)
-
     #: Take-offs: a thrust of 0.6 to 1.1 of the weight on afterburner less drag, from rest to some 90
     #: m/s (Raymer, "Aircraft Design", 2018, 17.8).
     take_offs: tuple[StraightFlight, ...] = (
-        StraightFlight(1.0, (50.0, 25.0, 15.0), 5.0, (4.5, 1.0, 0.5, 0.3), 0.05, near_ground=True),
+        StraightFlight(1.0, (50.0, 25.0, 15.0), 5.0, (4.5, 1.0, 0.5, 0.3), 0.05),
     )
 
-    #: Flights of aircraft, subsonic and supersonic: straight on, with turns or a gain of speed, and
-    #: turning at several times the weight. One sensor alone can hardly tell what flies straight on
-    #: from a launch.
+    #: Flights of aircraft, subsonic and supersonic: straight on, climbing after take-off, with turns
+    #: or a gain of speed, and turning at several times the weight. One sensor alone can hardly tell
+    #: what flies straight on from a launch.
     flights: tuple[StraightFlight, ...] = (
-        StraightFlight(0.36, (230.0, 60.0, 90.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01),
-        StraightFlight(0.09, (450.0, 120.0, 180.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01),
-        StraightFlight(0.36, (230.0, 60.0, 90.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5),
-        StraightFlight(0.09, (450.0, 120.0, 180.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5),
-        StraightFlight(0.1, (330.0, 100.0, 140.0), 60.0, (0.0, 3.0, 20.0, 5.0), 1.0),
+        StraightFlight(0.31, (230.0, 60.0, 90.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01, _ALOFT_M),
+        StraightFlight(0.09, (450.0, 120.0, 180.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01, _ALOFT_M),
+        StraightFlight(0.10, (170.0, 70.0, 90.0), 100.0, (0.0, 0.3, 0.3, 0.3), 0.02, (2e3, 2e3)),
+        StraightFlight(0.31, (230.0, 60.0, 90.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5, _ALOFT_M),
+        StraightFlight(0.09, (450.0, 120.0, 180.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5, _ALOFT_M),
+        StraightFlight(0.10, (330.0, 100.0, 140.0), 60.0, (0.0, 3.0, 20.0, 5.0), 1.0, _ALOFT_M),
     )
 
 
 LAW = MotionLaw()
+
+#: Ages of tracks, s, up to which aircraft are known to have flown as aircraft.
+AGES_S = (0.0, 10.0, 20.0, 40.0, 80.0)
 
 #: Edges of the intervals of the time from lift-off to the first detection, s.
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
@@ -193,13 +212,13 @@ class MotionPriors:
     edges_s: FloatArray
 
     @classmethod
-    def of(cls, config: HypothesesConfig) -> "MotionPriors":
-        """Return the priors of a tracker's settings."""
+    def of(cls, config: HypothesesConfig, age_s: float = 0.0) -> "MotionPriors":
+        """Return the priors of a tracker's settings for tracks of an age."""
         kinds = grounds(config.inland_share)
         still = ((config.ground_drift_m_s,) * 2, (0.0, 0.0), (0.0, 0.0))
         components = [
             *_on_ground(GROUND, 1.0, kinds, still),
-            *_others(config, kinds),
+            *_others(config, kinds, age_s),
             _drawn(BOLIDE, 1.0, *LAW.bolide)._replace(fades_s=config.bolide_s),
             *_from_rest((1.0 - config.in_flight_share) * (1.0 - config.air_share), kinds),
             *_from_air((1.0 - config.in_flight_share) * config.air_share),
@@ -224,32 +243,36 @@ class MotionPriors:
         return self.log_weight + intervals[:, self.interval] - age_s[:, None] / self.fades_s
 
 
-def _others(config: HypothesesConfig, kinds: Sequence[Ground]) -> list[_Component]:
+def _others(config: HypothesesConfig, kinds: Sequence[Ground], age_s: float) -> list[_Component]:
     """Return the priors of what is neither noise, on the ground, a bolide nor a launch."""
     share = 1.0 / config.none_per_day
     rest = config.others_per_day * share
     flashes = _drawn(NONE, config.flashes_per_day * share, *LAW.flash)
     return [
         flashes._replace(fades_s=LAW.flash_s),
-        _drawn(NONE, config.reentries_per_day * share, *LAW.reentry),
         *_on_ground(NONE, rest * LAW.creeping_share, kinds, LAW.creeping),
         *(_drawn(NONE, rest * weight, *spread) for weight, spread in LAW.aloft),
-        *_aircraft(config.aircraft_per_day * share, LAW.flights, kinds),
-        *_aircraft(config.take_offs_per_day * share, LAW.take_offs, kinds),
+        *_on_courses(config.reentries_per_day * share, LAW.reentries, kinds, 0.0),
+        *_on_courses(config.bolides_per_day * share, LAW.grazers, kinds, 0.0),
+        *_on_courses(config.aircraft_per_day * share, LAW.flights, kinds, age_s),
+        *_on_courses(config.take_offs_per_day * share, LAW.take_offs, kinds, age_s),
     ]
 
 
-def _aircraft(
-    weight: float, flights: Sequence[StraightFlight], kinds: Sequence[Ground]
+def _on_courses(
+    weight: float, flights: Sequence[StraightFlight], kinds: Sequence[Ground], age_s: float
 ) -> list[_Component]:
-    """Return the priors of each kind of flight, course and height of aircraft."""
-    aloft = Ground(1.0, *LAW.aircraft_m)
+    """Return the priors of each kind of flight, course and height, that fly on as aircraft do up to
+    an age, 0 for what is none.
+    """
     courses = _course_axes()
     return [
-        _flown(weight * height.share / len(courses), flight, axes, height)
+        _flying_on(
+            _flown(weight * height.share / len(courses), flight, axes, height), flight, age_s
+        )
         for flight in flights
         for axes in courses
-        for height in (kinds if flight.near_ground else [aloft])
+        for height in (kinds if flight.height_m is None else [Ground(1.0, *flight.height_m)])
     ]
 
 
@@ -268,6 +291,32 @@ def _flown(weight: float, flight: StraightFlight, axes: FloatArray, height: Grou
         (flight.jerk_m_s3,) * 3,
     )
     return _Component(NONE, weight * flight.share, mean.ravel(), _course_root(axes, spreads))
+
+
+def _flying_on(component: _Component, flight: StraightFlight, age_s: float) -> _Component:
+    """Return the prior of flights, given that at an age they have the height, the speed and the
+    accelerations of aircraft, on any course: what has gained more energy by then is none.
+    """
+    if not age_s:
+        return component
+    height_m, height_sigma_m = _ALOFT_M
+    lag = np.subtract.outer(np.arange(ORDERS), np.arange(ORDERS))
+    # Derivatives at the age from those at the first detection.
+    later = np.where(lag <= 0, age_s ** np.abs(lag) / FACTORIALS[np.abs(lag)], 0.0)
+    state = np.kron(later, np.eye(3))[2:9]
+    speed = max(np.hypot(flight.speed_m_s[0], flight.speed_m_s[1]), _CRUISE_M_S)
+    pull = max(flight.gain_m_s2[:3])
+    sigmas = np.array(
+        [height_sigma_m, speed, speed, flight.climb_m_s, pull, pull, flight.gain_m_s2[3]]
+    )
+    expected = np.array([height_m, *np.zeros(6)])
+    surprise = (expected - state @ component.mean) / sigmas
+    state /= sigmas[:, None]
+    shared = state @ component.root
+    factor = np.linalg.cholesky(np.eye(shared.shape[1]) + shared.T @ shared)
+    root = component.root @ np.linalg.inv(factor).T
+    mean = component.mean + root @ (root.T @ (state.T @ surprise))
+    return component._replace(mean=mean, root=root)
 
 
 def _course_axes() -> FloatArray:

@@ -31,7 +31,7 @@ _POWERS = 2 * ORDERS - 1
 
 #: i + j and i! of the coefficients i and j of a motion.
 _SUM_OF_ORDERS = np.add.outer(np.arange(ORDERS), np.arange(ORDERS))
-_FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
+FACTORIALS = np.array([1.0, 1.0, 2.0, 6.0])
 
 #: A cubic leaves out a snap of 0.03 m/s⁴: 30 m/s² that grow by 3 % a second; notional. A term s τ⁴
 #: / 24 differs from its best cubic over [0, T] by at most s T⁴ / 24 / 128 (Chebyshev).
@@ -132,6 +132,11 @@ class MotionStatistics(Columns):
         return self.probability.argmax(axis=1) == GROUND
 
     @property
+    def has_begun_anew(self) -> BoolArray:
+        """Return which tracks (n,) have lines from before their statistics began anew."""
+        return self.label_information[:, 0, 0] > 0.0
+
+    @property
     def may_stand(self) -> BoolArray:
         """Return which tracks (n,) have lines and are not decided to be anything that moves."""
         has_lines = self.static_information[:, 0, 0] + self.label_information[:, 0, 0] > 0.0
@@ -141,6 +146,11 @@ class MotionStatistics(Columns):
     def are_noise(self) -> BoolArray:
         """Return which tracks (n,) are probably false alarms."""
         return self.probability[:, NOISE] > 0.5
+
+    @property
+    def are_none(self) -> BoolArray:
+        """Return which tracks (n,) are probably neither noise nor on the ground nor launches."""
+        return self.probability[:, BOLIDE] + self.probability[:, NONE] > 0.5
 
     @property
     def are_few(self) -> BoolArray:
@@ -250,6 +260,30 @@ class MotionStatistics(Columns):
         epoch_s[rows] = time_s
         return evolve(self, epoch_s=epoch_s, **changed)
 
+    def with_rows(self, rows: IntArray, others: "MotionStatistics") -> "MotionStatistics":
+        """Return the statistics with those of some rows (k,) replaced by others (k,)."""
+        order = np.arange(len(self))
+        order[rows] = len(self) + np.arange(len(rows))
+        return MotionStatistics.concatenate([self, others]).take(order)
+
+    def moved_on(
+        self, before: "MotionStatistics", position_m: FloatArray, time_s: float
+    ) -> "MotionStatistics":
+        """Return the statistics about where what moves is, inertial positions (n, 3) at a time, where
+        they have begun anew since `before`: about a point far behind, no line is linear.
+        """
+        rows = ((self.epoch_s > before.epoch_s) & ~self.stands).nonzero()[0]
+        if not len(rows):
+            return self
+        anew = MotionStatistics.fresh(
+            position_m[rows], time_s, self.epoch_s[rows], self.probability[0]
+        )
+        known = {
+            name: getattr(self, name)[rows]
+            for name in (*_LABEL_PLACES, "carried", "probability", "has_shared")
+        }
+        return self.with_rows(rows, evolve(anew, **known))
+
     def are_unlike_any_motion(self) -> BoolArray:
         """Return which tracks (n,) have lines that no cubic explains: some of them are of something
         else.
@@ -273,11 +307,11 @@ class MotionStatistics(Columns):
         size = 3 * ORDERS
         blocks = (
             self.information[:, _SUM_OF_ORDERS]
-            / _FACTORIALS[:, None, None, None]
-            / _FACTORIALS[:, None, None]
+            / FACTORIALS[:, None, None, None]
+            / FACTORIALS[:, None, None]
         )
         information = blocks.transpose(0, 1, 3, 2, 4).reshape(count, size, size)
-        pull = (self.pull / _FACTORIALS[:, None]).reshape(count, size)
+        pull = (self.pull / FACTORIALS[:, None]).reshape(count, size)
         raised = self.height_m[:, None] * information[:, 2]
         misfit = self.misfit + self.height_m * (2.0 * pull[:, 2] + raised[:, 2])
         return information, pull + raised, misfit
@@ -355,7 +389,7 @@ class MotionStatistics(Columns):
         """Return the statistics with the places of the lines before they began anew, where they
         have.
         """
-        has_begun = self.label_information[:, 0, 0] > 0.0
+        has_begun = self.has_begun_anew
         places = self.label_information, self.static_information
         pulls = self.label_pull, self.static_pull
         return evolve(

@@ -12,7 +12,7 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.onset.motion_priors import LOG_IN_VIEW, MotionPriors
+from opir_trackers.onset.motion_priors import AGES_S, LOG_IN_VIEW, MotionPriors
 from opir_trackers.onset.motion_statistics import (
     ASKED_AGAIN_S,
     GROUND,
@@ -30,7 +30,12 @@ SURE = 0.999
 GONE_SCANS = 5.0
 
 #: A silence longer than this, s, in the first lines is no look or two that were missed; notional.
+#: Nor is a shorter one that is as improbable as the second, by the lines so far.
 DARK_S = 3.0
+CHANCE = 1e-3
+
+#: Log of the share of launches that are hidden for so long, behind edges of clouds; notional.
+LOG_DARK_LAUNCH = float(np.log(0.01))
 
 
 @frozen
@@ -69,6 +74,14 @@ def standing(statistics: MotionStatistics) -> BoolArray:
     return decided | statistics.stand_among_others(RARE)
 
 
+def log_silence(lines: FloatArray, lit_s: FloatArray, silent_s: FloatArray) -> FloatArray:
+    """Return the log probabilities (n,) of a silence of what has given lines in times `lit_s`, s.
+
+    The lines of what shines on are a Poisson process; its rate has the Gamma posterior of the lines.
+    """
+    return -lines * np.log1p(silent_s / lit_s)
+
+
 @frozen(eq=False)
 class GroupPosterior:
     """The probabilities of groups under a tracker's settings.
@@ -77,7 +90,7 @@ class GroupPosterior:
     detection probability; -inf for none.
     """
 
-    priors: MotionPriors
+    priors: tuple[MotionPriors, ...]
     log_rate: FloatArray
     bolide_s: float
     log_clutter: FloatArray
@@ -97,7 +110,7 @@ class GroupPosterior:
         ]
         with np.errstate(divide="ignore"):
             return cls(
-                priors=MotionPriors.of(config),
+                priors=tuple(MotionPriors.of(config, age_s) for age_s in AGES_S),
                 log_rate=np.log(np.array(per_day) / 86400.0),
                 bolide_s=config.bolide_s,
                 log_clutter=np.log(clutter_per_sr / detection_probability),
@@ -186,13 +199,28 @@ class GroupPosterior:
         log[:, NOISE] = 0.0
         return np.where((probability.argmax(axis=1) == GROUND)[:, None], log, 0.0)
 
+    def _log_evidence(self, statistics: MotionStatistics, age_s: FloatArray) -> FloatArray:
+        """Return the evidence (n, c) of the lines of tracks for the priors at their ages (n,), s, up
+        to the horizon: of later lines a cubic says nothing.
+        """
+        told_s = np.minimum(age_s, statistics.horizon_s())
+        number = np.searchsorted(AGES_S, told_s, side="right") - 1
+        first, *others = np.unique(number).tolist()
+        if not others:
+            return log_evidence(self.priors[first], statistics)
+        result = np.empty((len(number), len(self.priors[0].group)))
+        for age in (first, *others):
+            rows = (number == age).nonzero()[0]
+            result[rows] = log_evidence(self.priors[age], statistics.take(rows))
+        return result
+
     def _log_densities(self, evidence: FloatArray) -> FloatArray:
         """Return the log densities (n, 5) of the groups by the evidence of their motions; that of
         noise is not set.
         """
         log = np.empty((len(evidence), 1 + len(self.log_rate)))
         for group in range(GROUND, log.shape[1]):
-            of_group = evidence[:, self.priors.group == group]
+            of_group = evidence[:, self.priors[0].group == group]
             log[:, group] = np.logaddexp.reduce(of_group, axis=1) + self.log_rate[group - GROUND]
         return log
 
@@ -205,7 +233,9 @@ class GroupPosterior:
         a launch that goes out as soon as it is seen is as much less probable than a bolide as its
         burn is longer.
         """
-        evidence = log_evidence(self.priors, statistics) + self.priors.log_weights(pause_s, age_s)
+        evidence = self._log_evidence(statistics, age_s) + self.priors[0].log_weights(
+            pause_s, age_s
+        )
         log = self._log_densities(evidence)
         log[:, NOISE] = statistics.noise_log - np.log(pause_s) - LOG_IN_VIEW
         log += statistics.carried

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from attrs import evolve
 from opir_trackers.onset.brevity import are_brief
 from opir_trackers.onset.motion_statistics import MotionStatistics
 from track_lines import whole_records
@@ -32,7 +33,7 @@ def test_looks_are_too_few_until_a_regression_would_tell_sound_from_rest(
 ) -> None:
     spans_s = np.geomspace(0.1, 30.0, 200)
     brief = [
-        are_brief(statistics_of(count, sigma_m), np.zeros(1), np.array([span_s]))[0]
+        are_brief(statistics_of(count, sigma_m, 0.01), np.zeros(1), np.array([span_s]))[0]
         for span_s in spans_s
     ]
     # A line of regression through evenly spaced looks: by how much they are likelier, in the mean,
@@ -64,6 +65,27 @@ FLASHES = [
     (16.0, 52.0, 20.1, 0.55),
     (-3.0, 47.0, 27.4, 0.65),
 ]
+
+
+def dark_between(lights: float) -> MotionStatistics:
+    """Return the statistics of 8 looks from 0.6 s on, after a dark that began them anew."""
+    statistics = statistics_of(8, 100.0, lights)
+    return evolve(statistics, epoch_s=np.array([0.6]))
+
+
+def test_only_what_shone_since_the_dark_counts() -> None:
+    first_s, last_s = np.zeros(1), np.array([6.5])
+    assert not are_brief(statistics_of(8, 100.0), first_s, last_s)
+    assert not are_brief(dark_between(0.5), first_s, last_s)
+    assert are_brief(dark_between(0.5), first_s, np.array([1.0]))
+
+
+@pytest.mark.parametrize(("share", "is_short"), [(0.5, True), (0.01, False), (0.9995, False)])
+def test_what_may_be_a_launch_is_none_if_it_shone_for_moments(share: float, is_short: bool) -> None:
+    # Looks that tell speeds at once.
+    sharp = statistics_of(8, 1.0, share)
+    assert are_brief(sharp, np.zeros(1), np.array([4.9]))[0] == is_short
+    assert not are_brief(sharp, np.zeros(1), np.array([5.1]))
 
 
 def scene(tracker: str) -> dict[str, Any]:
@@ -111,9 +133,11 @@ def test_a_flash_that_is_gone_has_no_launch_and_no_impact_in_summary_file_and_ta
     assert launch["launch"] is not None
     assert not launch["is_brief"]
     assert len(flashes) >= 3
+    assert any(row["end"] for row in flashes)
     for row in flashes:
         assert row["seen_s"] < 0.7
         assert (row["is_brief"], row["launch"], row["impact"]) == (True, None, None)
+        assert row["end"] in ("flash", "unresolved", None)
         assert any(f"seen for {row['seen_s']:.1f} s, too short to tell" in line for line in table)
     last = {line["track_id"]: line for line in whole_records(tmp_path / "e.tracks.jsonl")}
     for row in flashes:
@@ -139,3 +163,24 @@ def test_a_flash_that_was_too_brief_to_tell_does_not_end_with_an_impact() -> Non
     rows = opir.simulate(opir.scene_from_mapping({**scene("imm"), **changes})).summary["tracks"]
     assert sum(row["is_brief"] for row in rows) >= 10
     assert all(row["end"] != "impact" for row in rows)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [61, 62])
+def test_the_strokes_of_a_storm_are_no_launch_in_the_table(seed: int) -> None:
+    storm = {"id": "s", "model": "storms", "flashes_per_minute": 60.0}
+    rng = np.random.default_rng(seed)
+    at = [
+        {"lat_deg": rng.uniform(-15.0, 20.0), "lon_deg": rng.uniform(25.0, 65.0)} for _ in range(12)
+    ]
+    changes = {
+        "targets": [],
+        "duration_s": 60,
+        "seed": seed,
+        "sources": [{**storm, "at": at}],
+        "tracker": {"model": "imm", "cadence_s": 1.0},
+    }
+    rows = opir.simulate(opir.scene_from_mapping({**scene("imm"), **changes})).summary["tracks"]
+    assert len(rows) >= 20
+    assert all(row["launch"] is None for row in rows)
+    assert any(row["end"] == "flash" for row in rows)
