@@ -5,7 +5,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from opir_core.plugin import BadFileError
+from opir_readers.detections.heartbeats import HEARTBEAT, HEARTBEATS, is_heartbeat
 from opir_readers.detections.numbers import Row, Rows
+
+#: Characters by which a file is recognised.
+_HEAD = 20_000
 
 #: The keys of times, and of directions.
 _TIMES = ("timestamp", "time_s")
@@ -38,7 +42,10 @@ KEYS = (
 
 def is_of_events(text: str) -> bool:
     """Whether a text is JSON that begins with a detection."""
-    head = text[:20_000].lstrip()
+    head = text[:_HEAD].lstrip()
+    if f'"{HEARTBEAT}"' in head:
+        # Before the first detection there may be many.
+        head = head[0] + text[text.find('"detection_id"') :][:_HEAD]
     return head[:1] in ("{", "[") and all(
         any(f'"{name}"' in head for name in names) for names in (_DIRECTIONS, _TIMES)
     )
@@ -46,10 +53,12 @@ def is_of_events(text: str) -> bool:
 
 def event_rows(text: str) -> Rows:
     """Return the detections of a text; raises `BadFileError` with the line of another value."""
-    rows = [_row(value, line) for value, line in _values(text)]
+    values = list(_values(text))
+    rows = [_row(value, line) for value, line in values if not is_heartbeat(value)]
     if not rows:
         raise BadFileError("has no detection")
-    return rows
+    beats = [{**value, "line": line} for value, line in values if is_heartbeat(value)]
+    return [{**rows[0], HEARTBEATS: beats}, *rows[1:]] if beats else rows
 
 
 def _values(text: str) -> Iterator[tuple[Any, int | None]]:

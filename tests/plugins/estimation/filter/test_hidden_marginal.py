@@ -4,7 +4,15 @@ follows.
 
 import numpy as np
 import pytest
-from opir_estimation import BOOST, COAST, Gaussian, ImmFilter, ModeEstimates, Motion, information_root
+from opir_estimation import (
+    BOOST,
+    COAST,
+    Gaussian,
+    ImmFilter,
+    ModeEstimates,
+    Motion,
+    information_root,
+)
 from opir_estimation.filter.hidden_marginal import replaced
 from opir_estimation.square_root import covariance
 
@@ -66,6 +74,8 @@ def test_its_own_moments_change_nothing():
     after, held = replaced(Gaussian(mean, root), axis, *own)
     assert after == pytest.approx(mean, rel=1e-8)
     assert covariance(held) == pytest.approx(covariance(root), rel=1e-5, abs=1e-6)
+
+
 def test_a_coast_had_the_given_moments_some_time_ago_and_flies_on_from_there():
     mean = np.array([7e6, 0.0, 0.0, 500.0, 6000.0, 0.0])
     side = np.diag([800.0, 900.0, 700.0, 40.0, 30.0, 20.0])[None]
