@@ -161,6 +161,14 @@ class JsonlConfig:
         default="events.jsonl",
     )
     encoder: str = text(help="event encoder of the lines", default="forge")
+    heartbeat_s: float | None = number(
+        default=None,
+        unit="s",
+        minimum=0.01,
+        maximum=3600.0,
+        help="interval of lines that say which sensor watched, whatever it saw; without it there are"
+        " none",
+    )
 
 
 @frozen

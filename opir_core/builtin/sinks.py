@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from errno import EINVAL
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from opir_core.builtin.configs import JsonlConfig, MemoryConfig
 from opir_core.errors import SinkError, reason_of, way_to_write
@@ -26,6 +26,9 @@ from opir_core.output.events.encoder_input import (
     only_encodable,
 )
 from opir_core.output.temporary_files import GrowingFile, sync_path
+
+if TYPE_CHECKING:
+    from opir_core.output.heartbeats import Heartbeats
 
 
 class MemorySink(Sink):
@@ -99,7 +102,8 @@ class LineFile(Sink):
     """An open file of events, or standard output; an existing file is overwritten.
 
     With `appends` the file keeps its lines, except an incomplete last line of a killed run.
-    `written_at` is the temporary file in which a batch run writes the lines.
+    `written_at` is the temporary file in which a batch run writes the lines. `heartbeats` are lines
+    between those of events, and count as none.
 
     Nothing is buffered: `write` returns after the system has accepted all bytes, so a killed run
     leaves complete lines, except possibly the last. When the disk is full, the file is truncated to
@@ -107,8 +111,15 @@ class LineFile(Sink):
     """
 
     def __init__(
-        self, path: str, encoder: Encoder, *, appends: bool = False, written_at: Path | None = None
+        self,
+        path: str,
+        encoder: Encoder,
+        *,
+        appends: bool = False,
+        written_at: Path | None = None,
+        heartbeats: "Heartbeats | None" = None,
     ) -> None:
+        self._heartbeats = heartbeats
         self._name = "standard output" if path == STANDARD_OUTPUT else path
         self._encoder = encoder
         self._count = event_counter(encoder)
@@ -142,6 +153,8 @@ class LineFile(Sink):
         for lines, events, withheld in blocks:
             self._withheld += withheld
             self._write_lines(lines, events)
+        if self._heartbeats is not None:
+            self._write_lines(self._heartbeats.until(window.end_s), 0)
 
     def sync(self) -> None:
         """Make the lines that were written outlast a power cut; a pipe has none to keep."""
@@ -162,6 +175,8 @@ class LineFile(Sink):
         """
         fault = self._growing.fault()
         try:
+            if self._heartbeats is not None:
+                self._write_lines(self._heartbeats.rest(), 0)
             os.close(self._descriptor)
         except OSError as error:
             raise self._failure(error) from error
@@ -284,6 +299,13 @@ def _way_out(error: OSError) -> str:
 def line_file(config: JsonlConfig, context: SinkContext) -> LineFile:
     """Return the sink `jsonl`, open."""
     encoder = context.make_encoder()
-    if context.resumes or config.path in ("", STANDARD_OUTPUT):
-        return LineFile(config.path, encoder, appends=context.resumes)
-    return LineFile(config.path, encoder, written_at=context.stage(config.path, only_appends=True))
+    beats = None
+    if config.heartbeat_s is not None:
+        from opir_core.output.heartbeats import Heartbeats  # most runs have none
+
+        beats = Heartbeats(context.origin.sensors, context.origin.epoch_us, config.heartbeat_s)
+    is_in_place = context.resumes or config.path in ("", STANDARD_OUTPUT)
+    place = None if is_in_place else context.stage(config.path, only_appends=True)
+    return LineFile(
+        config.path, encoder, appends=context.resumes, written_at=place, heartbeats=beats
+    )

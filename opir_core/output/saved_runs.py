@@ -44,6 +44,8 @@ from opir_core.reading.format_versions import EVENT_FORMAT, StatedVersions
 from opir_core.simulation.run import Run
 from opir_core.simulation.summary import Tally
 
+#: In the lines of heartbeats, which no event is.
+HEARTBEAT = b'"record":"heartbeat"'
 _MANIFEST = ".manifest.json"
 _TRUTH = ".truth.jsonl"
 _TRACKS = ".tracks.jsonl"
@@ -443,6 +445,8 @@ def _lines(
         raise invalid_file(path, "", f"cannot be read: {reason_of(error)}") from error
     with lines:
         for number, line in enumerate(lines, start=1):
+            if HEARTBEAT in line:
+                continue
             try:
                 yield decoder.decode(line)
             except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

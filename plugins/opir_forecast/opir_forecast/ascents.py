@@ -25,7 +25,8 @@ from opir_forecast.planar_boost import (
     elevations,
     ranges_m,
 )
-from opir_forecast.vehicles import MISSILE, NONE, SPACE, VehicleModel
+from opir_forecast.stage_endings import StageEndings
+from opir_forecast.vehicles import MISSILE, NONE, SPACE, VehicleModel, VehicleStages
 
 LAW = law_parameters("opir_forecast", "ascents")
 
@@ -56,15 +57,19 @@ class AscentRows(NamedTuple):
 
 @frozen(eq=False)
 class BoostAscents:
-    """Ascents (n,): `path` (times, 8, n) of `AscentRows`, `burns` (times, n) and the logarithms of
-    their weights (n,).
+    """Ascents (n,): `path` (times, 8, n) of `AscentRows`, `burns` (times, n) and how their
+    stages end.
 
-    Single precision is exact to centimetres.
+    `log_weight` (n,) are the logarithms of their weights by all that hypotheses say, `log_share`
+    (n,) by kinds of vehicles alone, wherever their boosts lead. Single precision is exact to
+    centimetres.
     """
 
     path: NDArray[np.float32]
     burns: BoolArray
     log_weight: FloatArray
+    log_share: FloatArray
+    endings: StageEndings
 
     def at(self, since_s: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the rows (8, n) of ascents at times since ignition (n,), and which of them burn."""
@@ -118,23 +123,42 @@ def ascents_of(outcomes: Outcomes) -> BoostAscents:
     """Return the ascents of a law of vehicles, weighed by its hypotheses: the same draws at each
     call.
     """
-    path, burns, ends = _drawn_flights(outcomes.model)
-    groups = zip(KINDS, np.split(ends, np.cumsum(LAW.numbers)[:-1], axis=1), strict=True)
-    log_weight = np.concatenate([_log_weights(outcomes, kind, end) for kind, end in groups])
-    return BoostAscents(path, burns, log_weight)
+    path, burns, ends, endings = _drawn_flights(outcomes.model)
+    shares = dict(zip(KINDS, _shares(outcomes), strict=True))
+    by_kind = list(zip(KINDS, np.split(ends, np.cumsum(LAW.numbers)[:-1], axis=1), strict=True))
+    log_weight = [
+        _log_shares(shares[kind], _relative_density(outcomes, kind, end), end)
+        for kind, end in by_kind
+    ]
+    log_share = [_log_shares(shares[kind], np.ones(end.shape[1]), end) for kind, end in by_kind]
+    return BoostAscents(path, burns, np.concatenate(log_weight), np.concatenate(log_share), endings)
+
+
+class _Flights(NamedTuple):
+    """Paths (times, 8, n), flags (times, n) of burns, planar states (4, n) at the ends of boosts,
+    and stages.
+    """
+
+    path: NDArray[np.float32]
+    burns: BoolArray
+    ends: FloatArray
+    endings: StageEndings
 
 
 @lru_cache(maxsize=2)
-def _drawn_flights(model: VehicleModel) -> tuple[NDArray[np.float32], BoolArray, FloatArray]:
-    """Return paths (times, 8, n), flags (times, n) of burns, and planar states (4, n) at the ends
-    of the boosts.
-    """
-    flights = [
-        _flights_of(model, kind, count, number)
+def _drawn_flights(model: VehicleModel) -> _Flights:
+    """Return the flights of all kinds."""
+    boosts = [
+        _drawn_boost(model, kind, count, number)
         for number, (kind, count) in enumerate(zip(KINDS, LAW.numbers, strict=True))
     ]
-    path, burns, ends = (np.concatenate(column, axis=-1) for column in zip(*flights, strict=True))
-    return path, burns, ends
+    path, burns, ends = (
+        np.concatenate(column, axis=-1) for column in zip(*map(_flights_of, boosts), strict=True)
+    )
+    columns = zip(*(boost.stages for boost in boosts), strict=True)
+    stages = VehicleStages(*map(np.concatenate, columns))
+    family = np.repeat(list(KINDS.values()), LAW.numbers)
+    return _Flights(path, burns, ends, StageEndings(model, family, stages))
 
 
 def _drawn_boost(model: VehicleModel, kind: str, count: int, number: int) -> PlanarBoost:
@@ -151,17 +175,12 @@ def _drawn_boost(model: VehicleModel, kind: str, count: int, number: int) -> Pla
     return PlanarBoost(stages, steering, height_m, program)
 
 
-def _flights_of(
-    model: VehicleModel, kind: str, count: int, number: int
-) -> tuple[NDArray[np.float32], BoolArray, FloatArray]:
-    """Return the flights of the kind with a number, which seeds its draws; ends are nan once they
-    have crashed.
-    """
-    boost = _drawn_boost(model, kind, count, number)
+def _flights_of(boost: PlanarBoost) -> tuple[NDArray[np.float32], BoolArray, FloatArray]:
+    """Return paths, flags of burns and ends of boosts (n,); ends are nan once they have crashed."""
     state, force = _flown(boost)
     flies = _flies(state)
     ends = np.minimum(np.ceil(boost.over_s / TABLE_S), len(state) - 1).astype(np.int64)
-    end = np.where(flies[:, None], state, np.nan)[ends, :, np.arange(count)].T
+    end = np.where(flies[:, None], state, np.nan)[ends, :, np.arange(len(ends))].T
     rows = _ascent_rows(state, force)
     return rows, flies & force.any(axis=1), end
 
@@ -215,23 +234,32 @@ def _heights_m(model: VehicleModel, kind: str, count: int, rng: np.random.Genera
     return heights if kind in limits else np.full(count, np.nan)
 
 
-def _log_weights(outcomes: Outcomes, kind: str, end: FloatArray) -> FloatArray:
-    """Return the logarithms of the weights (n,) of a kind's ascents with states (4, n) at the ends
-    of boosts.
+def _shares(outcomes: Outcomes) -> tuple[float, ...]:
+    """Return the probabilities of the kinds of ascents."""
+    missile, orbit, glide, none = outcomes.groups.tolist()
+    shares = {"missile": missile, "glide": glide, "orbit": orbit, "none": none + outcomes.odd}
+    return tuple(shares[kind] for kind in KINDS)
+
+
+def _log_shares(share: float, density: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the logarithms of the parts (n,) of a kind's share by relative densities (n,) of its
+    ascents with states (4, n) at the ends of boosts.
 
     A program that ends in the ground is a bad draw: before it does, it leads lower than any boost.
     """
-    missile, orbit, glide, none = outcomes.groups.tolist()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weight = _relative_density(outcomes, kind, end)
-    weight = np.where(np.isfinite(end[0]) & np.isfinite(weight), weight, 0.0)
-    shares = {"missile": missile, "glide": glide, "orbit": orbit, "none": none + outcomes.odd}
-    share = shares[kind] * weight / max(float(weight.sum()), 1e-9)
-    return np.log(np.maximum(share, LAW.least_weight))
+    weight = np.where(np.isfinite(end[0]) & np.isfinite(density), density, 0.0)
+    part = share * weight / max(float(weight.sum()), 1e-9)
+    return np.log(np.maximum(part, LAW.least_weight))
 
 
 def _relative_density(outcomes: Outcomes, kind: str, end: FloatArray) -> FloatArray:
     """Return the densities (n,) of a kind's ends of boosts over those of its law."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _density_of_ends(outcomes, kind, end)
+
+
+def _density_of_ends(outcomes: Outcomes, kind: str, end: FloatArray) -> FloatArray:
+    """Return the densities (n,) of ends of boosts, nan of crashes."""
     if kind == "missile":
         range_m = ranges_m(end)
         climbing = outcomes.climbing(range_m, elevations(end))

@@ -26,7 +26,8 @@ class Sighting(NamedTuple):
     Earth and specific force by the filter, whose components along the line of sight are not used.
     `axes` and `first_axes` (2, 3) are those of the image plane at present and at the first
     detection, `first_m_s` (2,) the velocity along the latter at that time. `noise` (8, 8) is the
-    covariance of the state along the former, and of `first_m_s`.
+    covariance of the state along the former, and of `first_m_s`. `has_ended` says whether the burn
+    ends at present, or goes on.
     """
 
     first_sensor_m: FloatArray
@@ -41,6 +42,7 @@ class Sighting(NamedTuple):
     first_axes: FloatArray
     first_m_s: FloatArray
     noise: FloatArray
+    has_ended: bool = False
 
 
 class AlongSight(NamedTuple):
@@ -183,17 +185,24 @@ class _Paths(NamedTuple):
 
 
 def _burning_rows(
-    ascents: BoostAscents, ignition_s: FloatArray, since_s: float
+    ascents: BoostAscents, ignition_s: FloatArray, sighting: Sighting
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the rows at the first detection and at present (8, n), and the log weights (n,), of
     ascents that burn at both.
+
+    Where a boost leads is no part of the weights: the forecast weighs ends, and no prior counts
+    twice.
     """
+    since_s = sighting.since_s
     burning = []
     for times_s in ignition_s:
         start, burns_at_start = ascents.at(times_s)
         end, burns = ascents.at(times_s + since_s)
         ascent = np.flatnonzero(burns_at_start & burns)
-        burning.append((start[:, ascent], end[:, ascent], ascents.log_weight[ascent]))
+        log_weight = ascents.log_share[ascent]
+        if sighting.has_ended:
+            log_weight = log_weight + ascents.endings.log_rates(ascent, times_s[ascent] + since_s)
+        burning.append((start[:, ascent], end[:, ascent], log_weight))
     start, end, log_weight = (
         np.concatenate(columns, axis=-1) for columns in zip(*burning, strict=True)
     )
@@ -203,7 +212,7 @@ def _burning_rows(
 def _burning_paths(sighting: Sighting, ascents: BoostAscents, ignition_s: FloatArray) -> _Paths:
     """Return the ascents that burn at the first detection, on its line of sight, and at present."""
     since_s = sighting.since_s
-    start, end, log_weight = _burning_rows(ascents, ignition_s, since_s)
+    start, end, log_weight = _burning_rows(ascents, ignition_s, sighting)
     initial = AscentRows(*start)
     present = AscentRows(*end)
     place, up, east = _starts(sighting, initial.height)

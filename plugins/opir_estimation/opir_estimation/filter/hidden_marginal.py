@@ -13,12 +13,13 @@ from opir_estimation.filter.measurement_updates import Gaussian, information_roo
 def replaced(
     burn: Gaussian, axis: FloatArray, along: FloatArray, covariance: FloatArray
 ) -> Gaussian:
-    """Return burns (n, d) with position, velocity and force along axes (n, 3) of given moments, (n,
-    3) and (n, 3, 3).
+    """Return burns or coasts (n, d) with position, velocity and force along axes (n, 3) of given
+    moments, (n, 3) and (n, 3, 3); of coasts, (n, 2) and (n, 2, 2), without force.
     """
     count, size = burn.mean.shape
-    rows = np.zeros((count, 3, size))
-    for order in range(3):
+    orders = along.shape[1]
+    rows = np.zeros((count, orders, size))
+    for order in range(orders):
         rows[:, order, 3 * order : 3 * order + 3] = axis
     side = square_root.inverse_root(burn.root)
     projected = rows @ side

@@ -193,8 +193,12 @@ class ImmFilter:
 
     def _coasted(self, coast: Gaussian, step_s: float) -> Gaussian:
         """Return coasts a step later."""
+        return self._carried(coast, np.array([step_s] * len(coast.mean)))
+
+    def _carried(self, coast: Gaussian, step_s: FloatArray) -> Gaussian:
+        """Return coasts after steps (n,), s."""
         motion = self.coast if self.coast.about is None else self.coast.about(*coast)
-        return carried(motion, coast, np.array([step_s] * len(coast.mean)))
+        return carried(motion, coast, step_s)
 
     def updated(
         self,
@@ -339,6 +343,30 @@ class ImmFilter:
         burns = rows_of(estimates.burns, rows)
         components = [replaced(burns.part(number), axis, along, covariance) for number in range(3)]
         return _with_burns(estimates, rows, boost, stacked(components, burns.share))
+
+    def coasts_before(
+        self, estimates: ModeEstimates, rows: IntArray, since_s: FloatArray
+    ) -> Gaussian:
+        """Return the coasts of tracks `rows` (m,) at times (m,), s, before the estimates'."""
+        return self._carried(rows_of(estimates.coast, rows), -since_s)
+
+    def coasts_replaced_along(
+        self,
+        estimates: ModeEstimates,
+        rows: IntArray,
+        since_s: FloatArray,
+        axis: FloatArray,
+        along: FloatArray,
+        covariance: FloatArray,
+    ) -> ModeEstimates:
+        """Return the estimates with what the coasts of tracks `rows` (m,) did along axes (m, 3) of
+        given moments, times (m,), s, ago.
+
+        These are of position and velocity, (m, 2) and (m, 2, 2).
+        """
+        coast = replaced(self.coasts_before(estimates, rows, since_s), axis, along, covariance)
+        coast = with_rows(estimates.coast, rows, self._carried(coast, since_s))
+        return evolve(estimates, coast_mean=coast.mean, coast_root=coast.root)
 
     def predicted_measurements(
         self, estimates: ModeEstimates, time_s: float

@@ -54,14 +54,14 @@ def track_file(arguments: argparse.Namespace) -> int:
             rows = within_scene(source.rows, times_ns(source.rows, scene.epoch_us), scene)
             ids = sensor_ids(rows, [sensor.id for sensor in scene.sensors], names)
             times = times_ns(rows, scene.epoch_us)
-            watched = watched_of(arguments, source.rows, ids, times, scene)
+            watched = watched_of(arguments, source.rows, ids, times, scene, names)
             last_s = int(times.max()) / NS_PER_S
             plan = compile_plan(watched_scene(arguments, scene, watched, last_s), host)
             columns = columns_of(rows, plan, names)
         except BadFileError as error:
             raise refused(arguments.file, error) from error
     if not arguments.quiet:
-        for words in _warnings(source, columns, plan):
+        for words in (*watched.doubts, *_warnings(source, columns, plan)):
             sys.stderr.write(f"warning: {arguments.file}: {words}\n")
         for words in source.rows[0].get(NOTES, ()):
             sys.stderr.write(f"note: {arguments.file}: {words}\n")

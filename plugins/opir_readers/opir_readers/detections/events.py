@@ -6,7 +6,11 @@ from typing import Any
 
 from opir_core.plugin import BadFileError
 from opir_core.reading import EVENT_FORMAT
+from opir_readers.detections.heartbeats import HEARTBEAT, HEARTBEATS, is_heartbeat
 from opir_readers.detections.numbers import NOTES, Row, Rows
+
+#: Characters by which a file is recognised.
+_HEAD = 20_000
 
 #: The keys of times, and of directions.
 _TIMES = ("timestamp", "time_s")
@@ -39,7 +43,10 @@ KEYS = (
 
 def is_of_events(text: str) -> bool:
     """Whether a text is JSON that begins with a detection."""
-    head = text[:20_000].lstrip()
+    head = text[:_HEAD].lstrip()
+    if f'"{HEARTBEAT}"' in head:
+        # Before the first detection there may be many.
+        head = head[0] + text[text.find('"detection_id"') :][:_HEAD]
     return head[:1] in ("{", "[") and all(
         any(f'"{name}"' in head for name in names) for names in (_DIRECTIONS, _TIMES)
     )
@@ -48,11 +55,14 @@ def is_of_events(text: str) -> bool:
 def event_rows(text: str) -> Rows:
     """Return the detections of a text; raises `BadFileError` with the line of another value."""
     values = list(_values(text))
-    notes = _version_notes(values)
-    rows = [_row(value, line) for value, line in values]
+    events = [(value, line) for value, line in values if not is_heartbeat(value)]
+    notes = _version_notes(events)
+    rows = [_row(value, line) for value, line in events]
     if not rows:
         raise BadFileError("has no detection")
-    return [{**rows[0], NOTES: notes}, *rows[1:]] if notes else rows
+    beats = [{**value, "line": line} for value, line in values if is_heartbeat(value)]
+    beside = {**({HEARTBEATS: beats} if beats else {}), **({NOTES: notes} if notes else {})}
+    return [{**rows[0], **beside}, *rows[1:]] if beside else rows
 
 
 def _version_notes(values: Sequence[tuple[Any, int | None]]) -> list[str]:

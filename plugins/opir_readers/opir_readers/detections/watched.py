@@ -1,8 +1,9 @@
 """When the sensors of foreign detections looked: where no sensor looked, a missing detection is no
 miss.
 
-The spans are those of a table, else of the scene, else of the manifest of the run that wrote the
-events, else from the first to the last line of each sensor, without the gaps between its lines.
+The spans are those of a table, else of the scene, else of heartbeats among the events, else of the
+manifest of the run that wrote the events, else from the first to the last line of each sensor,
+without the gaps between its lines.
 """
 
 import argparse
@@ -20,11 +21,15 @@ from opir_core.errors import nearest_names
 from opir_core.plugin import BadFileError
 from opir_core.reading import epoch_us_of_text
 from opir_readers.csv_layout import Layout, table_layout
+from opir_readers.detections.heartbeats import (
+    Spans,
+    contradictions,
+    heartbeat_spans,
+    with_detections,
+)
 from opir_readers.detections.numbers import Rows, finite
 from opir_readers.detections.times import NS_PER_S, looks_like_date, unix_ns
 from opir_readers.reading import file_text, refused
-
-Spans = tuple[tuple[float, float], ...]
 
 #: The value of `--watched` for sensors that looked throughout the scene.
 THROUGHOUT = "throughout"
@@ -47,10 +52,14 @@ _END = ("end_s", "end", "to")
 
 @frozen
 class Watched:
-    """The spans, s, in which each sensor looked, and what gives them, in words, by its id."""
+    """The spans, s, in which each sensor looked, and what gives them, in words, by its id.
+
+    `doubts` are sentences on detections that contradict them.
+    """
 
     spans: Mapping[str, Spans]
     source: Mapping[str, str]
+    doubts: tuple[str, ...] = ()
 
     @property
     def end_s(self) -> float:
@@ -64,18 +73,41 @@ def watched_of(
     sensors: Sequence[str],
     time_ns: IntArray,
     scene: Scene,
+    renamed: Mapping[str, str],
 ) -> Watched:
     """Return when the sensors of a scene looked, by detections of `sensors` (n,) at scene times
-    (n,); raises `SceneError` for a table of spans that cannot be taken.
+    (n,); `renamed` are other names of sensors.
+
+    Raises `SceneError` for a table of spans that cannot be taken, `BadFileError` for heartbeats.
     """
     names = np.array(sensors)
+    times_ns = {sensor.id: time_ns[names == sensor.id] for sensor in scene.sensors}
     by_lines = {
-        sensor.id: _spans_of_lines(time_ns[names == sensor.id], _period_ns(sensor.model.config))
+        sensor.id: _spans_of_lines(times_ns[sensor.id], _period_ns(sensor.model.config))
         for sensor in scene.sensors
     }
+    beats = heartbeat_spans(rows, list(times_ns), renamed, scene.epoch_us)
+    if beats and arguments.watched is None and not scene.watched_s:
+        return _by_heartbeats(beats, times_ns, by_lines)
     spans, source = _stated(arguments, len(rows), scene)
     sources = {**dict.fromkeys(by_lines, _BY_LINES), **dict.fromkeys(spans, source)}
     return Watched({**by_lines, **spans}, sources)
+
+
+def _by_heartbeats(
+    beats: Mapping[str, Spans], times_ns: Mapping[str, IntArray], by_lines: Mapping[str, Spans]
+) -> Watched:
+    """Return the spans of heartbeats, with what was detected outside of them; a sensor without one
+    is known by its lines.
+    """
+    spans = dict(by_lines)
+    doubts = list[str]()
+    for name, of_sensor in beats.items():
+        joined, outside_s = with_detections(of_sensor, times_ns[name] / NS_PER_S)
+        spans[name] = _from_start(joined)
+        doubts += contradictions(name, outside_s)
+    source = {**dict.fromkeys(by_lines, _BY_LINES), **dict.fromkeys(beats, "its heartbeats")}
+    return Watched(spans, source, tuple(doubts))
 
 
 def _stated(

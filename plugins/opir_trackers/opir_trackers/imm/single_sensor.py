@@ -54,6 +54,24 @@ class SingleSensorLaw:
 LAW = SingleSensorLaw()
 
 
+class _Along(NamedTuple):
+    """Axes (m, 3), and moments (m, 3) and (m, 3, 3) of position, velocity and force along them."""
+
+    axis: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+
+class _Motion(NamedTuple):
+    """Inertial position, velocity and force (9,) of a target at a time, and a root (9, k) of their
+    covariance.
+    """
+
+    time_s: float
+    mean: FloatArray
+    side: FloatArray
+
+
 class _View(NamedTuple):
     """What a sensor sees of a track, its inertial line of sight (3,), and the sensor's number."""
 
@@ -82,53 +100,114 @@ class SingleSensor:
 
         `seen_before_s` (n,) are the times of the last detections before the slice.
         """
-        estimates = table.estimates
         rows = self._due(table, seen_before_s).nonzero()[0]
         rows = rows[self._are_far(table, rows, time_s)] if rows.size else rows
+        motions = [self._burn(table, row, time_s) for row in rows.tolist()]
+        compared, along = self._along(table, rows, motions)
+        if not compared.size:
+            return table
+        estimates = table.estimates
+        return table.with_estimates(self.filter.replaced_along(estimates, compared, *along))
+
+    def with_burnouts(self, table: TrackTable, burned: BoolArray, time_s: float) -> TrackTable:
+        """Return the tracks (n,) at a time, those of one sensor that have `burned` (n,) until the
+        slice as ascents say whose burns end at their last detections.
+
+        A burn that ends is another piece of evidence: heavy stages of high acceleration are short.
+        """
+        has_ended = burned & (table.estimates.weight[:, 0] <= 0.5)
+        if True not in has_ended:
+            return table
+        rows = (has_ended & self._are_launches(table)).nonzero()[0]
+        rows = rows[self._are_far(table, rows, time_s)] if rows.size else rows
+        motions = [self._burnout(table, row, time_s) for row in rows.tolist()]
+        compared, along = self._along(table, rows, motions, has_ended=True)
+        if not compared.size:
+            return table
+        since_s = time_s - table.seen_s[compared]
+        coasts = along.axis, along.mean[:, :2], along.covariance[:, :2, :2]
+        estimates = table.estimates
+        return table.with_estimates(
+            self.filter.coasts_replaced_along(estimates, compared, since_s, *coasts)
+        )
+
+    def _along(
+        self,
+        table: TrackTable,
+        rows: IntArray,
+        motions: list[_Motion],
+        has_ended: bool = False,
+    ) -> tuple[IntArray, _Along]:
+        """Return the rows (m,), of some, with motions that ascents are like, and what these say
+        along their lines.
+        """
         compared = list[int]()
         axes = list[FloatArray]()
         moments = list[AlongSight]()
         # A track is compared with thousands of ascents.
-        for row in rows.tolist():
-            view = self._view(table, row, time_s)
-            along = along_sight(self.ascents, view.sighting, self._ignitions_s(view.sensor))
+        for row, motion in zip(rows.tolist(), motions, strict=True):
+            view = self._view(table, row, motion)
+            sighting = view.sighting._replace(has_ended=has_ended)
+            along = along_sight(self.ascents, sighting, self._ignitions_s(view.sensor))
             if along is not None:
                 compared.append(row)
                 axes.append(view.axis)
                 moments.append(along)
-        if not compared:
-            return table
-        mean = np.array([along.mean for along in moments])
-        covariance = np.array([along.covariance for along in moments])
-        axis = np.array(axes)
+        mean = np.array([along.mean for along in moments]).reshape(-1, 3)
+        covariance = np.array([along.covariance for along in moments]).reshape(-1, 3, 3)
+        axis = np.array(axes).reshape(-1, 3)
         # Ascents move relative to the Earth, and the part of its rotation along the line is the
         # same at all distances.
-        mean[:, 1] += dot(axis, estimates.boost_mean[compared, :3] @ SPIN.T)
-        return table.with_estimates(
-            self.filter.replaced_along(estimates, np.array(compared), axis, mean, covariance)
-        )
+        mean[:, 1] += dot(axis, table.estimates.boost_mean[compared, :3] @ SPIN.T)
+        return np.array(compared, dtype=np.int64), _Along(axis, mean, covariance)
 
     @cached_property
     def ascents(self) -> BoostAscents:
         """Return the ascents of the law; they are drawn for the first track that needs them."""
         return ascents_of(self.outcomes)
 
+    def _burn(self, table: TrackTable, row: int, time_s: float) -> _Motion:
+        """Return the motion of a burning track at present."""
+        estimates = table.estimates
+        side = square_root.inverse_root(estimates.boost_root[row : row + 1])[0, : COAST + 3]
+        return _Motion(time_s, estimates.boost_mean[row, : COAST + 3], side)
+
+    def _burnout(self, table: TrackTable, row: int, time_s: float) -> _Motion:
+        """Return the motion of a track whose burn has ended, at its last detection: back along its
+        free flight, with its last force.
+        """
+        estimates = table.estimates
+        seen_s = float(table.seen_s[row])
+        coast = self.filter.coasts_before(estimates, np.array([row]), np.array([time_s - seen_s]))
+        burn = self._burn(table, row, time_s)
+        mean = np.concatenate([coast.mean[0], burn.mean[COAST:]])
+        side = np.zeros((COAST + 3, COAST + burn.side.shape[1]))
+        side[:COAST, :COAST] = square_root.inverse_root(coast.root)[0]
+        side[COAST:, COAST:] = burn.side[COAST:]
+        return _Motion(seen_s, mean, side)
+
     def _due(self, table: TrackTable, seen_before_s: FloatArray) -> BoolArray:
         """Return which tracks (n,) are compared: those of one sensor that burn and were detected in
         the slice.
+        """
+        is_launch = self._are_launches(table)
+        if True not in is_launch:
+            return is_launch
+        interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
+        return (interval[0] > interval[1]) & is_launch & (table.estimates.weight[:, 0] > 0.5)
+
+    def _are_launches(self, table: TrackTable) -> BoolArray:
+        """Return which tracks (n,) of one sensor are launches, and follow the law.
 
         Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
         is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
         if True not in is_single:
             return is_single
-        interval = (np.stack([table.seen_s, seen_before_s]) - table.first_s) // LAW.every_s
-        estimates = table.estimates
-        burns = (estimates.weight[:, 0] > 0.5) & (estimates.burn_share[:, 2] < LAW.free)
         motion = table.motion
         is_launch = motion.probability[:, LAUNCH] > 0.5
-        is_due = interval[0] > interval[1]
-        return is_due & is_single & burns & is_launch & (motion.epoch_s <= table.first_s)
+        follows_law = table.estimates.burn_share[:, 2] < LAW.free
+        return is_single & is_launch & follows_law & (motion.epoch_s <= table.first_s)
 
     def _are_far(self, table: TrackTable, rows: IntArray, time_s: float) -> BoolArray:
         """Return which tracks (m,) a sensor sees that is neither low nor near their horizon.
@@ -146,15 +225,15 @@ class SingleSensor:
         sine = dot(line, place) / np.sqrt(dot(line, line) * dot(place, place))
         return ~are_low_orbits(origin)[number] & (sine > LAW.least_sine)
 
-    def _view(self, table: TrackTable, row: int, time_s: float) -> _View:
-        """Return what the sensor of a track sees at a time."""
-        estimates = table.estimates
+    def _view(self, table: TrackTable, row: int, target: _Motion) -> _View:
+        """Return what the sensor of a track sees of a motion."""
         motion = table.motion
         sensor = int((table.reports[row] >= 0).nonzero()[0][0])
         first_s = float(table.first_s[row])
+        time_s = target.time_s
         times_s = np.array([first_s, time_s - 0.5, time_s, time_s + 0.5])
         places = self.biases.sensors[sensor].orbit.position_ecef_m(times_s)
-        mean = estimates.boost_mean[row]
+        mean = target.mean
         back = np.full(3, -time_s)
         vectors = [mean[:3], air_velocity(mean[None])[0], mean[COAST : COAST + 3]]
         state = earth_rotated(np.stack(vectors), back)
@@ -175,7 +254,7 @@ class SingleSensor:
             axes=axes[:2],
             first_axes=first_axes,
             first_m_s=first[2:],
-            noise=_noise(estimates.boost_root[row : row + 1], inertial_axes[:2], spread),
+            noise=_noise(target.side, inertial_axes[:2], spread),
         )
         return _View(sighting, inertial_axes[2], sensor)
 
@@ -189,11 +268,11 @@ class SingleSensor:
         return np.stack([wait_s, wait_s + BEFORE_S * hidden])
 
 
-def _noise(root: FloatArray, axes: FloatArray, spread: FloatArray) -> FloatArray:
-    """Return the covariance (8, 8) of a burn's motion in the image plane, and of the first motion,
-    which has the covariance `spread` (4, 4).
+def _noise(side: FloatArray, axes: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the covariance (8, 8) of a motion in the image plane, of a root (9, k), and of the
+    first motion, which has the covariance `spread` (4, 4).
     """
-    image = _image_rows(axes) @ square_root.inverse_root(root)[0, : COAST + 3]
+    image = _image_rows(axes) @ side
     noise = np.zeros((8, 8))
     noise[:6, :6] = image @ image.T
     noise[:2, :2] += spread[:2, :2]

@@ -54,7 +54,9 @@ def update(
         estimates, prediction.estimates, table.estimates, prediction.span_s
     )
     log = table.outliers if outliers is None else outliers
+    burned = table.estimates.weight[:, 0] > 0.5
     table = table.changed(estimates=estimates, outliers=log)
+    table = models.single.with_burnouts(table, burned, prediction.end_s)
     next_state = state._replace(time_s=prediction.end_s, table=table, memory=association.memory)
     if not lines.scan.size:
         return next_state

@@ -4,9 +4,19 @@ follows.
 
 import numpy as np
 import pytest
-from opir_estimation import Gaussian, information_root
+from opir_estimation import (
+    BOOST,
+    COAST,
+    Gaussian,
+    ImmFilter,
+    ModeEstimates,
+    Motion,
+    information_root,
+)
 from opir_estimation.filter.hidden_marginal import replaced
 from opir_estimation.square_root import covariance
+
+from opir_core.flight import Forces
 
 SIZE = 10
 
@@ -64,3 +74,29 @@ def test_its_own_moments_change_nothing():
     after, held = replaced(Gaussian(mean, root), axis, *own)
     assert after == pytest.approx(mean, rel=1e-8)
     assert covariance(held) == pytest.approx(covariance(root), rel=1e-5, abs=1e-6)
+
+
+def test_a_coast_had_the_given_moments_some_time_ago_and_flies_on_from_there():
+    mean = np.array([7e6, 0.0, 0.0, 500.0, 6000.0, 0.0])
+    side = np.diag([800.0, 900.0, 700.0, 40.0, 30.0, 20.0])[None]
+    coast = Gaussian(mean[None], information_root(side))
+    row = np.array([0])
+    ago_s = np.array([8.0])
+    axis = np.array([[0.0, 0.6, 0.8]])
+    along = np.array([[-2e4, 4500.0]])
+    spread = np.array([[[4e8, 1e5], [1e5, 1e6]]])
+    estimates = ModeEstimates(
+        np.array([[0.1, 0.9]]),
+        np.zeros((1, SIZE)),
+        np.eye(SIZE)[None],
+        *coast,
+        np.zeros((1, 3)),
+    )
+    imm = ImmFilter(Motion(BOOST, 0.3, Forces()), Motion(COAST, 0.01, Forces()), 150.0, 1000.0)
+    after = imm.coasts_replaced_along(estimates, row, ago_s, axis, along, spread)
+    then, held = imm.coasts_before(after, row, ago_s)
+    rows = np.kron(np.eye(2), axis)
+    assert rows @ then[0] == pytest.approx(along[0], rel=1e-4)
+    assert rows @ covariance(held)[0] @ rows.T == pytest.approx(spread[0], rel=0.02)
+    # It flies on from there.
+    assert after.coast_mean[0, :3] == pytest.approx(then[0, :3] + 8.0 * then[0, 3:], rel=2e-3)

@@ -1,0 +1,68 @@
+"""Heartbeats: lines among events that say which sensor watched from when to when.
+
+Silence alone does not tell a consumer of a stream whether a sensor saw nothing or is not there.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import msgspec
+import numpy as np
+
+from opir_core.interfaces.sensors import Sensor
+from opir_core.output.events.text import timestamp_text
+
+VERSION = "1.0"
+
+
+class Heartbeat(msgspec.Struct, frozen=True):
+    """A span that a sensor watched, as a line; times are UTC."""
+
+    schema_version: str
+    record: str
+    sensor_id: str
+    watched_from: str
+    watched_to: str
+
+
+class Heartbeats:
+    """The heartbeats of a run, one for each sensor and interval of `every_s` in which it watches.
+
+    The intervals begin with the run: the lines do not depend on its windows.
+    """
+
+    def __init__(self, sensors: Sequence[Sensor], epoch_us: int, every_s: float) -> None:
+        self._sensors = sensors
+        self._epoch_us = epoch_us
+        self._every_s = every_s
+        self._told = 0
+        self._end_s = 0.0
+
+    def until(self, end_s: float) -> bytes:
+        """Return the lines of the intervals that are over at a time of the scene, s, and were not
+        told before.
+        """
+        self._end_s = max(self._end_s, end_s)
+        over = int(np.floor(self._end_s / self._every_s + 1e-9))
+        edges_s = np.arange(self._told, over + 1) * self._every_s
+        self._told = max(self._told, over)
+        return self._lines(edges_s)
+
+    def rest(self) -> bytes:
+        """Return the lines of the interval in which the run ended."""
+        return self._lines(np.unique([self._told * self._every_s, self._end_s]))
+
+    def _lines(self, edges_s: np.ndarray) -> bytes:
+        """Return the lines of intervals between edges (n,), s."""
+        intervals = zip(edges_s[:-1].tolist(), edges_s[1:].tolist(), strict=True)
+        beats = [beat for interval in intervals for beat in self._beats(*interval)]
+        return msgspec.json.Encoder().encode_lines(beats)
+
+    def _beats(self, start_s: float, end_s: float) -> Iterator[Heartbeat]:
+        """Yield the heartbeats of an interval."""
+        for sensor in self._sensors:
+            spans = ((start_s, end_s),) if sensor.watched_s is None else sensor.watched_s
+            for from_s, to_s in spans:
+                span_s = np.array([max(from_s, start_s), min(to_s, end_s)])
+                if span_s[0] < span_s[1]:
+                    times_us = np.rint(span_s * 1e6).astype(np.int64) + self._epoch_us
+                    yield Heartbeat(VERSION, "heartbeat", sensor.id, *timestamp_text(times_us))
