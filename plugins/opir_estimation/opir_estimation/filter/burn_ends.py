@@ -96,13 +96,12 @@ def burn_end(
 
     `reference` (m, 9) are states at ascending times (m,), about which the path is linearised.
     """
-    end_s = float(looks.time_s.max(initial=-np.inf))
-    first_s = max(prior.ignition_s, end_s - LAW.memory_s)
+    first_s = max(prior.ignition_s, looks.time_s.max(initial=-np.inf) - LAW.memory_s)
     looks = looks.take((looks.time_s >= first_s).nonzero()[0])
-    start_s = float(looks.time_s.min(initial=np.inf))
-    if len(looks) < LAW.least_looks or end_s - start_s < LAW.least_s:
+    if len(looks) < LAW.least_looks or np.ptp(looks.time_s) < LAW.least_s:
         return None
-    path = _Path.through(_Grid.between(start_s, end_s), reference_s, reference, prior.motion)
+    grid = _Grid.over(looks.time_s)
+    path = _Path.through(grid, reference_s, reference, prior.motion)
     path = _Fit.of(path, _Bins.of(path, looks), prior).path
     likely = looks.take(_likely(path, looks))
     if len(likely) < len(looks):
@@ -125,8 +124,10 @@ class _Grid(NamedTuple):
     time_s: FloatArray
 
     @classmethod
-    def between(cls, start_s: float, end_s: float) -> "_Grid":
-        """Return the grid between two times."""
+    def over(cls, time_s: FloatArray) -> "_Grid":
+        """Return the grid over the span of times (n,)."""
+        start_s = float(time_s.min())
+        end_s = float(time_s.max())
         steps = int(np.ceil((end_s - start_s) / LAW.force_step_s))
         return cls(start_s, end_s, start_s + (end_s - start_s) * (np.arange(steps) + 0.5) / steps)
 
@@ -134,6 +135,14 @@ class _Grid(NamedTuple):
     def step_s(self) -> float:
         """The length of a step."""
         return (self.end_s - self.start_s) / len(self.time_s)
+
+    @property
+    def walks(self) -> tuple[FloatArray, FloatArray]:
+        """The times (e,) at which a random walk of unit density steps, and its steps (k, e), √s."""
+        count = max(round((self.end_s - self.start_s) / LAW.error_step_s), 1)
+        begun_s = np.linspace(self.start_s, self.end_s, count, endpoint=False)
+        root_s = np.sqrt((self.end_s - self.start_s) / count)
+        return begun_s, root_s * (self.time_s[:, None] > begun_s)
 
     def moved(self, time_s: FloatArray) -> FloatArray:
         """Return what accelerations in each step have added to positions at times (n,), (n, k),
@@ -213,11 +222,9 @@ class _Bins(NamedTuple):
         it.
         """
         time_s = looks.time_s
-        residual, slope = looks.residuals(path.positions(time_s))
         steps = ((time_s - path.grid.start_s) / LAW.force_step_s).astype(np.int64)
         _, group = np.unique(steps, return_inverse=True)
-        columns = np.concatenate([slope, residual[:, :, None]], axis=2)
-        products = (slope.transpose(0, 2, 1) @ columns).reshape(-1, 12)
+        products = _products(*looks.residuals(path.positions(time_s)))
         sums = group_sums(group, products).reshape(-1, 3, 4)
         # A lone sensor sees nothing along its line.
         variance, axes = np.linalg.eigh(sums[:, :, :3])
@@ -227,6 +234,14 @@ class _Bins(NamedTuple):
         middle_s = np.bincount(group, time_s) / np.bincount(group)
         offset = matvec(turned, sums[:, :, 3]) / sharp
         return cls(middle_s, rows, offset + matvec(rows, path.positions(middle_s)))
+
+
+def _products(residual: FloatArray, slope: FloatArray) -> FloatArray:
+    """Return the products (n, 12) of whitened Jacobians (n, 2, 3) with themselves and residuals
+    (n, 2).
+    """
+    columns = np.concatenate([slope, residual[:, :, None]], axis=2)
+    return (slope.transpose(0, 2, 1) @ columns).reshape(-1, 12)
 
 
 class BurnPrior(NamedTuple):
@@ -243,18 +258,13 @@ class BurnPrior(NamedTuple):
         Where a program keeps a tilt, a Gauss–Markov process would lead back to none after the last
         look that shows it.
         """
-        grid = path.grid
-        count = max(round((grid.end_s - grid.start_s) / LAW.error_step_s), 1)
-        begun_s = np.linspace(grid.start_s, grid.end_s, count, endpoint=False)
-        since_s = grid.time_s[:, None] - begun_s
-        has_begun = since_s > 0.0
-        root_s = np.sqrt((grid.end_s - grid.start_s) / count)
+        begun_s, walks = path.grid.walks
         velocity = air_velocity(path.states)
         density = self.motion.across_share(dot(velocity, velocity))
-        steps = has_begun * root_s * np.interp(begun_s, grid.time_s, density)
+        steps = walks * np.interp(begun_s, path.grid.time_s, density)
         tilts = np.concatenate([np.full((len(steps), 1), LAW.tilt_rad), steps], axis=1)
         force = np.sqrt(dot(path.force, path.force))[:, None]
-        return self.motion.noise_m_s2 * root_s * has_begun, force * tilts
+        return self.motion.noise_m_s2 * walks, force * tilts
 
     def stagings_s(self, grid: _Grid) -> FloatArray:
         """Return the times (t,) of staging that a burn may have, after that of none: the
@@ -498,9 +508,8 @@ class _Fit(NamedTuple):
         log = found.log_evidence + prior.log_weights(len(stagings_s))
         share = np.exp(log - log.max())
         share /= share.sum()
-        size, staging = np.unravel_index(np.argmax(share), share.shape)
-        likeliest = found.staged[size, staging], found.others[size, staging]
-        fitted = unknowns.path(path, int(staging), *likeliest)
+        best = np.unravel_index(np.argmax(share), share.shape)
+        fitted = unknowns.path(path, int(best[1]), found.staged[best], found.others[best])
         gravity = prior.motion.fall.gravity(fitted.states[:, :3])
         return cls(_mixed(path.grid.end_s, share, found), fitted._replace(gravity=gravity))
 

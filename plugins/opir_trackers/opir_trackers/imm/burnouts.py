@@ -1,11 +1,13 @@
 """Ends of burns: where a burn is over, the state that all of its looks give replaces the filter's."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from opir_estimation import (
     BURN_MEMORY_S,
     AngleMeasurements,
+    BurnEnd,
     BurnPrior,
     Thrust,
     burn_end,
@@ -53,26 +55,29 @@ def with_burn_ends(models: TrackingModels, state: TrackerState) -> TrackerState:
         return state
     launches = table.motion.probability[:, LAUNCH] >= models.config.least_launch_probability
     rows = (is_over & launches).nonzero()[0]
+    if not rows.size:
+        return state
+    ends = {row: _burn_end(models, state, row) for row in rows.tolist()}
+    found = {row: end for row, end in ends.items() if end is not None}
+    estimates = models.filter.with_burn_ends(table.estimates, found, state.time_s)
+    burnt_s = table.burnt_s.copy()
+    burnt_s[rows] = table.seen_s[rows]
+    return state._replace(table=table.changed(estimates=estimates, burnt_s=burnt_s))
+
+
+def _burn_end(models: TrackingModels, state: TrackerState, row: int) -> BurnEnd | None:
+    """Return the end of the burn of the track in a row, None where its looks do not tell it."""
     motion = models.filter.boost
     stage = models.filter.stage
     # Where bodies are seen after burnout, coasts have looks of their own.
     sees_bodies = not models.filter.least_open_weight
-    if not rows.size or sees_bodies or stage is None or not isinstance(motion, Thrust):
-        return state
-    ends = {}
-    for row in rows.tolist():
-        looks = _BurnLooks.of(state, row)
-        if looks is not None:
-            prior = BurnPrior(motion, stage, looks.ignition_s)
-            ends[row] = burn_end(looks.measurements, looks.time_s, looks.mean, prior)
-    burnt_s = table.burnt_s.copy()
-    burnt_s[rows] = table.seen_s[rows]
-    table = table.changed(burnt_s=burnt_s)
-    found = {row: end for row, end in ends.items() if end is not None}
-    if found:
-        estimates = models.filter.with_burn_ends(table.estimates, found, state.time_s)
-        table = table.with_estimates(estimates)
-    return state._replace(table=table)
+    if sees_bodies or stage is None or not isinstance(motion, Thrust):
+        return None
+    looks = _BurnLooks.of(state, row)
+    if looks is None:
+        return None
+    prior = BurnPrior(motion, stage, looks.ignition_s)
+    return burn_end(looks.measurements, looks.time_s, looks.mean, prior)
 
 
 class _BurnLooks(NamedTuple):
@@ -86,24 +91,28 @@ class _BurnLooks(NamedTuple):
     @classmethod
     def of(cls, state: TrackerState, row: int) -> "_BurnLooks | None":
         """Return the looks of the last burn of the track in a row, None without any."""
-        number = state.table.number[row]
-        times = []
-        means = []
-        parts = []
-        for looks in state.looks:
-            place = int(np.searchsorted(looks.number, number))
-            rows = (looks.measurements.track == place).nonzero()[0]
-            is_there = place < len(looks.number) and looks.number[place] == number
-            if is_there and rows.size and _are_same(looks.error, state.looks[-1].error):
-                times.append(looks.end_s)
-                means.append(looks.mean[place])
-                parts.append(looks.measurements.take(rows))
-        if not parts:
+        looks = list(_looks_of(state, int(state.table.number[row])))
+        if not looks:
             return None
+        times, means, parts = zip(*looks, strict=True)
         measurements = AngleMeasurements.concatenate(parts)
         measurements = measurements.take(np.argsort(measurements.time_s, kind="stable"))
         ignition_s = _ignition_s(measurements.time_s, state, row)
         return cls(measurements, np.array(times), np.array(means)[:, :9], ignition_s)
+
+
+def _looks_of(
+    state: TrackerState, number: int
+) -> Iterator[tuple[float, FloatArray, AngleMeasurements]]:
+    """Yield times, states and measurements of the track with a number in slices whose lines lacked
+    the same errors as the last ones.
+    """
+    for looks in state.looks:
+        place = int(np.searchsorted(looks.number, number))
+        if place < len(looks.number) and looks.number[place] == number:
+            rows = (looks.measurements.track == place).nonzero()[0]
+            if rows.size and _are_same(looks.error, state.looks[-1].error):
+                yield looks.end_s, looks.mean[place], looks.measurements.take(rows)
 
 
 def _are_same(error: FloatArray, other: FloatArray) -> bool:

@@ -113,11 +113,12 @@ class TrackTable(Columns):
     ) -> "TrackTable":
         """Return the table of new tracks without detections."""
         count = len(number)
+        never_s = np.full(count, -np.inf)
         return cls(
             number=number,
             begun_s=np.full(count, time_s),
             first_s=np.full(count, np.inf),
-            seen_s=np.full(count, -np.inf),
+            seen_s=never_s,
             hits=np.zeros(count, dtype=np.int64),
             outliers=np.zeros((count, len(FRACTIONS))),
             reports=np.full((count, sensors), -1, dtype=np.int64),
@@ -125,7 +126,7 @@ class TrackTable(Columns):
             launch_covariance=np.full((count, 3, 3), np.nan),
             estimates=estimates,
             motion=motion,
-            burnt_s=np.full(count, -np.inf),
+            burnt_s=never_s,
         )
 
     @property
