@@ -14,6 +14,12 @@ from opir_estimation.directions import (
     matvec as matvec,
     tangent_axes as tangent_axes,
 )
+from opir_estimation.filter.burn_ends import (
+    BURN_MEMORY_S as BURN_MEMORY_S,
+    BurnEnd as BurnEnd,
+    BurnPrior as BurnPrior,
+    burn_end as burn_end,
+)
 from opir_estimation.filter.burn_modes import (
     FreeBurn as FreeBurn,
     NewStage as NewStage,

@@ -21,7 +21,12 @@ from opir_estimation import square_root
 from opir_estimation.directions import matvec
 from opir_estimation.filter.burn_modes import LAW, BurnModes, resumed
 from opir_estimation.filter.estimates import Burns, ModeEstimates, with_rows
-from opir_estimation.filter.measurement_updates import Gaussian, measurement_update, moment_matched
+from opir_estimation.filter.measurement_updates import (
+    Gaussian,
+    information_root,
+    measurement_update,
+    moment_matched,
+)
 from opir_estimation.formulas import Functions, Vector, arithmetic, scaled
 from opir_estimation.lines_of_sight import ground_velocities
 from opir_estimation.motion import COAST
@@ -194,16 +199,40 @@ def _burnout_shift(
     """Return the shift of position and velocity (6), its uncertainty (6), and shifts by a unit of
     force.
     """
-    hits, spell, silent = detection_rate
-    pause = spell / functions.greatest(hits, 1.0)
-    later = functions.greatest(pause - scan_s, 0.0)
-    mean_wait = later + 0.5 * functions.least(pause, scan_s)
+    *_, silent = detection_rate
+    mean_wait, wait_sigma = _burnout_wait(detection_rate, functions, scan_s)
     since = functions.greatest(silent - mean_wait, 0.0)
-    sigma = functions.least(functions.sqrt(scan_s * scan_s / 12.0 + pause * later), silent)
+    sigma = functions.least(wait_sigma, silent)
     half_square = 0.5 * since * since
     times = (half_square, since, since * sigma, sigma)
     shifts = [component for time in times for component in scaled(time, force)]
     return [*shifts, half_square, since]
+
+
+def _burnout_wait(detection_rate: Vector, functions: Functions, scan_s: float) -> list[Any]:
+    """Return mean and standard deviation of the time from the last detection to burnout, s."""
+    hits, spell, _ = detection_rate
+    pause = spell / functions.greatest(hits, 1.0)
+    later = functions.greatest(pause - scan_s, 0.0)
+    mean = later + 0.5 * functions.least(pause, scan_s)
+    return [mean, functions.sqrt(scan_s * scan_s / 12.0 + pause * later)]
+
+
+def coasts_from_ends(ends: Gaussian, detection_rate: FloatArray, scan_s: float) -> Gaussian:
+    """Return free flights (n, 6) as of the last looks of burns whose states (n, 9) then were these.
+
+    The force acts on until burnout, as of `coast_from_boost`.
+    """
+    wait = _ARITHMETIC.values(partial(_burnout_wait, scan_s=scan_s), detection_rate)
+    mean_s, sigma_s = wait.T[:, :, None]
+    position, velocity, force = np.split(ends.mean, 3, axis=1)
+    mean = np.concatenate([position - 0.5 * mean_s**2 * force, velocity + mean_s * force], axis=1)
+    side = square_root.inverse_root(ends.root)
+    moved = side[:, :3] - 0.5 * mean_s[:, :, None] ** 2 * side[:, 6:]
+    sped = side[:, 3:6] + mean_s[:, :, None] * side[:, 6:]
+    later = np.concatenate([-mean_s * sigma_s * force, sigma_s * force], axis=1)
+    rows = np.concatenate([np.concatenate([moved, sped], axis=1), later[:, :, None]], axis=2)
+    return Gaussian(mean, information_root(rows))
 
 
 def resting_rows(estimates: ModeEstimates) -> IntArray:

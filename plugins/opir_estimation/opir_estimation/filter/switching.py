@@ -11,7 +11,7 @@ detection excludes the coast of a track that burned before. An excluded coast is
 nothing depends on it, and the next step derives it from the boost.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from math import log as log_of
 from typing import NamedTuple
 
@@ -21,8 +21,9 @@ from attrs import Factory, evolve, field, frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_estimation import square_root
 from opir_estimation.assignment import group_minima
-from opir_estimation.directions import dot
+from opir_estimation.directions import dot, matvec
 from opir_estimation.filter import iterated_update, mode_mixing
+from opir_estimation.filter.burn_ends import BurnEnd
 from opir_estimation.filter.burn_modes import (
     BurnModes,
     FreeBurn,
@@ -42,15 +43,19 @@ from opir_estimation.filter.estimates import (
 from opir_estimation.filter.ground import raised_above_ground
 from opir_estimation.filter.hidden_marginal import replaced
 from opir_estimation.filter.iterated_update import Mode
-from opir_estimation.filter.measurement_updates import Gaussian
+from opir_estimation.filter.measurement_updates import Gaussian, information_root
 from opir_estimation.filter.mode_mixing import EXCLUDED_WEIGHT, LookTimes, with_velocity_prior
 from opir_estimation.lines_of_sight import AngleMeasurements
-from opir_estimation.motion import BOOST, COAST, noise_roots
+from opir_estimation.motion import BOOST, COAST, chain_roots
 
 __all__ = ("ImmFilter", "ModeEstimates")
 
 #: Time after the last detection, s, in which a force may act unseen.
 RESIDUAL_S = 5.0
+
+#: Squared distance, in standard deviations of the filter, of a state at burnout that contradicts the
+#: filter: 99 % of six degrees of freedom.
+CONTRADICTION = 16.8
 
 
 class _Group(NamedTuple):
@@ -176,20 +181,49 @@ class ImmFilter:
         """Return coasts a step later with the process noise of what still acts after burnout,
         unseen.
 
-        Thrust fades, stages part: a force below what sensors detect, in any direction. After
-        `RESIDUAL_S` its velocity has a standard deviation of `residual_share` of the old force,
+        Thrust fades: a force below what sensors detect, along that before. After `RESIDUAL_S` its
+        velocity has a standard deviation of `residual_share` of the old force,
         times that time.
         """
         rows = rows[estimates.detection_rate[rows, 2] < RESIDUAL_S]
         if not rows.size or self.residual_share <= 0.0:
             return coast
         force = estimates.burn_mean[rows, 0, COAST : COAST + 3]
-        density = self.residual_share * np.sqrt(RESIDUAL_S * dot(force, force))
-        noise = density[:, None, None] * noise_roots(np.array([step_s]), COAST // 3)
-        identity = np.broadcast_to(np.eye(COAST), (len(rows), COAST, COAST))
-        mean, root = rows_of(coast, rows)
-        widened = Gaussian(mean, square_root.time_update(root, identity, noise))
+        widened = self._with_force_noise(rows_of(coast, rows), force, step_s)
         return with_rows(coast, rows, widened)
+
+    def _with_force_noise(self, coast: Gaussian, force: FloatArray, span_s: float) -> Gaussian:
+        """Return coasts (n, 6) after the noise of a span of what is left of forces (n, 3)."""
+        density = self.residual_share * np.sqrt(RESIDUAL_S) * force
+        chain = chain_roots(np.array([span_s]), COAST // 3)
+        noise = (chain[:, :, None] * density[:, None, :, None]).reshape(len(force), COAST, -1)
+        identity = np.broadcast_to(np.eye(COAST), (len(force), COAST, COAST))
+        return Gaussian(coast.mean, square_root.time_update(coast.root, identity, noise))
+
+    def with_burn_ends(
+        self, estimates: ModeEstimates, ends: Mapping[int, BurnEnd], time_s: float
+    ) -> ModeEstimates:
+        """Return the estimates at a time with coasts from the ends of burns by row, but for those
+        that contradict the filter: of burns unlike any along the velocity.
+        """
+        mean = estimates.coast_mean.copy()
+        root = estimates.coast_root.copy()
+        for row, end in ends.items():
+            coast = self._coast_from_end(estimates.part(np.array([row])), end, time_s)
+            step = matvec(estimates.coast_root[row : row + 1], coast.mean - mean[row])
+            if dot(step, step)[0] < CONTRADICTION:
+                mean[row] = coast.mean[0]
+                root[row] = coast.root[0]
+        return evolve(estimates, coast_mean=mean, coast_root=root)
+
+    def _coast_from_end(self, lone: ModeEstimates, end: BurnEnd, time_s: float) -> Gaussian:
+        """Return the coast (1, 6) at a time of a lone track from the end of its burn."""
+        side = np.asarray(np.linalg.cholesky(end.covariance), dtype=np.float64)
+        ended = Gaussian(end.mean[None], information_root(side[None]))
+        coast = mode_mixing.coasts_from_ends(ended, lone.detection_rate, self.scan_s)
+        span_s = time_s - end.time_s
+        coast = self._coasted(coast, span_s)
+        return self._with_force_noise(coast, end.mean[None, COAST:], min(span_s, RESIDUAL_S))
 
     def _coasted(self, coast: Gaussian, step_s: float) -> Gaussian:
         """Return coasts a step later."""

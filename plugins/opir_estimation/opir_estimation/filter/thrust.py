@@ -157,6 +157,12 @@ class Thrust(MotionModel):
         force = (fx + by_force * ex, fy + by_force * ey, fz + by_force * ez)
         return [*position, *velocity, *force, growth]
 
+    def across_share(self, square_speed: FloatArray) -> FloatArray:
+        """Return the process-noise densities (n,) of the force across the velocity, as shares of the
+        force, 1/√s, at squared speeds through the air.
+        """
+        return np.asarray(across_share_at(self._steady, square_speed))
+
     def force_rate(self, state: FloatArray) -> FloatArray:
         """Return the rates (n, 3) of the specific forces of states (n, 10), m/s³."""
         return self.fall.arithmetic.values(self._force_rate, state)

@@ -8,7 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
-from opir_estimation import LinesOfSight, ModeEstimates, Registration, no_lines_of_sight
+from opir_estimation import (
+    AngleMeasurements,
+    LinesOfSight,
+    ModeEstimates,
+    Registration,
+    no_lines_of_sight,
+)
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces import Columns, names_of
@@ -73,7 +79,8 @@ class TrackTable(Columns):
     reported, codes into `REPORTED_TYPES`, -1 for a sensor that has not seen the track; `launch`
     (n, 3) and `launch_covariance` (n, 3, 3) are as in `Tracks`; `outliers` (n, fractions) is the
     log likelihood of the outlier fractions (`outliers`). `estimates` are those of the filter,
-    `motion` says what each track is.
+    `motion` says what each track is, `burnt_s` (n,) is the last detection of the burn whose end has
+    been found from all its looks, -inf for none.
     """
 
     number: IntArray
@@ -87,6 +94,7 @@ class TrackTable(Columns):
     launch_covariance: FloatArray
     estimates: ModeEstimates
     motion: MotionStatistics
+    burnt_s: FloatArray
 
     @classmethod
     def of(cls, sensors: int) -> "TrackTable":
@@ -105,11 +113,12 @@ class TrackTable(Columns):
     ) -> "TrackTable":
         """Return the table of new tracks without detections."""
         count = len(number)
+        never_s = np.full(count, -np.inf)
         return cls(
             number=number,
             begun_s=np.full(count, time_s),
             first_s=np.full(count, np.inf),
-            seen_s=np.full(count, -np.inf),
+            seen_s=never_s,
             hits=np.zeros(count, dtype=np.int64),
             outliers=np.zeros((count, len(FRACTIONS))),
             reports=np.full((count, sensors), -1, dtype=np.int64),
@@ -117,6 +126,7 @@ class TrackTable(Columns):
             launch_covariance=np.full((count, 3, 3), np.nan),
             estimates=estimates,
             motion=motion,
+            burnt_s=never_s,
         )
 
     @property
@@ -199,12 +209,25 @@ class EndedTracks:
         )
 
 
+class SliceLooks(NamedTuple):
+    """What a slice that ended at `end_s` showed of burns: its measurements of tracks `number` (n,),
+    whose states in boost were `mean` (n, 10), with lines that lacked the errors `error` of their sensors.
+    """
+
+    end_s: float
+    number: IntArray
+    mean: FloatArray
+    measurements: AngleMeasurements
+    error: FloatArray
+
+
 class TrackerState(NamedTuple):
     """The state of the tracker at a time: tracks, unassigned recent lines with their reported types,
     and what is known of the sensors.
 
-    `sightings` are the recent scans in which tracks were detected; `ended` are the tracks that
-    ended since the last tick; `memory` is that of the associator.
+    `looks` are those of the last slices, with which the ends of burns are found; `sightings` are
+    the recent scans in which tracks were detected; `ended` are the tracks that ended since the last
+    tick; `memory` is that of the associator.
     """
 
     time_s: float
@@ -216,6 +239,7 @@ class TrackerState(NamedTuple):
     next_number: int = 0
     ended: EndedTracks | None = None
     memory: Any = None
+    looks: tuple[SliceLooks, ...] = ()
 
     @property
     def is_empty(self) -> bool:

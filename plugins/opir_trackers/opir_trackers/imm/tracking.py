@@ -19,6 +19,7 @@ from opir_core.flight import Forces, forces_of
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.associate import associate, track_numbers
+from opir_trackers.imm.burnouts import with_burn_ends
 from opir_trackers.imm.initiate import initiate
 from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
@@ -107,6 +108,7 @@ class ImmTracking:
         state = initiate(models, state, prediction, owner, raw, reported)
         state = _with_noise(state, prediction.registration)
         state = with_launch_points(models, state, prediction.span_s)
+        state = with_burn_ends(models, state)
         return prune(models, state, lines, owner, association.existence)
 
     def _assessed(self, state: TrackerState, step_s: float) -> TrackerState:

@@ -19,6 +19,7 @@ from opir_estimation import (
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.association import hard_measurements, merged
+from opir_trackers.imm.burnouts import with_looks
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.motion import motion_after
 from opir_trackers.imm.outliers import (
@@ -49,7 +50,8 @@ def update(
     if not table.number.size:
         return state._replace(time_s=prediction.end_s)
     lines = prediction.lines
-    estimates, outliers = _updated_estimates(models, prediction, association, table.outliers)
+    looks = _measurements(prediction, association)
+    estimates, outliers = _updated_estimates(models, prediction, association, looks, table.outliers)
     estimates = models.filter.with_open_coast(
         estimates, prediction.estimates, table.estimates, prediction.span_s
     )
@@ -60,6 +62,7 @@ def update(
     next_state = state._replace(time_s=prediction.end_s, table=table, memory=association.memory)
     if not lines.scan.size:
         return next_state
+    next_state = with_looks(next_state, prediction, looks)
     next_state = _registered(models, next_state, prediction, association)
     return _with_detections(models, next_state, prediction, association, reported)
 
@@ -86,37 +89,52 @@ def _with_detections(
 
 
 def _updated_estimates(
-    models: TrackingModels, prediction: SlicePrediction, association: Association, log: FloatArray
+    models: TrackingModels,
+    prediction: SlicePrediction,
+    association: Association,
+    looks: AngleMeasurements,
+    log: FloatArray,
 ) -> tuple[ModeEstimates, FloatArray | None]:
     """Return the estimates after a slice's lines, and the log likelihoods of outlier fractions as
     of `_with_outliers`.
     """
     if not prediction.lines.scan.size:
-        return _filtered(models, prediction, no_measurements()), None
-    posterior = _updated(models, prediction, association)
+        return _filtered(models, prediction, looks), None
+    posterior = _updated(models, prediction, association, looks)
     return _with_outliers(models, posterior, prediction, association, log)
 
 
-def _updated(
-    models: TrackingModels, prediction: SlicePrediction, association: Association
-) -> ModeEstimates:
-    """Return the estimates after pairs, many of which count as few; all their looks count as
-    detections.
+def _measurements(prediction: SlicePrediction, association: Association) -> AngleMeasurements:
+    """Return the measurements of a slice, many of which count as few.
 
     Tracks that were silent, whose burns may begin at the first look, are updated with each look,
     and few tracks too.
     """
+    if not prediction.lines.scan.size:
+        return no_measurements()
     pairs = association.pairs
     if pairs.track.size <= FEW_PAIRS:
-        return _filtered(models, prediction, hard_measurements(pairs))
+        return hard_measurements(pairs)
     silence_s = prediction.estimates.detection_rate[:, 2]
     was_silent = (silence_s > prediction.span_s)[pairs.track]
     rows = (~was_silent).nonzero()[0]
     means = merged(pairs.take(rows), association.sensor[rows], prediction.path)
     if True in was_silent:
         means = GatedPairs.concatenate([means, pairs.take(was_silent.nonzero()[0])])
-    posterior = _filtered(models, prediction, hard_measurements(means))
-    rate = _with_all_looks(posterior.detection_rate, association, means.track, prediction.end_s)
+    return hard_measurements(means)
+
+
+def _updated(
+    models: TrackingModels,
+    prediction: SlicePrediction,
+    association: Association,
+    looks: AngleMeasurements,
+) -> ModeEstimates:
+    """Return the estimates after measurements; all lines count as detections."""
+    posterior = _filtered(models, prediction, looks)
+    if association.pairs.track.size <= FEW_PAIRS:
+        return posterior
+    rate = _with_all_looks(posterior.detection_rate, association, looks.track, prediction.end_s)
     return evolve(posterior, detection_rate=rate)
 
 
