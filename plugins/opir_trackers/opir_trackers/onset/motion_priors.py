@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from opir_forecast import AT_ONCE, BEFORE_S, Ground, grounds
 
 from opir_core.arrays import FloatArray, IntArray
@@ -184,6 +184,10 @@ AGES_S = (0.0, 10.0, 20.0, 40.0, 80.0)
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
 
 
+#: Standard deviations of height, velocity and acceleration of what need not fly as an aircraft.
+_UNBOUND = np.full(7, np.inf)
+
+
 class _Component(NamedTuple):
     group: int
     weight: float
@@ -191,6 +195,7 @@ class _Component(NamedTuple):
     root: FloatArray
     interval: int = -1
     fades_s: float = np.inf
+    bounds: FloatArray = _UNBOUND
 
 
 @frozen(eq=False)
@@ -200,7 +205,8 @@ class MotionPriors:
 
     `interval` (c,) is that of `edges_s` for launches from rest, -1 for others; their weights need
     the scan period. `fades_s` (c,) is the mean time for which they are bright, infinite for what
-    burns or flies on.
+    burns or flies on. `bounds` (c, 7) are standard deviations of height, velocity and acceleration
+    that last, infinite for none.
     """
 
     group: IntArray
@@ -209,24 +215,49 @@ class MotionPriors:
     root: FloatArray
     interval: IntArray
     fades_s: FloatArray
+    bounds: FloatArray
     edges_s: FloatArray
 
     @classmethod
-    def of(cls, config: HypothesesConfig, age_s: float = 0.0) -> "MotionPriors":
-        """Return the priors of a tracker's settings for tracks of an age."""
+    def of(cls, config: HypothesesConfig) -> "MotionPriors":
+        """Return the priors of a tracker's settings."""
         kinds = grounds(config.inland_share)
         still = ((config.ground_drift_m_s,) * 2, (0.0, 0.0), (0.0, 0.0))
         components = [
             *_on_ground(GROUND, 1.0, kinds, still),
-            *_others(config, kinds, age_s),
+            *_others(config, kinds),
             _drawn(BOLIDE, 1.0, *LAW.bolide)._replace(fades_s=config.bolide_s),
             *_from_rest((1.0 - config.in_flight_share) * (1.0 - config.air_share), kinds),
             *_from_air((1.0 - config.in_flight_share) * config.air_share),
             *_in_flight(config.in_flight_share),
         ]
         likely = [component for component in components if component.weight > 0.0]
-        group, weight, mean, root, interval, fades_s = map(np.array, zip(*likely, strict=True))
-        return cls(group, np.log(weight), mean, root, interval, fades_s, _EDGES_S)
+        columns = map(np.array, zip(*likely, strict=True))
+        group, weight, mean, root, interval, fades_s, bounds = columns
+        return cls(group, np.log(weight), mean, root, interval, fades_s, bounds, _EDGES_S)
+
+    def at(self, age_s: float) -> "MotionPriors":
+        """Return the priors of tracks of an age: aircraft have still the height, speed and
+        accelerations of aircraft, on any course. What has gained more by then is none.
+        """
+        rows = np.isfinite(self.bounds[:, 0]).nonzero()[0]
+        mean = self.mean[rows]
+        root = self.root[rows]
+        lag = np.subtract.outer(np.arange(ORDERS), np.arange(ORDERS))
+        # Derivatives at the age from those at the first detection.
+        later = np.where(lag <= 0, age_s ** np.abs(lag) / FACTORIALS[np.abs(lag)], 0.0)
+        state = np.kron(later, np.eye(3))[2:9] / self.bounds[rows][:, :, None]
+        expected = np.array([_ALOFT_M[0], *np.zeros(6)]) / self.bounds[rows]
+        surprise = expected - (state @ mean[:, :, None])[:, :, 0]
+        shared = state @ root
+        factor = np.linalg.cholesky(np.eye(mean.shape[1]) + shared.transpose(0, 2, 1) @ shared)
+        root = root @ np.linalg.inv(factor).transpose(0, 2, 1)
+        pull = root.transpose(0, 2, 1) @ (state.transpose(0, 2, 1) @ surprise[:, :, None])
+        means = self.mean.copy()
+        means[rows] += (root @ pull)[:, :, 0]
+        roots = self.root.copy()
+        roots[rows] = root
+        return evolve(self, mean=means, root=roots)
 
     def log_weights(self, pause_s: FloatArray, age_s: FloatArray) -> FloatArray:
         """Return the log weights (n, c) of the components for tracks whose sensors look every
@@ -243,7 +274,7 @@ class MotionPriors:
         return self.log_weight + intervals[:, self.interval] - age_s[:, None] / self.fades_s
 
 
-def _others(config: HypothesesConfig, kinds: Sequence[Ground], age_s: float) -> list[_Component]:
+def _others(config: HypothesesConfig, kinds: Sequence[Ground]) -> list[_Component]:
     """Return the priors of what is neither noise, on the ground, a bolide nor a launch."""
     share = 1.0 / config.none_per_day
     rest = config.others_per_day * share
@@ -252,24 +283,41 @@ def _others(config: HypothesesConfig, kinds: Sequence[Ground], age_s: float) -> 
         flashes._replace(fades_s=LAW.flash_s),
         *_on_ground(NONE, rest * LAW.creeping_share, kinds, LAW.creeping),
         *(_drawn(NONE, rest * weight, *spread) for weight, spread in LAW.aloft),
-        *_on_courses(config.reentries_per_day * share, LAW.reentries, kinds, 0.0),
-        *_on_courses(config.bolides_per_day * share, LAW.grazers, kinds, 0.0),
-        *_on_courses(config.aircraft_per_day * share, LAW.flights, kinds, age_s),
-        *_on_courses(config.take_offs_per_day * share, LAW.take_offs, kinds, age_s),
+        *_on_courses(config.reentries_per_day * share, LAW.reentries, kinds),
+        *_on_courses(config.bolides_per_day * share, LAW.grazers, kinds),
+        *_aircraft(config.aircraft_per_day * share, LAW.flights, kinds),
+        *_aircraft(config.take_offs_per_day * share, LAW.take_offs, kinds),
     ]
 
 
-def _on_courses(
-    weight: float, flights: Sequence[StraightFlight], kinds: Sequence[Ground], age_s: float
+def _aircraft(
+    weight: float, flights: Sequence[StraightFlight], kinds: Sequence[Ground]
 ) -> list[_Component]:
-    """Return the priors of each kind of flight, course and height, that fly on as aircraft do up to
-    an age, 0 for what is none.
+    """Return the priors of flights of aircraft, which last."""
+    return [
+        component._replace(bounds=_lasting(flight))
+        for flight in flights
+        for component in _on_courses(weight, [flight], kinds)
+    ]
+
+
+def _lasting(flight: StraightFlight) -> FloatArray:
+    """Return standard deviations (7,) of height, velocity and acceleration of flights of aircraft at
+    any time, on any course.
     """
+    speed = max(np.hypot(flight.speed_m_s[0], flight.speed_m_s[1]), _CRUISE_M_S)
+    gain = max(flight.gain_m_s2[:3])
+    velocity = (speed, speed, flight.climb_m_s)
+    return np.array([_ALOFT_M[1], *velocity, gain, gain, flight.gain_m_s2[3]])
+
+
+def _on_courses(
+    weight: float, flights: Sequence[StraightFlight], kinds: Sequence[Ground]
+) -> list[_Component]:
+    """Return the priors of each kind of flight, course and height."""
     courses = _course_axes()
     return [
-        _flying_on(
-            _flown(weight * height.share / len(courses), flight, axes, height), flight, age_s
-        )
+        _flown(weight * height.share / len(courses), flight, axes, height)
         for flight in flights
         for axes in courses
         for height in (kinds if flight.height_m is None else [Ground(1.0, *flight.height_m)])
@@ -291,32 +339,6 @@ def _flown(weight: float, flight: StraightFlight, axes: FloatArray, height: Grou
         (flight.jerk_m_s3,) * 3,
     )
     return _Component(NONE, weight * flight.share, mean.ravel(), _course_root(axes, spreads))
-
-
-def _flying_on(component: _Component, flight: StraightFlight, age_s: float) -> _Component:
-    """Return the prior of flights, given that at an age they have the height, the speed and the
-    accelerations of aircraft, on any course: what has gained more energy by then is none.
-    """
-    if not age_s:
-        return component
-    height_m, height_sigma_m = _ALOFT_M
-    lag = np.subtract.outer(np.arange(ORDERS), np.arange(ORDERS))
-    # Derivatives at the age from those at the first detection.
-    later = np.where(lag <= 0, age_s ** np.abs(lag) / FACTORIALS[np.abs(lag)], 0.0)
-    state = np.kron(later, np.eye(3))[2:9]
-    speed = max(np.hypot(flight.speed_m_s[0], flight.speed_m_s[1]), _CRUISE_M_S)
-    pull = max(flight.gain_m_s2[:3])
-    sigmas = np.array(
-        [height_sigma_m, speed, speed, flight.climb_m_s, pull, pull, flight.gain_m_s2[3]]
-    )
-    expected = np.array([height_m, *np.zeros(6)])
-    surprise = (expected - state @ component.mean) / sigmas
-    state /= sigmas[:, None]
-    shared = state @ component.root
-    factor = np.linalg.cholesky(np.eye(shared.shape[1]) + shared.T @ shared)
-    root = component.root @ np.linalg.inv(factor).T
-    mean = component.mean + root @ (root.T @ (state.T @ surprise))
-    return component._replace(mean=mean, root=root)
 
 
 def _course_axes() -> FloatArray:

@@ -108,9 +108,10 @@ class GroupPosterior:
             config.launches_per_day,
             config.none_per_day,
         ]
+        priors = MotionPriors.of(config)
         with np.errstate(divide="ignore"):
             return cls(
-                priors=tuple(MotionPriors.of(config, age_s) for age_s in AGES_S),
+                priors=(priors, *(priors.at(age_s) for age_s in AGES_S[1:])),
                 log_rate=np.log(np.array(per_day) / 86400.0),
                 bolide_s=config.bolide_s,
                 log_clutter=np.log(clutter_per_sr / detection_probability),

@@ -38,7 +38,7 @@ def test_aircraft_fly_as_aircraft_do_up_to_an_age(age_s):
     known = slice(2, None)
     mean = weight @ drawn
     spread = (weight[:, None] * (drawn - mean)).T @ (drawn - mean)
-    priors = MotionPriors.of(CONFIG, age_s)
+    priors = first.at(age_s)
     sigma = np.sqrt(np.diag(spread))
     np.testing.assert_allclose(
         (priors.mean[row] - mean)[known] / sigma[known], np.zeros(10), atol=0.05
@@ -52,7 +52,8 @@ def test_aircraft_fly_as_aircraft_do_up_to_an_age(age_s):
 
 
 def test_an_age_changes_no_prior_but_those_of_aircraft():
-    first, later = MotionPriors.of(CONFIG), MotionPriors.of(CONFIG, 40.0)
+    first = MotionPriors.of(CONFIG)
+    later = first.at(40.0)
     np.testing.assert_array_equal(first.log_weight, later.log_weight)
     same = np.isclose(first.mean, later.mean).all(axis=1)
     assert same[first.group != NONE].all()
