@@ -35,6 +35,10 @@ from opir_core.flight.forces import (
 from opir_core.flight.free_flight import (
     free_flight_ephemeris as free_flight_ephemeris,
 )
+from opir_core.flight.glide import (
+    GlidePath as GlidePath,
+    GlideShape as GlideShape,
+)
 from opir_core.flight.gravity_and_drag import (
     Gravity as Gravity,
     height_and_up as height_and_up,

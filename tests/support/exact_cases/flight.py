@@ -412,7 +412,8 @@ BOUNDS = (
 
 LEFT_OUT = {
     "flight": {
-        **dict.fromkeys(("BoostPath", "ImpactReason", "ImpactStates"), "a record"),
+        **dict.fromkeys(("BoostPath", "GlideShape", "ImpactReason", "ImpactStates"), "a record"),
+        "GlidePath": "a closed form, held to SciPy (tests/against/test_against_scipy_glide.py)",
         **dict.fromkeys(("ForceModel", "Gravity", "LOWEST_HEIGHT_M"), "a type or a constant"),
         "density_kg_m3": "a fit to a table (tests/against/test_against_us_standard_density.py)",
         "forces_of": "looks a name up",

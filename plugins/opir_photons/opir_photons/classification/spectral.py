@@ -87,14 +87,25 @@ class SpectralClassifier(Classifier):
 
     def over_types(self, log_posterior: FloatArray, types: Sequence[str]) -> FloatArray:
         """Return ln P (n, types): each class adds to its own name where that is a type, or else to
-        its reported type; all else to UNKNOWN.
+        its reported type; all else to UNKNOWN, and so does what most probably glides and has no
+        name among the types.
         """
         names = [
             hypothesis.name if hypothesis.name in types else hypothesis.reported_type
             for hypothesis in self.hypotheses
         ]
-        is_of_type = np.array([[name == kind for name in names] for kind in types])
-        return log_sum(np.where(is_of_type, log_posterior[:, None], -np.inf))
+        chances = _sums_of(names, types, log_posterior)
+        unnamed = np.array(
+            [
+                hypothesis.group == "glide" and hypothesis.name not in types
+                for hypothesis in self.hypotheses
+            ]
+        )
+        rows = np.flatnonzero(unnamed[np.argmax(log_posterior, axis=1)])
+        if len(rows):
+            others = np.where(unnamed, REPORTED_TYPES[UNKNOWN_TYPE], names).tolist()
+            chances[rows] = _sums_of(others, types, log_posterior[rows])
+        return chances
 
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
         """Return posteriors (n, hypotheses) with the prior of the missile types replaced by those
@@ -136,6 +147,12 @@ class SpectralClassifier(Classifier):
         return (
             log_sum(type_log_probability[:, :UNKNOWN_TYPE]) - type_log_probability[:, UNKNOWN_TYPE]
         )
+
+
+def _sums_of(names: Sequence[str], types: Sequence[str], log_posterior: FloatArray) -> FloatArray:
+    """Return ln P (n, types) of hypotheses that are reported by names."""
+    is_of_type = np.array([[name == kind for name in names] for kind in types])
+    return log_sum(np.where(is_of_type, log_posterior[:, None], -np.inf))
 
 
 def _log_rates(bank: TypeDensities, sightings: ClassifierInputs, rows: IntArray) -> FloatArray:

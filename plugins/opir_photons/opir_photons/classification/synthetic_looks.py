@@ -45,7 +45,7 @@ from opir_core.scene import MAXIMUM_BANDS
 from opir_photons.classification.hot_sources import KINDS
 from opir_photons.radiometry.configs import PlumeConfig
 from opir_photons.radiometry.planck import band_radiance
-from opir_photons.radiometry.plume import plume_signatures
+from opir_photons.radiometry.plume import PlumeSignatures, plume_signatures
 from opir_photons.radiometry.propellants import log_sigma, propellants
 
 EARTH_RADIUS_M = 6.371e6
@@ -177,8 +177,8 @@ def synthetic_launches(
     """
     flown = [flight for flight in flights for _ in range(launches)]
     drawn = low_discrepancy_points(len(flown), 5)
-    sensor_m, site = _sites(radius_m, drawn[:, :3])
-    path = _boosts(site, flown, drawn[:, 3:5])
+    sensor_m, site = sites(radius_m, drawn[:, :3])
+    path = boosts(site, flown, drawn[:, 3:5])
     possible = np.flatnonzero(np.isfinite(path.burnout_speed_m_s))
     flight = possible // launches
     count = np.bincount(flight, minlength=len(flights))
@@ -187,16 +187,16 @@ def synthetic_launches(
     step_s = path.burnout_s[launch] / MOMENTS
     time_s = (np.tile(np.arange(MOMENTS), len(possible)) + 0.5) * step_s
     return SyntheticLooks(
-        exposures=_exposures(launch, time_s, path.state(launch, time_s)[0], sensor_m[launch]),
+        exposures=exposures_of(launch, time_s, path.state(launch, time_s)[0], sensor_m[launch]),
         signatures=SyntheticPlumes(plumes, path),
-        targets=_targets(SyntheticPaths(path), np.zeros(len(flown))),
+        targets=targets_of(SyntheticPaths(path), np.zeros(len(flown))),
         number=number,
         share=step_s / count[number],
         step_s=step_s,
     )
 
 
-def _boosts(site: Geodetic, flown: Sequence[ClassFlight], drawn: FloatArray) -> BoostPath:
+def boosts(site: Geodetic, flown: Sequence[ClassFlight], drawn: FloatArray) -> BoostPath:
     """Return the boosts of flights (n,) from sites, ignited at 0, in drawn directions and over
     drawn ranges, (n, 2).
 
@@ -255,7 +255,7 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     """Return looks at hot sources of every kind, `count` of each."""
     drawn = low_discrepancy_points(len(KINDS) * count, 6)
     number = np.repeat(np.arange(len(KINDS)), count)
-    sensor_m, site = _sites(radius_m, drawn[:, :3])
+    sensor_m, site = sites(radius_m, drawn[:, :3])
     height_m = _between([kind.height_m for kind in KINDS], number, drawn[:, 3])
     temperature_k = _between([kind.temperature_k for kind in KINDS], number, drawn[:, 4])
     sigma = np.array([kind.area_log_sigma for kind in KINDS])[number]
@@ -266,9 +266,9 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     now_s = np.zeros(len(number))
     shining_s = np.array([kind.shining_s for kind in KINDS])[number]
     return SyntheticLooks(
-        exposures=_exposures(np.arange(len(number)), now_s, place_m, sensor_m),
+        exposures=exposures_of(np.arange(len(number)), now_s, place_m, sensor_m),
         signatures=SyntheticSources(np.maximum(np.array(peak).reshape(len(bands), -1), 0.0)),
-        targets=_targets(SyntheticPaths(place_m), -0.5 * shining_s),
+        targets=targets_of(SyntheticPaths(place_m), -0.5 * shining_s),
         number=number,
         share=np.full(len(number), 1.0 / count),
         step_s=now_s,
@@ -297,7 +297,7 @@ def low_discrepancy_points(count: int, dimensions: int) -> FloatArray:
     return np.clip(points, 1e-9, 1.0 - 1e-9)
 
 
-def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
+def sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
     """Return satellites over the equator (n, 3), and ground points uniform in the sine of the
     satellite's elevation.
     """
@@ -330,7 +330,7 @@ def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -
 
 def launched_plumes(
     bands: Sequence[Band], flights: Sequence[ClassFlight], launches: int
-) -> Signatures:
+) -> PlumeSignatures:
     """Return the plumes of launches, flight by flight, with the signature model's defaults but the
     propellant.
 
@@ -358,9 +358,10 @@ def launched_plumes(
     return evolve(plumes, particle_w_sr=plumes.particle_w_sr * level)
 
 
-def _exposures(
+def exposures_of(
     target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor_m: FloatArray
 ) -> Exposures:
+    """Return looks (n,) of one sensor at objects at places, from others, (n, 3), m."""
     return Exposures(
         time_s=time_s,
         emission_time_s=time_s,
@@ -374,7 +375,7 @@ def _exposures(
     )
 
 
-def _targets(paths: "SyntheticPaths", ignition_s: FloatArray) -> Targets:
+def targets_of(paths: SyntheticPaths, ignition_s: FloatArray) -> Targets:
     """Return the columns of targets that a radiometric environment needs, ignited at times (n,)."""
     count = len(ignition_s)
     code = np.full(count, len(EMITTER_TYPES) - 1, dtype=np.uint8)

@@ -15,6 +15,7 @@ from opir_photons.classification.configs import SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture, cell_moments, log_sum
 from opir_photons.classification.hot_sources import KINDS, SourceKind
 from opir_photons.classification.priors import LaunchPrior
+from opir_photons.classification.synthetic_glides import gliding_rows, synthetic_glides
 from opir_photons.classification.synthetic_looks import (
     EARTH_RADIUS_M,
     LOWEST_SINE,
@@ -42,13 +43,37 @@ _STEP_LOG = 1.0
 #: Least mean number of seconds or sources that a flight or kind is reported for.
 _LEAST_SHARE = 1e-9
 
+#: Share of a glider's burn before which no detection is of its glide.
+_BURNT = 0.9
+
 #: Slack of P_d of synthetic looks.
 _SLACK = 1e-3
 
 SECONDS_PER_DAY = 86_400.0
 
-#: Looks at launches and at sources, by the satellite's distance from the Earth's centre, m.
-LooksByRadius = Callable[[float], tuple[SyntheticLooks, SyntheticLooks]]
+#: Least share of the count's density in a glide: of another object, or with a gap in visibility.
+_LEAST_GLIDE = 1e-9
+
+#: Looks at launches, sources and glides, by the satellite's distance from the Earth's centre, m.
+LooksByRadius = Callable[[float], tuple[SyntheticLooks, ...]]
+
+
+@frozen(eq=False)
+class Glides:
+    """Densities of what glides after its burn, as `TypeDensities.plumes` has them; with fewer
+    detections than `least_count` it burns.
+    """
+
+    mixture: Mixture
+    log_scale: FloatArray
+    least_count: float
+
+    def log_densities(
+        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray
+    ) -> FloatArray:
+        """Return ln (n, flights) of the densities of events."""
+        glided = self.mixture.log_class_densities(place, signal, variance, count, 0.5, _LEAST_GLIDE)
+        return np.where(count[:, None] < self.least_count, -np.inf, glided + self.log_scale[place])
 
 
 @frozen(eq=False)
@@ -67,6 +92,7 @@ class TypeDensities:
     non_launches: Mixture
     longest_launch: float
     rates: "EventRates"
+    glides: Glides | None = None
 
     def log_rates(
         self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray
@@ -81,9 +107,12 @@ class TypeDensities:
             place, signal, variance, count, 0.5, 0.01 / self.longest_launch
         )
         flown += self.log_scale[place]
+        parts = [flown]
+        if self.glides is not None:
+            parts.append(self.glides.log_densities(place, signal, variance, count))
         unknown = log_unknown(signal, variance, count, self.rates.looks_per_day)
         non_launches = self._log_non_launches(place, signal, variance, count)
-        events = np.concatenate([flown, non_launches, unknown[:, None]], axis=1)
+        events = np.concatenate([*parts, non_launches, unknown[:, None]], axis=1)
         return log_sum(events[:, None] + self.rates.log_rates)
 
     def _log_non_launches(
@@ -109,7 +138,7 @@ class TypeDensities:
 class EventRates:
     """Rates at which a sensor reports detections of each event, and the detections of false alarms.
 
-    Events are of flights, kinds of sources, noise, and unknown objects, in this order:
+    Events are of flights, glides, kinds of sources, noise, and unknown objects, in this order:
     `log_rates` (hypotheses, events) are ln of the rates, 1/s, at which a hypothesis has them. A
     false alarm consists of `needed` detections; each further one has a probability with the
     logarithm `log_again`.
@@ -236,11 +265,16 @@ def looks_by_radius(bands: Sequence[Band], prior: LaunchPrior, launches: int) ->
     sources, cached.
     """
     plumes = launched_plumes(bands, prior.flights, launches)
+    gliders = [prior.flights[number] for number in gliding_rows(prior.flights)]
+    bodies = launched_plumes(bands, gliders, launches) if gliders else plumes
 
     @cache
-    def looks(radius_m: float) -> tuple[SyntheticLooks, SyntheticLooks]:
+    def looks(radius_m: float) -> tuple[SyntheticLooks, ...]:
         flown = synthetic_launches(radius_m, prior.flights, plumes, launches)
-        return flown, synthetic_sources(radius_m, bands, 768)
+        shining = synthetic_sources(radius_m, bands, 768)
+        if not gliders:
+            return flown, shining
+        return flown, shining, synthetic_glides(radius_m, gliders, bodies, launches)
 
     return looks
 
@@ -250,21 +284,21 @@ def type_densities(
 ) -> TypeDensities:
     """Return a sensor's densities: synthetic looks, as the sensor measures them."""
     spread = _spread(config)
-    launches, sources = _samples(observer, spread, looks)
+    launches, sources, glides = _samples(observer, spread, looks)
     log_false = noise_chance(observer.receiver) - log_noise_shares(observer.radius_m)
-    flights = [
-        _by_place(launches.take(launches.number == number)) for number in range(len(prior.flights))
-    ]
-    kinds = [_by_place(sources.take(sources.number == number)) for number in range(len(KINDS))]
+    gliding = gliding_rows(prior.flights)
+    flights = _by_number(launches, len(prior.flights))
+    kinds = _by_number(sources, len(KINDS))
+    after = [] if glides is None else _by_number(glides, len(gliding))
     visible_s, chance = (
-        np.exp([_log_chance(samples.all_bins) for samples in group]) for group in (flights, kinds)
+        np.exp([_log_chance(samples.all_bins) for samples in group])
+        for group in (flights + after, kinds)
     )
+    events = evolve(prior, share=np.concatenate([prior.share, prior.share[:, gliding]], axis=1))
     places = range(len(_EDGES) + 1)
     return TypeDensities(
         width=observer.width,
-        plumes=Mixture.of(
-            [[_components(flight.of[place], spread, 0.0) for flight in flights] for place in places]
-        ),
+        plumes=_mixture(flights, spread),
         log_scale=np.transpose([flight.log_scale for flight in flights]),
         non_launches=Mixture.of(
             [
@@ -276,8 +310,34 @@ def type_densities(
             ]
         ),
         longest_launch=float(launches.count.max(initial=1.0)),
-        rates=EventRates.of(config, observer, prior, visible_s, chance),
+        rates=EventRates.of(config, observer, events, visible_s, chance),
+        glides=_glides(after, spread, prior, observer) if after else None,
     )
+
+
+def _glides(
+    glides: "list[_ByPlace]", spread: tuple[float, float], prior: LaunchPrior, observer: Observer
+) -> Glides:
+    """Return the densities of glides of flights with a prior."""
+    burns_s = [prior.flights[number].profile.burn_time_s for number in gliding_rows(prior.flights)]
+    return Glides(
+        _mixture(glides, spread),
+        np.transpose([glide.log_scale for glide in glides]),
+        _BURNT * min(burns_s) * 1e9 / observer.sensor.scan.period_ns,
+    )
+
+
+def _mixture(flights: "list[_ByPlace]", spread: tuple[float, float]) -> Mixture:
+    """Return the mixture of flights in each elevation bin."""
+    places = range(len(_EDGES) + 1)
+    return Mixture.of(
+        [[_components(flight.of[place], spread, 0.0) for flight in flights] for place in places]
+    )
+
+
+def _by_number(samples: "_Samples", count: int) -> "list[_ByPlace]":
+    """Return the samples of each flight or kind."""
+    return [_by_place(samples.take(samples.number == number)) for number in range(count)]
 
 
 def _spread(config: SpectralConfig) -> tuple[float, float]:
@@ -294,15 +354,23 @@ def _spread(config: SpectralConfig) -> tuple[float, float]:
 
 def _samples(
     observer: Observer, spread: tuple[float, float], looks: LooksByRadius
-) -> tuple[_Samples, _Samples]:
-    """Return a sensor's measurements of launches, and of hot sources with their mean counts."""
-    flown, shining = looks(observer.radius_m)
+) -> tuple[_Samples, _Samples, _Samples | None]:
+    """Return a sensor's measurements of launches, of hot sources with their mean counts, and of
+    glides.
+    """
+    flown, shining, *gliding = looks(observer.radius_m)
     factors = brightness(len(flown.targets.type_code), observer.width, *spread)
     launches = _measured(observer, flown, factors)
     sources = _measured(observer, shining, np.ones((1, len(shining.targets.type_code), 1)))
     shining_s = np.array([kind.shining_s for kind in KINDS])[sources.number]
     count = sources.chance * shining_s * 1e9 / observer.sensor.scan.period_ns
-    return launches, evolve(sources, count=count)
+    glides = [
+        _measured(observer, glide, brightness(len(glide.number), observer.width, *spread))
+        for glide in gliding
+    ]
+    # The looks that stand for burns have no share.
+    shared = [samples.take(samples.share > 0.0) for samples in glides]
+    return launches, evolve(sources, count=count), next(iter(shared), None)
 
 
 def _noise(width: int, log_false: float) -> Components:

@@ -148,11 +148,15 @@ def classified() -> dict[str, tuple[Array, Codes, Codes]]:
         [target for target, _ in launches], [], 41, launches_per_day=per_day, sources_in_view={}
     )
     run = opir.simulate(plain)
+    targets = opir.compile_plan(plain).targets
     result = {}
     for number, name in enumerate(SENSORS):
         rows = np.flatnonzero((run.detections.sensor == number) & (run.truth.target >= 0))
         launch = run.truth.target[rows].astype(np.int64)
-        result[name] = run.detections.type_probability[rows], code[launch], launch
+        # What glides has no type of missiles.
+        is_over = run.detections.time_s[rows] > targets.burnout_s[launch]
+        true = np.where(is_over, UNKNOWN, code[launch])
+        result[name] = run.detections.type_probability[rows], true, launch
     return result
 
 

@@ -81,7 +81,7 @@ def placed(request: pytest.FixtureRequest) -> tuple[float, Array, Array, Geodeti
     them.
     """
     drawn = low_discrepancy_points(POINTS, 3)
-    return request.param, drawn, *synthetic_looks._sites(request.param, drawn)
+    return request.param, drawn, *synthetic_looks.sites(request.param, drawn)
 
 
 def test_ground_points_are_satellites_turned_by_rotations(
@@ -185,8 +185,8 @@ def boosts_of(name: str, count: int) -> tuple[Geodetic, Array, Any]:
     kind = core_target_class(name)
     flights, _ = synthetic_looks.flights_of([kind])
     drawn = low_discrepancy_points(count, 5)
-    _, site = synthetic_looks._sites(GEOSTATIONARY_M, drawn[:, :3])
-    return site, drawn, synthetic_looks._boosts(site, list(flights) * count, drawn[:, 3:5])
+    _, site = synthetic_looks.sites(GEOSTATIONARY_M, drawn[:, :3])
+    return site, drawn, synthetic_looks.boosts(site, list(flights) * count, drawn[:, 3:5])
 
 
 def test_orbital_launches_burn_out_near_their_orbit() -> None:
