@@ -46,15 +46,16 @@ PARTS = (
         " % of jet power over"
         " 4π; to these add the particles",
         "any real vehicle; differences within a class; flicker",
-        "No accuracy is claimed: the range that the table was chosen from spans a factor of 10. Set"
+        "No accuracy is claimed: the range that the table was chosen from spans a factor of 10; computed"
+        " jets have ten times its SWIR in the median, and 10 to 100 times its LWIR. Set"
         " `scale` or"
         " `peak_w_sr` of the signature",
     ),
     Part(
         "Plume intensity in other bands, particles",
         "notional",
-        "gases: a grey continuum that LWIR sets, hot H₂O and CO₂ near 2.7 and 4.3 µm, and from 5 to"
-        " 14 µm in jets that mix with the air (NASA SP-3080). By"
+        "gases: a grey continuum that LWIR sets, hot H₂O and CO₂ near 2.7 and 4.3 µm, and in bands"
+        " from 5 to 14 µm, other than LWIR itself, in jets that mix with the air (NASA SP-3080). By"
         " [propellant](radiometry.md#propellants) soot or alumina: a stated share of jet power with"
         " a stated spread",
         "spectral lines; gas bands near 2.0 µm and beyond 14 µm; exhaust more than 10 km behind,"

@@ -31,7 +31,11 @@ LIMB_HEAD = """# In-band thermal radiance of the air beyond the limb, W m-2 sr-1
 # by the height of the refracted tangent: LOWTRAN7 by docs/design/background_table.py --limb, as
 # lowtran7_background_radiance.csv. Local thermodynamic equilibrium; no sunlight. 0 from 100 km on."""
 TANGENTS_KM = (0.5, 1, 2, 4, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 70, 80, 90, 99)
-BANDS = {name: edges for name, edges in lowtran_table.BANDS.items() if "ABI" not in name}
+BANDS = {
+    name: edges
+    for name, edges in lowtran_table.BANDS.items()
+    if not name.startswith(("ABI", "FCI"))
+}
 CLOUDS = {"clear": 0, "std_cirrus": 18, "cumulus_top2.7km": 1, "altostratus_top3.0km": 2}
 CHECKED = (
     ("us1976", "clear", 180.0, ""),

@@ -6,8 +6,8 @@
 Clear skies by night are Schwarzschild's integral: what each layer radiates, by the AFGL model
 atmosphere's temperature, times the transmittance of LOWTRAN7's table above it, over a black surface
 at the temperature of the first level; layers are those of the table, split into 20 each. Opaque
-cloud is a black body times 1 - albedo below the same air. The solar part of 3.8 to 4.0 µm is that
-of 3.5 to 4.0 µm by the Sun's irradiance; beyond 5 µm it is 0 (below 1 % of the thermal part).
+cloud is a black body times 1 - albedo below the same air. The solar part of 3.8 to 4.0 and 3.6 to 4.0 µm is
+that of 3.5 to 4.0 µm by the Sun's irradiance; beyond 5 µm it is 0 (below 1 % of the thermal part).
 `--check` prints the largest difference from LOWTRAN7's own radiance in 8 to 12 and 3.5 to 4.0 µm.
 """
 
@@ -30,6 +30,13 @@ BANDS = {
     "ABI_14": (10.8, 11.6),
     "ABI_15": (11.8, 12.8),
     "ABI_16": (13.0, 13.6),
+    "FCI_38": (3.6, 4.0),
+    "FCI_63": (5.8, 6.8),
+    "FCI_73": (7.1, 7.6),
+    "FCI_87": (8.5, 8.9),
+    "FCI_97": (9.51, 9.81),
+    "FCI_105": (10.15, 10.85),
+    "FCI_123": (12.05, 12.55),
 }
 WINDOW = ("MWIRW_3.5_4.0", 3.5, 4.0)
 #: Incidence at the ground by the table's look angle, deg.
@@ -97,7 +104,12 @@ def rows() -> list[str]:
         (row["atmosphere"], row["sky"], row["sza_deg"], row["albedo"], row["look_deg"]): row
         for row in old
     }
-    sun = float(solar_irradiance(3.8, 4.0) / solar_irradiance(*WINDOW[1:]))
+    whole = float(solar_irradiance(*WINDOW[1:]))
+    suns = {
+        name: float(solar_irradiance(*edges)) / whole
+        for name, edges in BANDS.items()
+        if edges[1] <= WINDOW[2]
+    }
     lines = []
     for (climate, sky, sun_deg, albedo, look), row in own.items():
         is_cloud = sky.startswith("ANALYTIC")
@@ -110,10 +122,10 @@ def rows() -> list[str]:
         )
         black = 1.0 - float(albedo) if is_cloud else 1.0
         dark = own[climate, sky, "", albedo if is_cloud else "", look]
-        added = max(float(row["L_W_m2_sr"]) - float(dark["L_W_m2_sr"]), 0.0) * sun
+        added = max(float(row["L_W_m2_sr"]) - float(dark["L_W_m2_sr"]), 0.0)
         for name, edges in BANDS.items():
             total = emitted(climate, edges, LOOKS[float(look)] if look else 0.0, floor_km, black)
-            total += added if name == "ABI_07" else 0.0
+            total += added * suns.get(name, 0.0)
             cells = (
                 climate,
                 sky,
@@ -154,7 +166,7 @@ def main() -> None:
                     f"{ours / float(row['L_W_m2_sr']) - 1:+.3f}",
                 )
     if options.write:
-        kept = [line for line in text.splitlines() if ",ABI_" not in line]
+        kept = [line for line in text.splitlines() if ",ABI_" not in line and ",FCI_" not in line]
         TABLE.write_text("\n".join([*kept, *rows()]) + "\n", "utf-8")
 
 

@@ -48,6 +48,14 @@ BANDS = {
     "ABI_14": (10.8, 11.6),
     "ABI_15": (11.8, 12.8),
     "ABI_16": (13.0, 13.6),
+    # Bands of the Flexible Combined Imager of Meteosat Third Generation; its 13.3 µm is ABI_16.
+    "FCI_38": (3.6, 4.0),
+    "FCI_63": (5.8, 6.8),
+    "FCI_73": (7.1, 7.6),
+    "FCI_87": (8.5, 8.9),
+    "FCI_97": (9.51, 9.81),
+    "FCI_105": (10.15, 10.85),
+    "FCI_123": (12.05, 12.55),
 }
 #: Ranges of frequency, 1/cm, asked for at once: around them lie the bands.
 RANGES = (
@@ -58,6 +66,7 @@ RANGES = (
     (3330, 4005),
     (4165, 5005),
     (720, 900),
+    (1300, 1420),
 )
 
 MODELS = {

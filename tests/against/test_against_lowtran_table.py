@@ -59,14 +59,19 @@ def test_akimas_curves_are_scipys():
 
 def test_all_climates_are_in_the_table():
     assert {climate for climate, _ in SKIES} == set(CLIMATES)
-    # Seventeen bands; the ten of civil imagers are three fifths of it.
-    assert sum(path.stat().st_size for path in TABLE.parent.glob("lowtran7_*.csv")) < 2_850_000
+    # Twenty-four bands; the 17 of civil imagers are seven tenths of it.
+    assert sum(path.stat().st_size for path in TABLE.parent.glob("lowtran7_*.csv")) < 3_950_000
 
 
 #: opir's air clears with height. Ozone, and nitric acid at 11.3 µm, have layers near 20 km, which
 #: darken these bands along the horizon: how far opir is off at the table's points, and below the
 #: horizon.
-LAYERED = {"ABI_12": (0.007, 0.0075), "ABI_13": (5e-4, 0.0115), "ABI_14": (0.0065, 0.04)}
+LAYERED = {
+    "ABI_12": (0.007, 0.0075),
+    "FCI_97": (0.007, 0.0075),
+    "ABI_13": (5e-4, 0.0115),
+    "ABI_14": (0.0065, 0.04),
+}
 ELSEWHERE = (5e-4, 0.005)
 
 
@@ -228,7 +233,7 @@ def test_lowtran_itself_below_the_horizon_is_met_to_1_percent(climate, aerosol):
         model = LowtranAtmosphere((fine_grid(nodes),), None)
         reference = np.array([float(row[band]) for row in rows])
         off = np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - reference)
-        # Near 6.2 µm one of 420 paths is off by 0.0124; from 10.8 to 11.6 µm, where the air is
+        # Near 6.2 µm one of 420 paths is off by 0.0124 (0.0121 in the wider band of FCI); from 10.8 to 11.6 µm, where the air is
         # clear down to the humid kilometres that rays graze, by 0.037.
-        assert np.max(off) < {"ABI_08": 0.0125, "ABI_14": 0.04}.get(band, 0.01)
+        assert np.max(off) < {"ABI_08": 0.0125, "FCI_63": 0.0125, "ABI_14": 0.04}.get(band, 0.01)
         assert np.sqrt(np.mean(np.square(off))) < (0.008 if band == "ABI_14" else 0.003)

@@ -14,3 +14,8 @@ class TestAbi(SensorContract):
 class TestAhi(SensorContract):
     name = "AHI"
     settings: ClassVar[Mapping[str, Any]] = {"orbital_slot_deg": 140.7, "preset": "landmark"}
+
+
+class TestFci(SensorContract):
+    name = "MTG-FCI"
+    settings: ClassVar[Mapping[str, Any]] = {"orbital_slot_deg": 0.0, "preset": "rapid-scan"}

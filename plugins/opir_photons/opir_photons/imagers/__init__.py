@@ -1,3 +1,3 @@
-"""Civil geostationary imagers, `GOES-ABI` and `AHI`, as sensor models, with published bands, noise
-and cadence.
+"""Civil geostationary imagers, `GOES-ABI`, `AHI` and `MTG-FCI`, as sensor models, with published
+bands, noise and cadence.
 """

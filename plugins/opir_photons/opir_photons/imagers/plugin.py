@@ -1,11 +1,13 @@
-"""The sensor models `GOES-ABI` and `AHI`: bands 7 to 10 of the imagers of GOES-R and Himawari, and
-11 to 16 as a preset.
+"""The sensor models `GOES-ABI`, `AHI` and `MTG-FCI`: the short and the water bands of the imagers of
+GOES-R, Himawari and Meteosat Third Generation, and the longer ones as a preset.
 
 Bands, 2 km pixels at nadir, noise and cadence: T. J. Schmit et al., "A closer look at the ABI on
 the GOES-R series", Bulletin of the American Meteorological Society 98 (2017), 681-698, and the
 GOES-R Product Definition and Users' Guide; K. Bessho et al., "An introduction to Himawari-8/9",
-Journal of the Meteorological Society of Japan 94 (2016), 151-183. A NEDT is a noise-equivalent
-irradiance over a pixel: NEDT · dL/dT at 300 K · (56 µrad)².
+Journal of the Meteorological Society of Japan 94 (2016), 151-183; K. Holmlund et al., "Meteosat
+Third Generation (MTG)", Bulletin of the American Meteorological Society 102 (2021), E990-E1015. A
+NEDT is a noise-equivalent irradiance over a pixel: NEDT · dL/dT · (56 µrad)², at 300 K where no
+other temperature is given.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,6 +24,7 @@ from opir_core.plugin import (
 
 ABI = "Schmit et al., BAMS 98 (2017) 681; GOES-R Product Definition and Users' Guide"
 AHI = "Bessho et al., J. Meteor. Soc. Japan 94 (2016) 151"
+FCI = "Holmlund et al., BAMS 102 (2021) E990"
 
 #: Bands 7 to 10, µm: shortwave window; upper, middle and lower tropospheric water vapour.
 BANDS = {"B07": (3.8, 4.0), "B08": (5.77, 6.6), "B09": (6.75, 7.15), "B10": (7.24, 7.44)}
@@ -50,6 +53,27 @@ LONG_NEI_W_M2 = {
     "B16": 5.575e-11,
 }
 
+#: Short-wave window and water vapour of the Flexible Combined Imager, µm, and its longer bands.
+FCI_BANDS = {"IR38": (3.6, 4.0), "WV63": (5.8, 6.8), "WV73": (7.1, 7.6)}
+FCI_LONG_BANDS = {
+    "IR87": (8.5, 8.9),
+    "IR97": (9.51, 9.81),
+    "IR105": (10.15, 10.85),
+    "IR123": (12.05, 12.55),
+    "IR133": (13.0, 13.6),
+}
+
+#: NEDT of 0.1 K in IR38, IR87 and IR105, 0.2 K in IR123 and, at 270 K, IR133, 0.3 K at 250 K in WV63
+#: and WV73 and at 255 K in IR97, as irradiances.
+FCI_NEI_W_M2 = {"IR38": 2.649e-12, "WV63": 4.438e-11, "WV73": 3.251e-11}
+FCI_LONG_NEI_W_M2 = {
+    "IR87": 2.24e-11,
+    "IR97": 2.675e-11,
+    "IR105": 3.306e-11,
+    "IR123": 3.64e-11,
+    "IR133": 3.017e-11,
+}
+
 #: A pixel is sampled every 2 km at nadir, from 35 786 km.
 PIXEL_URAD = 56.0
 
@@ -68,9 +92,13 @@ AHI_SCANS: Mapping[str, Mapping[str, Any]] = {
     "landmark": {"scan_period_ms": 30_000.0},
     **LONG_WAVES,
 }
+FCI_SCANS: Mapping[str, Mapping[str, Any]] = {
+    "full-disk": {"scan_period_ms": 600_000.0},
+    "rapid-scan": {"scan_period_ms": 150_000.0},
+    "long-waves": {"bands": FCI_LONG_BANDS, "band_nei_w_m2": FCI_LONG_NEI_W_M2},
+}
 
-
-#: Settings that both imagers have.
+#: Settings that all imagers have.
 _IMAGER = {
     "scan_pattern": "step-stare",
     "detection_probability": {"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5},
@@ -108,9 +136,24 @@ class AhiConfig(ScanningSensorConfig):
     """What a scene may set of an AHI imager."""
 
 
+@with_defaults(
+    **_IMAGER,
+    bands=cited(FCI_BANDS, FCI),
+    scan_period_ms=cited(600_000.0, f"full disk; {FCI}"),
+    line_of_sight_sigma_urad=19.0,
+    band_nei_w_m2=cited(
+        FCI_NEI_W_M2, f"NEDT 0.1 K at 300 K, 0.3 K at 250 K in water vapour; {FCI}"
+    ),
+    ifov_urad=cited(PIXEL_URAD, FCI),
+)
+class FciConfig(ScanningSensorConfig):
+    """What a scene may set of a Flexible Combined Imager."""
+
+
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
-    """Yield `GOES-ABI` and `AHI`."""
+    """Yield `GOES-ABI`, `AHI` and `MTG-FCI`."""
     summary = "civil imager, 2 km at nadir (presets by scan)"
     yield scanning_model("GOES-ABI", summary, AbiConfig, presets=ABI_SCANS, subject="light")
     yield scanning_model("AHI", summary, AhiConfig, presets=AHI_SCANS, subject="light")
+    yield scanning_model("MTG-FCI", summary, FciConfig, presets=FCI_SCANS, subject="light")

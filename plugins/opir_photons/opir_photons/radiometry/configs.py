@@ -27,8 +27,9 @@ class PlumeConfig:
     µm, and a spectrum through them gives those of other bands: a grey continuum of
     `continuum_temperature_k` that has all of LWIR, and the gases' bands near 2.7 and 4.3 µm at
     `gas_temperature_k`, which have what the continuum leaves of SWIR and MWIR. To these the
-    propellant adds the continuum of its particles, and, from 5 to 14 µm, hot water and carbon
-    dioxide of exhaust that mixes with the air, by jet power and height.
+    propellant adds the continuum of its particles, and, from 5 to 14 µm in bands other than LWIR
+    itself, hot water and carbon dioxide of exhaust that mixes with the air, by jet power and
+    height.
     """
 
     propellant: str | None = text(
@@ -207,9 +208,12 @@ SEASONS = (
     " from April to September, in the south from October to March; us1976 anywhere"
 )
 TABLE_BANDS = ("SWIR", "SWIR_N", "MWIR", "MWIR_N", "LWIR", "STG_2.0_2.4", "MWIRW_3.5_4.0")
-#: Bands 7 to 16 of civil imagers; the table of backgrounds has them under clear skies and opaque
-#: cloud alone.
-IMAGER_BANDS = tuple(f"ABI_{number:02}" for number in range(7, 17))
+#: Bands of civil imagers; the table of backgrounds has them under clear skies and opaque cloud
+#: alone.
+IMAGER_BANDS = (
+    *(f"ABI_{number:02}" for number in range(7, 17)),
+    *(f"FCI_{name}" for name in (38, 63, 73, 87, 97, 105, 123)),
+)
 
 
 def _stand_ins_complaint(bands: Mapping[str, Any]) -> str | None:

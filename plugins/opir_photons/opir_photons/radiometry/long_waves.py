@@ -3,6 +3,9 @@
 Source: `opir_photons/data/plume_long_waves.csv`, jets of exhaust in still air with the narrow-band
 data of NASA SP-3080, by propellant, jet power and height; `docs/design/plume_jets.py` made it. The
 light is that of the brightest 2 km behind a vehicle of usual speed, broadside.
+
+Bands of `opir_core/data/plumes.json` have the levels of the class alone, LWIR too: the ratios of
+these three belong together, and the jets' own SWIR is ten times the notional one.
 """
 
 import math
@@ -15,9 +18,11 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.plugin import Band
+from opir_core.scene import plume_table
 from opir_photons.laws import DATA
 
-#: Where the table ends, µm.
+#: Where the table begins and ends, µm.
+SHORTEST_UM = 5.0
 LONGEST_UM = 14.0
 
 
@@ -77,8 +82,9 @@ def _spectra(edges_um: FloatArray, table: FloatArray) -> JetSpectra:
 
 
 def has_long_waves(band: Band) -> bool:
-    """Return whether a band overlaps the table."""
-    return band.lower_um < LONGEST_UM and band.upper_um > 5.0
+    """Return whether jets shine in a band: it overlaps the table, and no class fixes its level."""
+    is_fixed = [band.lower_um, band.upper_um] in list(plume_table()["bands_um"].values())
+    return not is_fixed and band.lower_um < LONGEST_UM and band.upper_um > SHORTEST_UM
 
 
 @frozen(eq=False)

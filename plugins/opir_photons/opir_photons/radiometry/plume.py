@@ -297,16 +297,15 @@ class _Exhaust:
         jets in the air, and from 100 km on of thin gas that expands.
         """
         points_km = _points_km(self.config.altitude_km, self.fuel)
-        high_km = points_km[points_km > _EXPANDING_KM]
-        high_km = np.append(_EXPANDING_KM, high_km)
-        jets = jet_spectra()[self.fuel.name] if any(map(has_long_waves, bands)) else None
+        high_km = np.append(_EXPANDING_KM, points_km[points_km > _EXPANDING_KM])
         levels = np.zeros((len(bands), len(points_km)))
-        if jets is not None:
-            heights_km = np.append(jets.height_km, high_km)
-            for level, band in zip(levels, bands, strict=True):
-                low_w_sr = jets.intensities_w_sr(self.power_w, band)
-                high_w_sr = self._expanding_w_sr(high_km, band)
-                level[:] = np.interp(points_km, heights_km, np.append(low_w_sr, high_w_sr))
+        for level, band in zip(levels, bands, strict=True):
+            if not has_long_waves(band):
+                continue
+            jets = jet_spectra()[self.fuel.name]
+            low_w_sr = jets.intensities_w_sr(self.power_w, band)
+            light_w_sr = np.append(low_w_sr, self._expanding_w_sr(high_km, band))
+            level[:] = np.interp(points_km, np.append(jets.height_km, high_km), light_w_sr)
         return points_km * 1e3, levels
 
     def _expanding_w_sr(self, altitude_km: FloatArray, band: Band) -> FloatArray:

@@ -2,14 +2,26 @@
 
 import numpy as np
 import pytest
-from opir_photons.imagers.plugin import ABI_NEI_W_M2, AHI_NEI_W_M2, BANDS, PIXEL_URAD
+from opir_photons.imagers.plugin import (
+    ABI_NEI_W_M2,
+    AHI_NEI_W_M2,
+    BANDS,
+    FCI_BANDS,
+    FCI_LONG_BANDS,
+    FCI_LONG_NEI_W_M2,
+    FCI_NEI_W_M2,
+    PIXEL_URAD,
+)
 from opir_photons.radiometry import (
     band_radiance,
     band_radiance_slope,
+    band_transmittance,
     brightness_temperature_k,
     parallax,
     pixel_temperature_k,
 )
+from opir_photons.radiometry.configs import CLIMATES
+from opir_photons.radiometry.earth import sky_tables
 
 from opir_core import Host
 from opir_core.geometry import geodetic_to_ecef
@@ -55,6 +67,45 @@ def test_noise_is_the_published_nedt():
             assert step == pytest.approx(float(band_radiance_slope(300.0, *edges)), rel=1e-6)
 
 
+#: NEDT of MTG-FCI, K, and the temperatures that they hold at, K.
+FCI_NEDT = {
+    "IR38": (0.1, 300.0),
+    "WV63": (0.3, 250.0),
+    "WV73": (0.3, 250.0),
+    "IR87": (0.1, 300.0),
+    "IR97": (0.3, 255.0),
+    "IR105": (0.1, 300.0),
+    "IR123": (0.2, 300.0),
+    "IR133": (0.2, 270.0),
+}
+
+
+def test_noise_of_fci_is_its_nedt():
+    noise = {**FCI_NEI_W_M2, **FCI_LONG_NEI_W_M2}
+    for name, edges in {**FCI_BANDS, **FCI_LONG_BANDS}.items():
+        nedt, at_k = FCI_NEDT[name]
+        step = float(band_radiance(at_k + 0.05, *edges) - band_radiance(at_k - 0.05, *edges)) / 0.1
+        assert noise[name] == pytest.approx(nedt * step * (PIXEL_URAD * 1e-6) ** 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("climate", CLIMATES)
+def test_bands_of_imagers_have_air_and_background(climate):
+    """In the same air a wide band lies between the narrow ones that it holds."""
+    elevation = np.radians(50.0)
+    for name, edges in {**FCI_BANDS, **FCI_LONG_BANDS}.items():
+        passed = float(band_transmittance(*edges, 0.0, elevation, climate=climate))
+        assert 0.0 <= passed < 0.95, name
+        above = float(band_transmittance(*edges, 40e3, elevation, climate=climate))
+        assert above > 0.5, name
+        (curve,) = [
+            table
+            for table in sky_tables(climate, "clear")
+            if (table.band.lower_um, table.band.upper_um) == edges
+        ]
+        seen_k = float(brightness_temperature_k(curve.night[-1], Band(name, *edges)))
+        assert 200.0 < seen_k < 301.0, name
+
+
 def test_a_plume_at_height_is_shifted_away_from_the_satellite():
     """On a flat Earth the shift is height times the tangent of the zenith angle; the curve adds a
     few per cent.
@@ -77,11 +128,11 @@ def test_a_plume_at_height_is_shifted_away_from_the_satellite():
     )
 
 
-@pytest.mark.parametrize(("name", "presets"), [("GOES-ABI", 5), ("AHI", 4)])
+@pytest.mark.parametrize(("name", "presets"), [("GOES-ABI", 5), ("AHI", 4), ("MTG-FCI", 3)])
 def test_the_imagers_are_sensor_models_with_presets_by_scan(name, presets):
     model = Host.discover().component(SensorModel, name)
     assert len(model.presets) == presets
     scans = [preset for preset in model.presets.values() if "scan_period_ms" in preset]
     periods = [preset["scan_period_ms"] for preset in scans]
     assert max(periods) == 600_000.0
-    assert min(periods) == 30_000.0
+    assert min(periods) == (150_000.0 if name == "MTG-FCI" else 30_000.0)
