@@ -252,6 +252,42 @@ def test_events_and_files_have_the_path(tmp_path: Path) -> None:
     assert text == (tmp_path / "events.jsonl").read_bytes()
 
 
+def test_columns_and_tables_have_the_path(tmp_path: Path) -> None:
+    block = links({"sensors": ["EAST"], "paths": [["CO"]]})
+    run = opir.simulate(scene(block, outputs=[{"parquet": {"path": "events.parquet"}}]))
+    table = run.to_pandas()["detections"]
+    assert set(zip(table["sensor_id"], table["path"].astype(object).fillna(""), strict=True)) == {
+        ("EAST", "CO"),
+        ("WEST", ""),
+    }
+    loaded = opir.load_run(run.save(tmp_path / "events.parquet"))
+    assert loaded.detections.path.tolist() == run.detections.path.tolist()
+    assert "path" not in opir.simulate(scene(None)).to_pandas()["detections"]
+
+
+def test_a_director_gets_reports_when_they_arrive() -> None:
+    directed = {
+        "sensors": [
+            *two_sensor_scene()["sensors"],
+            {"model": "generic-pointed", "id": "SPOT", "orbital_slot_deg": -120.0},
+        ],
+        "tracker": "kepler-arc",
+        "director": {"model": "cue", "least_probability_launch": 0.0},
+    }
+    late = {**COLORADO, "delay_s": 12.0}
+    block = {"stations": [late], "downlinks": [FAST]}
+
+    def first_command_s(run: opir.Run) -> float:
+        return min(record.time_s for record in run.commands if record.track >= 0)
+
+    at_once = opir.simulate(opir.scene_from_mapping(two_sensor_scene(**directed)))
+    run = opir.simulate(opir.scene_from_mapping(two_sensor_scene(**directed, links=block)))
+    assert 12.0 <= first_command_s(run) - first_command_s(at_once) <= 14.0
+    sliced = opir.simulate(run.plan.scene, window_s=3.3)
+    assert sliced.commands == run.commands
+    assert columns(sliced) == columns(run)
+
+
 def test_explain_tells_paths_and_delays() -> None:
     plan = compile_plan(scene(links(outages=[{"node": "HI", "at_s": 30.0, "until_s": 60.0}])))
     rows = [row for row in explained(plan)["links"] if row["sensor_id"] == "WEST"]
