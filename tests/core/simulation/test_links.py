@@ -7,14 +7,17 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from attrs import evolve
 from two_sensor_scene import two_sensor_scene
 from waiting import until
 
 import opir_core as opir
 from opir_core import compile_plan, plan_windows
+from opir_core.errors import ModelError
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.live import LiveRun, LiveSettings, LiveWindow
 from opir_core.output import ForgeEncoder, detection_schema
+from opir_core.planning.link_compiler import network_of
 from opir_core.plugin import Detections, EncoderContext, Host
 from opir_core.reading import scene_hash, scene_mapping
 from opir_core.simulation.engine import Engine
@@ -191,6 +194,30 @@ def test_windows_and_workers_change_no_byte(order: str) -> None:
         run = opir.simulate(queued, **settings)
         assert columns(run) == columns(reference), settings
         assert run.lost.tolist() == reference.lost.tolist()
+
+
+class EndingOrbit:
+    """A satellite whose ephemeris ends with the scene."""
+
+    is_stationary = False
+
+    def __init__(self, orbit: Any) -> None:
+        self.orbit = orbit
+
+    def position_ecef_m(self, time_s: Any) -> Any:
+        if len(time_s) and max(time_s) > 90.0:
+            raise ModelError("the ephemeris ends at 90 s")
+        return self.orbit.position_ecef_m(time_s)
+
+
+def test_an_ephemeris_may_end_with_the_scene() -> None:
+    read = scene(links(FAST))
+    plan = compile_plan(read)
+    sensors = [evolve(sensor, orbit=EndingOrbit(sensor.orbit)) for sensor in plan.sensors]
+    ending = network_of(read, read.links, sensors).transmitters[WEST]
+    assert ending.edge_ns.tolist() == [0, 90 * 10**9, 3690 * 10**9]
+    assert ending.path.tolist() == [0, -1]
+    assert plan.links.transmitters[WEST].edge_ns.tolist() == [0, 3690 * 10**9]
 
 
 def test_tracks_are_there_when_the_reports_are() -> None:
