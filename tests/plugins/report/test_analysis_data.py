@@ -26,6 +26,7 @@ PLOTS = (
     "air",
     "confidence",
     "latency",
+    "delays",
     "containment",
     "nees",
     "scorecard",
