@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.arrays import BoolArray, IntArray
-from opir_core.errors import Problem, SceneError
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.errors import ModelError, Problem, SceneError
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.sensors import Orbit, Sensor
 from opir_core.orbits.contacts import contact_intervals, crosslink_intervals
@@ -113,6 +113,7 @@ class _Compiler:
         self._stations = stations
         self.paths = list[NetworkPath]()
         longest_s = max(downlink.keep_s for downlink in links.downlinks)
+        self._scene_s = scene.duration_s
         self._end_s = scene.duration_s + longest_s
         self._contacts = cache(self._contact_ns)
         self._outages = [
@@ -156,25 +157,25 @@ class _Compiler:
 
     def _contact_ns(self, sender: str, receiver: str) -> IntArray:
         """Return the spans (n, 2), ns, in which a satellite and the next node see each other."""
+        try:
+            spans_s = self._contact_s(sender, receiver, self._end_s)
+        except ModelError:  # an ephemeris may end with the scene
+            spans_s = self._contact_s(sender, receiver, self._scene_s)
+        return np.rint(spans_s * 1e9).astype(np.int64)
+
+    def _contact_s(self, sender: str, receiver: str, stop_s: float) -> FloatArray:
         orbit = self._satellites[sender]
         station = self._stations.get(receiver)
         if station is None:
-            spans_s = crosslink_intervals(
-                orbit,
-                self._satellites[receiver],
-                clearance_m=1e3 * self._links.clearance_km,
-                start_s=0.0,
-                stop_s=self._end_s,
+            clearance_m = 1e3 * self._links.clearance_km
+            other_orbit = self._satellites[receiver]
+            return crosslink_intervals(
+                orbit, other_orbit, clearance_m=clearance_m, start_s=0.0, stop_s=stop_s
             )
-        else:
-            spans_s = contact_intervals(
-                orbit,
-                station.ecef_m,
-                mask_rad=station.mask_rad,
-                start_s=0.0,
-                stop_s=self._end_s,
-            )
-        return np.rint(spans_s * 1e9).astype(np.int64)
+        mask_rad = station.mask_rad
+        return contact_intervals(
+            orbit, station.ecef_m, mask_rad=mask_rad, start_s=0.0, stop_s=stop_s
+        )
 
 
 def _outage_ns(seed: int, number: int, outage: LinkOutage, end_s: float) -> IntArray:

@@ -61,6 +61,8 @@ def _plain_columns(batch: Any) -> dict[str, list[Any]]:
     columns["bands"] = [
         text.split("+") if text else [] for text in batch.column("bands").to_pylist()
     ]
+    if "path" in batch.schema.names:
+        columns["path"] = [text and text.split(" > ") for text in batch.column("path").to_pylist()]
     return columns
 
 

@@ -12,6 +12,7 @@ from opir_report.canvas import STYLE, WIDTH_IN, Plots, new_axes, svg_of, without
 from opir_report.figure_data import FigureData
 from opir_report.plots.confidence import confidence_plot, confidences
 from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
+from opir_report.plots.delays import delay_plot, report_delays
 from opir_report.plots.directing import direction_plot, directions, directions_height_in
 from opir_report.plots.flights import fields_of_view, ground_tracks
 from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
@@ -125,6 +126,10 @@ class RunPlots(Plots):
         """
         pairs = pair_latencies(self.facts)
         return self._drawn(latency_plot, pairs, latency_curves(pairs), ax=ax, height_in=4.0)
+
+    def delays(self, ax: Axes | None = None) -> Axes:
+        """Draw the time from looks to their reports over time, by sensor."""
+        return self._drawn(delay_plot, report_delays(self.facts), ax=ax)
 
     def containment(self, ax: Axes | None = None) -> Axes:
         """Draw the area of the 95 % impact regions over time, and whether they contain the true

@@ -66,6 +66,20 @@ class HandOverConfig:
     )
 
 
+@frozen(kw_only=True)
+class LinksConfig:
+    """The settings of the metric `links`."""
+
+    late_s: float = number(
+        help="time after its look from which a report is late",
+        default=30.0,
+        unit="s",
+        minimum=0.0,
+        maximum=86_400.0,
+        source="notional",
+    )
+
+
 #: Phases of a flight at which predicted impacts are scored, as in `opir_scoring`.
 PHASE_NAMES = (
     "25 % of burn",

@@ -12,6 +12,7 @@ from opir_studies.configs import (
     DetectionByTimeConfig,
     HandOverConfig,
     ImpactConfig,
+    LinksConfig,
     MilestonesConfig,
     ProcessesConfig,
     WarningConfig,
@@ -55,6 +56,12 @@ def opir_metrics() -> Iterable[MetricModel]:
         name="false_events",
         summary="detections of no launch, and false alarms, per day",
         build=_built_by(detection, "false_events_metric"),
+    )
+    yield MetricModel(
+        name="links",
+        summary="time from looks to their reports, shares of late and lost reports",
+        config=LinksConfig,
+        build=_built_by("metrics.link_metric", "links_metric"),
     )
     yield from _track_metrics()
     yield from _direction_metrics()

@@ -7,14 +7,17 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from attrs import evolve
 from two_sensor_scene import two_sensor_scene
 from waiting import until
 
 import opir_core as opir
 from opir_core import compile_plan, plan_windows
+from opir_core.errors import ModelError
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.live import LiveRun, LiveSettings, LiveWindow
 from opir_core.output import ForgeEncoder, detection_schema
+from opir_core.planning.link_compiler import network_of
 from opir_core.plugin import Detections, EncoderContext, Host
 from opir_core.reading import scene_hash, scene_mapping
 from opir_core.simulation.engine import Engine
@@ -193,6 +196,30 @@ def test_windows_and_workers_change_no_byte(order: str) -> None:
         assert run.lost.tolist() == reference.lost.tolist()
 
 
+class EndingOrbit:
+    """A satellite whose ephemeris ends with the scene."""
+
+    is_stationary = False
+
+    def __init__(self, orbit: Any) -> None:
+        self.orbit = orbit
+
+    def position_ecef_m(self, time_s: Any) -> Any:
+        if len(time_s) and max(time_s) > 90.0:
+            raise ModelError("the ephemeris ends at 90 s")
+        return self.orbit.position_ecef_m(time_s)
+
+
+def test_an_ephemeris_may_end_with_the_scene() -> None:
+    read = scene(links(FAST))
+    plan = compile_plan(read)
+    sensors = [evolve(sensor, orbit=EndingOrbit(sensor.orbit)) for sensor in plan.sensors]
+    ending = network_of(read, read.links, sensors).transmitters[WEST]
+    assert ending.edge_ns.tolist() == [0, 90 * 10**9, 3690 * 10**9]
+    assert ending.path.tolist() == [0, -1]
+    assert plan.links.transmitters[WEST].edge_ns.tolist() == [0, 3690 * 10**9]
+
+
 def test_tracks_are_there_when_the_reports_are() -> None:
     run = opir.simulate(scene(QUEUED, tracker="kepler-arc"))
     detections = run.detections
@@ -250,6 +277,42 @@ def test_events_and_files_have_the_path(tmp_path: Path) -> None:
     windows = plan_windows(run.plan)
     text = b"".join(ForgeEncoder(context).encode(window) for window in windows)
     assert text == (tmp_path / "events.jsonl").read_bytes()
+
+
+def test_columns_and_tables_have_the_path(tmp_path: Path) -> None:
+    block = links({"sensors": ["EAST"], "paths": [["CO"]]})
+    run = opir.simulate(scene(block, outputs=[{"parquet": {"path": "events.parquet"}}]))
+    table = run.to_pandas()["detections"]
+    assert set(zip(table["sensor_id"], table["path"].astype(object).fillna(""), strict=True)) == {
+        ("EAST", "CO"),
+        ("WEST", ""),
+    }
+    loaded = opir.load_run(run.save(tmp_path / "events.parquet"))
+    assert loaded.detections.path.tolist() == run.detections.path.tolist()
+    assert "path" not in opir.simulate(scene(None)).to_pandas()["detections"]
+
+
+def test_a_director_gets_reports_when_they_arrive() -> None:
+    directed = {
+        "sensors": [
+            *two_sensor_scene()["sensors"],
+            {"model": "generic-pointed", "id": "SPOT", "orbital_slot_deg": -120.0},
+        ],
+        "tracker": "kepler-arc",
+        "director": {"model": "cue", "least_probability_launch": 0.0},
+    }
+    late = {**COLORADO, "delay_s": 12.0}
+    block = {"stations": [late], "downlinks": [FAST]}
+
+    def first_command_s(run: opir.Run) -> float:
+        return min(record.time_s for record in run.commands if record.track >= 0)
+
+    at_once = opir.simulate(opir.scene_from_mapping(two_sensor_scene(**directed)))
+    run = opir.simulate(opir.scene_from_mapping(two_sensor_scene(**directed, links=block)))
+    assert 12.0 <= first_command_s(run) - first_command_s(at_once) <= 14.0
+    sliced = opir.simulate(run.plan.scene, window_s=3.3)
+    assert sliced.commands == run.commands
+    assert columns(sliced) == columns(run)
 
 
 def test_explain_tells_paths_and_delays() -> None:

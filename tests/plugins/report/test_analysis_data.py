@@ -27,6 +27,7 @@ PLOTS = (
     "air",
     "confidence",
     "latency",
+    "delays",
     "containment",
     "nees",
     "scorecard",

@@ -22,6 +22,10 @@ class TestFalseEvents(MetricContract):
     name = "false_events"
 
 
+class TestLinks(MetricContract):
+    name = "links"
+
+
 def launch(number, time_s):
     target = SCENE["targets"][0]
     return {**target, "id": f"T{number}", "launch": {**target["launch"], "time_s": time_s}}
@@ -80,3 +84,29 @@ def test_false_events_are_scaled_to_a_day(run):
         {"false_events_a_day": expected, "false_alarms_a_day": expected}
     )
     assert figures_of("false_events", run) == {"false_events_a_day": 0.0, "false_alarms_a_day": 0.0}
+
+
+def test_delays_and_losses_of_reports():
+    station = {"id": "EQ", "lat_deg": 0.0, "lon_deg": -90.0, "delay_s": 0.5}
+    links = {
+        "stations": [station],
+        "downlinks": [{"rate_bytes_s": 1e6, "loss": 0.2}],
+        "outages": [{"node": "EQ", "at_s": 5.0, "until_s": 10.0}],
+    }
+    scene = opir_core.scene_from_mapping({**SCENE, "links": links})
+    run = opir_core.simulate(scene)
+    delay_s = run.detections.reported_ns * 1e-9 - run.detections.time_s
+    figures = figures_of("links", run, late_s=2.0)
+    assert figures["report_delay_s"] == pytest.approx(delay_s.mean())
+    assert figures["reports_late"] == pytest.approx(np.count_nonzero(delay_s > 2.0) / len(delay_s))
+    assert 0.05 < figures["reports_late"] < 0.25
+    assert np.mean(delay_s <= figures["report_delay_p95_s"] + 1e-6) == pytest.approx(0.95, abs=0.01)
+    perfect = opir_core.simulate(opir_core.scene_from_mapping(SCENE))
+    lost = 1.0 - len(run.detections) / len(perfect.detections)
+    assert figures["reports_lost"] == pytest.approx(lost)
+    assert figures_of("links", perfect) == {
+        "report_delay_s": 0.0,
+        "report_delay_p95_s": 0.0,
+        "reports_late": 0.0,
+        "reports_lost": 0.0,
+    }

@@ -18,6 +18,7 @@ from opir_report.figure_data import FigureData
 from opir_report.pages.page import ReportFigure, ReportSection, ReportTable
 from opir_report.plots.confidence import confidence_plot, confidences
 from opir_report.plots.consistency import containment_plot, nees_history, nees_plot, region_history
+from opir_report.plots.delays import delay_plot, report_delays
 from opir_report.plots.directing import direction_plot, directions, directions_height_in
 from opir_report.plots.flights import fields_of_view, view_time_s
 from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
@@ -54,6 +55,11 @@ _LATENCY = (
     " the closed form, the mean over the same pairs: for a constant P_d that of a scan of random or"
     " aligned phase, else the product over the scheduled looks. Pairs that see the launch only"
     " later are left out."
+)
+_DELAYS = (
+    "Time from looks to their reports: the median of each sensor's reports, and a band up to the"
+    " delay that 95 % do not exceed. It has the latencies of reporting, queues, and waits for"
+    " contacts."
 )
 _CONFIDENCE = (
     "Confidence of detections by target or type, with the track's probability of its likeliest"
@@ -243,6 +249,40 @@ def latency_section(plots: RunPlots) -> ReportSection | None:
     return ReportSection("latency", "How soon", "", (plot,))
 
 
+def delay_section(plots: RunPlots) -> ReportSection | None:
+    """Return the delays of reports."""
+    data = report_delays(plots.facts)
+    if not len(data):
+        return None
+    plot = plot_of(
+        "delays",
+        lambda axes: delay_plot(axes, plots.facts, data),
+        3.7,
+        "Time from looks to their reports over time, by sensor",
+        _DELAYS,
+        data,
+    )
+    return ReportSection("delays", "When reports arrive", "", (plot, *_way_tables(plots)))
+
+
+def _way_tables(plots: RunPlots) -> Iterator[ReportTable]:
+    """Yield how many reports of each sensor took each way, and how many were lost, with links."""
+    run = plots.facts.run
+    paths = run.plan.link_paths
+    if not paths:
+        return
+    sensor_paths = np.stack([run.detections.sensor, run.detections.path[:, 0]], axis=1)
+    ways, counts = np.unique(sensor_paths, axis=0, return_counts=True)
+    cells = [
+        (run.sensors[sensor].id, " > ".join(paths[path]) if path >= 0 else "-", grouped(count))
+        for (sensor, path), count in zip(ways.tolist(), counts.tolist(), strict=True)
+    ]
+    if run.lost is not None:
+        lost = zip(run.sensors, run.lost.tolist(), strict=True)
+        cells += [(sensor.id, "lost", grouped(count)) for sensor, count in lost if count]
+    yield ReportTable("Ways of reports", ("sensor", "by", "reports"), cells)
+
+
 def confidence_section(plots: RunPlots) -> ReportSection | None:
     """Return the confidence over time."""
     data = confidences(plots.facts)
@@ -387,6 +427,7 @@ SECTIONS: tuple[Callable[[RunPlots], ReportSection | None], ...] = (
     detection_section,
     directing_section,
     latency_section,
+    delay_section,
     signal_section,
     confidence_section,
     identity_section,
