@@ -103,10 +103,12 @@ class Directing:
             raise ModelError(f"{owner()}: {method} {fault}; {hint}")
         return commands
 
-    def _in_reach(self, time_s: float, sensor: str, position_ecef_m: FloatArray) -> BoolArray:
-        """Return which positions (n, 3) a sensor can be pointed at."""
+    def _in_reach(
+        self, time_s: float, sensor: str, position_ecef_m: FloatArray, after_s: float = 0.0
+    ) -> BoolArray:
+        """Return which positions (n, 3) a sensor can be pointed at, so long after a time."""
         number = self._numbers[sensor]
-        at_s = np.full(len(position_ecef_m), time_s)
+        at_s = np.full(len(position_ecef_m), time_s + after_s)
         sensor_m = self._plan.sensors[number].orbit.position_ecef_m(at_s)
         reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
         exclusion = self._plan.exclusions[number] if self._plan.exclusions else None
