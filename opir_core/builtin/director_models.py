@@ -1,5 +1,5 @@
-"""Core's plugin of the directors `round-robin`, `cue` and `information`; imported when one is named,
-and without numpy.
+"""Core's plugin of the directors `operator`, `round-robin`, `cue` and `information`; imported when one
+is named, and without numpy.
 """
 
 from collections.abc import Iterable
@@ -100,7 +100,12 @@ class InformationConfig:
 
 @hookimpl
 def opir_directors() -> Iterable[DirectorModel]:
-    """Yield `round-robin`, `cue` and `information`."""
+    """Yield `operator`, `round-robin`, `cue` and `information`."""
+    yield DirectorModel(
+        name="operator",
+        summary="sensors do what an operator has them do over HTTP, and nothing else",
+        build=built_by("directors", "operator"),
+    )
     yield DirectorModel(
         name="round-robin",
         summary="one place after the other",

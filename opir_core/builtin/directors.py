@@ -1,4 +1,4 @@
-"""The directors `round-robin` and `cue`."""
+"""The directors `operator`, `round-robin` and `cue`."""
 
 from collections.abc import Sequence
 
@@ -8,8 +8,24 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.builtin.director_models import CueConfig, RoundRobinConfig
 from opir_core.geometry import geodetic_to_ecef
+from opir_core.host.components import NoConfig
 from opir_core.interfaces.directors import Command, Director, DirectorContext, Situation
 from opir_core.interfaces.records import Tracks
+
+
+class Operator(Director):
+    """Leaves all sensors to the tasks of an operator; those that follow a track are pointed anew each
+    second.
+    """
+
+    @property
+    def interval_s(self) -> float:
+        """Time between decisions, s."""
+        return 1.0
+
+    def commands(self, situation: Situation) -> Sequence[Command]:
+        """Return no command."""
+        return []
 
 
 class RoundRobin(Director):
@@ -156,6 +172,11 @@ def _variance_m2(tracks: Tracks) -> FloatArray:
     """Return the variances (n,) of positions."""
     diagonal = np.diagonal(tracks.state_covariance, axis1=1, axis2=2)
     return np.nan_to_num(diagonal[:, :3].sum(axis=1), nan=np.inf)
+
+
+def operator(_config: NoConfig, _context: DirectorContext) -> Operator:
+    """Return the director `operator`."""
+    return Operator()
 
 
 def round_robin(config: RoundRobinConfig, _context: DirectorContext) -> RoundRobin:

@@ -29,6 +29,18 @@ class Command:
 
 
 @frozen(eq=False, kw_only=True)
+class SensorTask:
+    """What an operator has a sensor do, given by its id, in place of the director's commands.
+
+    It looks at a point (3,), ECEF, or follows a track; with neither it is the director's again.
+    """
+
+    sensor: str
+    position_ecef_m: FloatArray | None = None
+    track: int = -1
+
+
+@frozen(eq=False, kw_only=True)
 class Situation:
     """What is known at the time of a decision, of what has arrived by then.
 
