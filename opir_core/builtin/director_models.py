@@ -1,8 +1,9 @@
-"""Core's plugin of the directors `round-robin` and `cue`; imported when one is named, and without
-numpy.
+"""Core's plugin of the directors `operator`, `round-robin`, `cue` and `information`; imported when one
+is named, and without numpy.
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 from attrs import frozen
 
@@ -17,6 +18,16 @@ def _places_complaint(places_deg: tuple[tuple[float, float], ...]) -> str | None
     if not places_deg:
         return "at least one place is needed"
     return next(filter(None, map(place_complaint, places_deg)), None)
+
+
+def _least_probability_launch() -> Any:
+    return number(
+        default=0.5,
+        minimum=0.0,
+        maximum=1.0,
+        help="tracks with a smaller probability of a launch get no sensor; those whose tracker does"
+        " not weigh it do",
+    )
 
 
 @frozen(kw_only=True)
@@ -52,18 +63,49 @@ class CueConfig:
         maximum=86_400.0,
         help="least time on a track while another one waits",
     )
-    least_probability_launch: float = number(
-        default=0.5,
+    hand_over_s: float = number(
+        default=30.0,
+        unit="s",
         minimum=0.0,
-        maximum=1.0,
-        help="tracks with a smaller probability of a launch get no sensor; those whose tracker does"
-        " not weigh it do",
+        maximum=3600.0,
+        help="a track that its sensor will have lost in so long gets another sensor before",
     )
+    least_probability_launch: float = _least_probability_launch()
+
+
+@frozen(kw_only=True)
+class InformationConfig:
+    """What a scene may set of the director `information`."""
+
+    interval_s: float = number(
+        default=5.0, unit="s", above=0.0, maximum=3600.0, help="time between decisions"
+    )
+    horizon_s: float = number(
+        default=30.0,
+        unit="s",
+        above=0.0,
+        maximum=3600.0,
+        help="looks of so long, turns left out, are compared",
+    )
+    acceleration_density_m2_s3: float = number(
+        default=100.0,
+        unit="m2/s3",
+        minimum=0.0,
+        maximum=1e6,
+        help="density of the acceleration that widens a track between its last tick and the"
+        " decision",
+    )
+    least_probability_launch: float = _least_probability_launch()
 
 
 @hookimpl
 def opir_directors() -> Iterable[DirectorModel]:
-    """Yield `round-robin` and `cue`."""
+    """Yield `operator`, `round-robin`, `cue` and `information`."""
+    yield DirectorModel(
+        name="operator",
+        summary="sensors do what an operator has them do over HTTP, and nothing else",
+        build=built_by("directors", "operator"),
+    )
     yield DirectorModel(
         name="round-robin",
         summary="one place after the other",
@@ -75,4 +117,10 @@ def opir_directors() -> Iterable[DirectorModel]:
         summary="each sensor to a track that no other one follows, the least known first",
         config=CueConfig,
         build=built_by("directors", "cue"),
+    )
+    yield DirectorModel(
+        name="information",
+        summary="each sensor to the track of which its next looks tell most",
+        config=InformationConfig,
+        build=built_by("information", "information"),
     )

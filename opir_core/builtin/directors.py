@@ -1,14 +1,31 @@
-"""The directors `round-robin` and `cue`."""
+"""The directors `operator`, `round-robin` and `cue`."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.builtin.director_models import CueConfig, RoundRobinConfig
 from opir_core.geometry import geodetic_to_ecef
+from opir_core.host.components import NoConfig
 from opir_core.interfaces.directors import Command, Director, DirectorContext, Situation
 from opir_core.interfaces.records import Tracks
+
+
+class Operator(Director):
+    """Leaves all sensors to the tasks of an operator; those that follow a track are pointed anew each
+    second.
+    """
+
+    @property
+    def interval_s(self) -> float:
+        """Time between decisions, s."""
+        return 1.0
+
+    def commands(self, situation: Situation) -> Sequence[Command]:
+        """Return no command."""
+        return []
 
 
 class RoundRobin(Director):
@@ -45,7 +62,8 @@ class Cue(Director):
     """Points sensors at tracks: each at one that no other sensor follows, as far as there are such.
 
     A sensor keeps its track for `dwell_s`, and as long as no track waits. The least known position
-    comes first. A track that leaves the reach of its sensor is handed over to one that sees it.
+    comes first. A track waits too when its sensor will have lost sight of it in `hand_over_s`:
+    another sensor, which still sees it then, follows it beside the first one until that happens.
     """
 
     def __init__(self, config: CueConfig) -> None:
@@ -60,20 +78,17 @@ class Cue(Director):
 
     def commands(self, situation: Situation) -> Sequence[Command]:
         """Return a command for each sensor that has a track to follow."""
-        tracks = self._worth_a_look(situation.tracks)
+        tracks = tracks_to_follow(situation.tracks, self._config.least_probability_launch)
         if not len(tracks):
             return []
-        position_m = _position_at(tracks, situation.time_s)
-        reach = {
-            sensor.id: situation.in_reach(sensor.id, position_m) for sensor in situation.sensors
-        }
-        free = self._kept(tracks, situation.time_s, reach)
+        sight = _Sight.of(situation, tracks, self._config.hand_over_s)
         order = np.argsort(-_variance_m2(tracks), kind="stable")
-        for sensor in free:
-            row = self._next_row(tracks, order[reach[sensor][order]])
+        for sensor in self._free(situation.time_s, sight):
+            row = self._next_row(sight, order[sight.lasting[sensor][order]])
             if row is not None:
-                self._followed[sensor] = int(tracks.track[row]), situation.time_s
-        rows = {int(track): row for row, track in enumerate(tracks.track.tolist())}
+                self._followed[sensor] = sight.tracks[row], situation.time_s
+        position_m = position_at(tracks, situation.time_s)
+        rows = {track: row for row, track in enumerate(sight.tracks)}
         return [
             Command(
                 sensor=sensor,
@@ -85,36 +100,69 @@ class Cue(Director):
             for sensor, (track, since_s) in self._followed.items()
         ]
 
-    def _worth_a_look(self, tracks: Tracks) -> Tracks:
-        """Return the rows of tracks with a state that go on and may be launches."""
-        has_state = np.isfinite(tracks.state).all(axis=1) & (tracks.end == 0)
-        # A tracker that does not weigh launches says nan.
-        may_be = ~(tracks.probability_launch < self._config.least_probability_launch)
-        return tracks.take(np.flatnonzero(has_state & may_be))
-
-    def _kept(self, tracks: Tracks, time_s: float, reach: dict[str, BoolArray]) -> list[str]:
+    def _free(self, time_s: float, sight: "_Sight") -> list[str]:
         """Forget tracks that are gone, out of reach or had their time; return the sensors that are
         free.
         """
-        numbers = tracks.track.tolist()
-        waiting = set(numbers).difference(track for track, _ in self._followed.values())
+        waiting = set(sight.tracks).difference(self._lasting_tracks(sight))
         for sensor, (track, since_s) in list(self._followed.items()):
-            is_seen = track in numbers and reach[sensor][numbers.index(track)]
-            had_its_time = time_s - since_s >= self._config.dwell_s and waiting
-            if not is_seen or had_its_time:
+            had_its_time = time_s - since_s >= self._config.dwell_s
+            is_needed = any(
+                sight.has(sight.lasting, sensor, other) for other in waiting.difference([track])
+            )
+            if not sight.has(sight.now, sensor, track) or (had_its_time and is_needed):
                 del self._followed[sensor]
-        return [sensor for sensor in reach if sensor not in self._followed]
+        return [sensor for sensor in sight.now if sensor not in self._followed]
 
-    def _next_row(self, tracks: Tracks, rows: IntArray) -> int | None:
+    def _lasting_tracks(self, sight: "_Sight") -> list[int]:
+        """Return the track of each sensor that goes on seeing it."""
+        return [
+            track
+            for sensor, (track, _) in self._followed.items()
+            if sight.has(sight.lasting, sensor, track)
+        ]
+
+    def _next_row(self, sight: "_Sight", rows: IntArray) -> int | None:
         """Return the first of some rows whose track the fewest sensors follow; None without any."""
         if not len(rows):
             return None
-        followed = [track for track, _ in self._followed.values()]
-        counts = [followed.count(int(tracks.track[row])) for row in rows]
+        followed = self._lasting_tracks(sight)
+        counts = [followed.count(sight.tracks[row]) for row in rows.tolist()]
         return int(rows[int(np.argmin(counts))])
 
 
-def _position_at(tracks: Tracks, time_s: float) -> FloatArray:
+@frozen(eq=False)
+class _Sight:
+    """Which tracks, by number, each sensor can be pointed at: now, and still after a while."""
+
+    tracks: list[int]
+    now: dict[str, BoolArray]
+    lasting: dict[str, BoolArray]
+
+    @classmethod
+    def of(cls, situation: Situation, tracks: Tracks, after_s: float) -> "_Sight":
+        position_m = position_at(tracks, situation.time_s)
+        later_m = position_at(tracks, situation.time_s + after_s)
+        ids = [sensor.id for sensor in situation.sensors]
+        now = {sensor: situation.in_reach(sensor, position_m) for sensor in ids}
+        lasting = {
+            sensor: now[sensor] & situation.in_reach(sensor, later_m, after_s) for sensor in ids
+        }
+        return cls(tracks.track.tolist(), now, lasting)
+
+    def has(self, reach: dict[str, BoolArray], sensor: str, track: int) -> bool:
+        return track in self.tracks and bool(reach[sensor][self.tracks.index(track)])
+
+
+def tracks_to_follow(tracks: Tracks, least_probability_launch: float) -> Tracks:
+    """Return the rows of tracks with a state that go on and may be launches."""
+    has_state = np.isfinite(tracks.state).all(axis=1) & (tracks.end == 0)
+    # A tracker that does not weigh launches says nan.
+    may_be = ~(tracks.probability_launch < least_probability_launch)
+    return tracks.take(np.flatnonzero(has_state & may_be))
+
+
+def position_at(tracks: Tracks, time_s: float) -> FloatArray:
     """Return the positions (n, 3) of tracks, ECEF, m, at a time, if they move evenly."""
     since_s = (time_s - tracks.tick_s)[:, None]
     return tracks.state[:, :3] + tracks.state[:, 3:] * since_s
@@ -124,6 +172,11 @@ def _variance_m2(tracks: Tracks) -> FloatArray:
     """Return the variances (n,) of positions."""
     diagonal = np.diagonal(tracks.state_covariance, axis1=1, axis2=2)
     return np.nan_to_num(diagonal[:, :3].sum(axis=1), nan=np.inf)
+
+
+def operator(_config: NoConfig, _context: DirectorContext) -> Operator:
+    """Return the director `operator`."""
+    return Operator()
 
 
 def round_robin(config: RoundRobinConfig, _context: DirectorContext) -> RoundRobin:

@@ -258,7 +258,9 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     ),
     "directors": (
         "opir_core.builtin.director_models",
-        frozenset({("opir_directors", "round-robin"), ("opir_directors", "cue")}),
+        frozenset(
+            ("opir_directors", name) for name in ("operator", "round-robin", "cue", "information")
+        ),
     ),
     "target-classes": (
         "opir_core.builtin.target_classes",

@@ -29,14 +29,26 @@ class Command:
 
 
 @frozen(eq=False, kw_only=True)
+class SensorTask:
+    """What an operator has a sensor do, given by its id, in place of the director's commands.
+
+    It looks at a point (3,), ECEF, or follows a track; with neither it is the director's again.
+    """
+
+    sensor: str
+    position_ecef_m: FloatArray | None = None
+    track: int = -1
+
+
+@frozen(eq=False, kw_only=True)
 class Situation:
     """What is known at the time of a decision, of what has arrived by then.
 
     `detections` are those reported since the last decision, `tracks` the rows of the last tick that
     is available. `sensors` are those with a narrow field. `refused` are the commands of the last
-    decision that sensors did not take. `in_reach(sensor, position_ecef_m)` returns which positions
-    (n, 3) a sensor, given by its id, can be pointed at: in its field of regard, not behind the
-    Earth, not beside the Sun.
+    decision that sensors did not take. `in_reach(sensor, position_ecef_m, after_s)` returns which
+    positions (n, 3) a sensor, given by its id, can be pointed at `after_s` after the decision, by
+    default at once: in its field of regard, not behind the Earth, not beside the Sun.
     """
 
     time_s: float
@@ -44,7 +56,7 @@ class Situation:
     tracks: Tracks
     sensors: tuple[Sensor, ...]
     refused: tuple[CommandRecord, ...]
-    in_reach: Callable[[str, FloatArray], BoolArray]
+    in_reach: Callable[..., BoolArray]
 
 
 @frozen(kw_only=True)

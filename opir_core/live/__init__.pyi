@@ -1,3 +1,6 @@
+from opir_core.interfaces.directors import (
+    SensorTask as SensorTask,
+)
 from opir_core.live.changes import (
     BusyError as BusyError,
     RefusedError as RefusedError,

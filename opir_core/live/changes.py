@@ -20,6 +20,7 @@ from opir_core.arrays import BoolArray, IndexArray, IntArray
 from opir_core.errors import OpirError, Problem, SceneError
 from opir_core.flight.burns import joined_burns_s
 from opir_core.host.host import Host
+from opir_core.interfaces.directors import SensorTask
 from opir_core.planning.plan import Plan, compile_plan, with_targets
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets
@@ -143,7 +144,7 @@ _FIXED = {
     **dict.fromkeys(
         ("tracker", "tracking_order", "tracking_lag_s"), f"{_RESTART}: tracks would be lost"
     ),
-    **dict.fromkeys(("sources", "limits", "faults", "links"), _RESTART),
+    **dict.fromkeys(("sources", "limits", "faults", "links", "director"), _RESTART),
 }
 
 
@@ -185,11 +186,13 @@ class Change:
 
 
 class ChangeQueue:
-    """Changes that the run has not applied yet."""
+    """Changes, and tasks of sensors, that the run has not applied yet."""
 
     def __init__(self, stopping: threading.Event) -> None:
         self._stopping = stopping
-        self._queue: queue.Queue[tuple[Change, Future[int]]] = queue.Queue(_WAITING_CHANGES)
+        self._queue: queue.Queue[tuple[Change | SensorTask, Future[Any]]] = queue.Queue(
+            _WAITING_CHANGES
+        )
         self._lock = threading.Lock()
         self._waiting = threading.BoundedSemaphore(_WAITING_CHANGES)
 
@@ -212,13 +215,14 @@ class ChangeQueue:
         finally:
             self._waiting.release()
 
-    def apply(self, change: Change, give_up_s: float) -> int:
-        """Queue a change and return the cycle at whose start the run applied it.
+    def apply(self, change: Change | SensorTask, give_up_s: float) -> Any:
+        """Queue a change and return the cycle at whose start the run applied it; of a task what
+        became of it.
 
         A change not begun by `give_up_s` is withdrawn. Raises `BusyError` then, `RefusedError` if
         the run stops.
         """
-        answer: Future[int] = Future()
+        answer: Future[Any] = Future()
         self._queue.put_nowait((change, answer))
         while not wait([answer], _POLL_S).done:
             if self._stopping.is_set() and answer.cancel():
@@ -230,7 +234,7 @@ class ChangeQueue:
                 )
         return answer.result()
 
-    def pending(self) -> "Iterator[tuple[Change, Future[int]]]":
+    def pending(self) -> "Iterator[tuple[Change | SensorTask, Future[Any]]]":
         """Yield the changes that are not withdrawn; the run's thread sets the result of each."""
         while not self._queue.empty():
             change, answer = self._queue.get_nowait()

@@ -12,16 +12,17 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 from typing import Any
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.errors import Problem, SceneError
 from opir_core.host.host import Host
-from opir_core.interfaces.records import Window
+from opir_core.interfaces.directors import SensorTask
+from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.live.changes import PastError, plan_of_lap
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT, Scene
 from opir_core.simulation.engine import Engine
-from opir_core.simulation.shifting import shifted
+from opir_core.simulation.shifting import shifted, shifted_command
 
 #: Interval, s, after which another thread releases the interpreter to the run; Python's default is
 #: 5 ms.
@@ -131,6 +132,10 @@ class LapOffset:
         return shifted(window, self.time_ns, self.tracks) if self.time_ns else window
 
 
+#: A number that no track has.
+_NO_TRACK = 1 << 62
+
+
 @frozen(eq=False)
 class RunPosition:
     """The engine of a run, its lap, and the offset of the lap's windows."""
@@ -143,6 +148,20 @@ class RunPosition:
     def time_ns(self) -> int:
         """Scene time, over all laps, that the engine has reached."""
         return self.engine.time_ns + self.offset.time_ns
+
+    def task(self, task: SensorTask) -> CommandRecord | None:
+        """Return what became of a task, whose track is numbered as in the whole run; None without a
+        director.
+        """
+        track = task.track
+        if track >= 0:
+            # A track of an earlier lap has no estimate, as one that is not there yet.
+            track = track - self.offset.tracks if track >= self.offset.tracks else _NO_TRACK
+        record = self.engine.task(evolve(task, track=track))
+        if record is None:
+            return None
+        shifted_record = shifted_command(record, self.offset.time_ns * 1e-9, 0)
+        return shifted_record._replace(track=task.track)
 
 
 _NO_LOOP = (

@@ -15,7 +15,8 @@ from opir_core.errors import OpirError, Problem, SceneError, number_of
 from opir_core.host.error_messages import described_error
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
-from opir_core.interfaces.records import Window
+from opir_core.interfaces.directors import SensorTask
+from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.live.changes import (
     BusyError,
     Change,
@@ -364,6 +365,23 @@ class LiveRun:
                     continue
             raise BusyError("the run's laps are too short to change it")
 
+    def task(self, task: SensorTask) -> CommandRecord:
+        """Have a sensor do a task, until another one or the end of the lap; return what became of
+        it.
+
+        Tracks and times are those of the whole run. Raises `RefusedError` if the run has ended or
+        its scene has no director.
+        """
+        with self._changes.lock() as give_up_s:
+            self._require_running()
+            record: CommandRecord | None = self._changes.apply(task, give_up_s)
+        if record is None:
+            raise RefusedError(
+                "the scene has no director, and so nothing points its sensors: start it with"
+                " director: operator"
+            )
+        return record
+
     def _await_lap_after(self, lap: int, give_up_s: float) -> None:
         """Wait for the lap after one that is nearly over; raises `RefusedError` if there is
         none.
@@ -382,11 +400,14 @@ class LiveRun:
         too much work.
         """
         change.engine.plan.workload.require_cycle(self._pace.cycle_ns)
+        self._require_running()
+        return int(self._changes.apply(change, give_up_s))
+
+    def _require_running(self) -> None:
         if self._state != "running":
             raise RefusedError(
                 f"the run has {self._state}: start it again, or start it with --loop"
             )
-        return self._changes.apply(change, give_up_s)
 
     def _work(self) -> None:
         try:
@@ -495,6 +516,9 @@ class LiveRun:
         """Apply the changes queued since the last window."""
         for change, answer in self._changes.pending():
             position = self._position
+            if isinstance(change, SensorTask):
+                answer.set_result(position.task(change))
+                continue
             is_late = (
                 change.not_after_ns is not None and change.not_after_ns < position.engine.time_ns
             )

@@ -11,6 +11,7 @@ from opir_core.host.boundary import blamed_call, check_hint, owner_text
 from opir_core.interfaces.directors import (
     Command,
     Director,
+    SensorTask,
     Situation,
     command_fault,
 )
@@ -34,6 +35,9 @@ class Directing:
         self._tracks = [Tracks.empty()]
         self._latest = Tracks.empty()
         self._refused: tuple[CommandRecord, ...] = ()
+        #: By sensor what an operator has it do, and what became of tasks since the last window.
+        self._tasks: dict[str, SensorTask] = {}
+        self._tasked: tuple[CommandRecord, ...] = ()
         self.use(plan, fields)
 
     def use(self, plan: Plan, fields: PointedFields) -> None:
@@ -51,17 +55,65 @@ class Directing:
         return min((time_ns // self._step_ns + 1) * self._step_ns, end_ns)
 
     def decided(self, time_ns: int) -> tuple[CommandRecord, ...]:
-        """Decide, if a decision is due at a time, and return what became of the commands."""
+        """Decide, if a decision is due at a time, and return what became of the commands, and of
+        tasks since the last window.
+        """
+        tasked = self._tasked
+        self._tasked = ()
         if time_ns < self._next_ns:
-            return ()
+            return tasked
         self._next_ns = time_ns + self._step_ns
         time_s = time_ns / 1_000_000_000
         situation = self._situation(time_s)
         commands = self._called(situation)
-        latest = {command.sensor: command for command in commands}
+        latest = {
+            command.sensor: command for command in commands if command.sensor not in self._tasks
+        }
         records = tuple(self._obeyed(command, time_s) for command in latest.values())
         self._refused = tuple(record for record in records if record.refusal)
-        return records
+        return (*tasked, *records, *self._followed(time_s))
+
+    def task(self, task: SensorTask, time_ns: int) -> CommandRecord:
+        """Have a sensor do a task from a time on; return what became of it.
+
+        A task that the sensor refuses changes nothing. After one without point and track the
+        director commands the sensor again, at its next decision.
+        """
+        time_s = time_ns / 1_000_000_000
+        if task.position_ecef_m is None and task.track < 0:
+            self._tasks.pop(task.sensor, None)
+            record = CommandRecord(time_s, task.sensor, -1, "the director's again", np.nan, np.nan)
+        else:
+            record = self._obeyed(self._command(task, time_s), time_s)
+            if not record.refusal:
+                self._tasks[task.sensor] = task
+        self._tasked = (*self._tasked, record)
+        return record
+
+    def _followed(self, time_s: float) -> Sequence[CommandRecord]:
+        """Return what became of the commands to sensors that follow an operator's track, as long as
+        it is there.
+        """
+        numbers = set(self._latest.track.tolist())
+        tasks = [task for task in self._tasks.values() if task.track in numbers]
+        return [self._obeyed(self._command(task, time_s), time_s) for task in tasks]
+
+    def _command(self, task: SensorTask, time_s: float) -> Command:
+        """Return the command of a task; its position is nan for a track without an estimate."""
+        if task.position_ecef_m is not None:
+            return Command(
+                sensor=task.sensor, position_ecef_m=task.position_ecef_m, reason="operator"
+            )
+        rows = np.flatnonzero(self._latest.track == task.track)
+        state = np.append(self._latest.state[rows], np.full((1, 6), np.nan), axis=0)[0]
+        since_s = time_s - float(np.append(self._latest.tick_s[rows], time_s)[0])
+        return Command(
+            sensor=task.sensor,
+            position_ecef_m=state[:3] + state[3:] * since_s,
+            velocity_m_s=state[3:],
+            track=task.track,
+            reason="operator",
+        )
 
     def take(self, window: Window) -> None:
         """Take what a window has; the director gets it as soon as it has been reported."""
@@ -103,10 +155,12 @@ class Directing:
             raise ModelError(f"{owner()}: {method} {fault}; {hint}")
         return commands
 
-    def _in_reach(self, time_s: float, sensor: str, position_ecef_m: FloatArray) -> BoolArray:
-        """Return which positions (n, 3) a sensor can be pointed at."""
+    def _in_reach(
+        self, time_s: float, sensor: str, position_ecef_m: FloatArray, after_s: float = 0.0
+    ) -> BoolArray:
+        """Return which positions (n, 3) a sensor can be pointed at, so long after a time."""
         number = self._numbers[sensor]
-        at_s = np.full(len(position_ecef_m), time_s)
+        at_s = np.full(len(position_ecef_m), time_s + after_s)
         sensor_m = self._plan.sensors[number].orbit.position_ecef_m(at_s)
         reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
         exclusion = self._plan.exclusions[number] if self._plan.exclusions else None
@@ -138,7 +192,8 @@ class Directing:
             return f"{command.sensor} is no sensor with a narrow field"
         vectors = np.concatenate([command.position_ecef_m, command.velocity_m_s])
         if not np.isfinite(vectors).all():
-            return "its position or velocity is not finite"
+            without = "its position or velocity is not finite"
+            return without if command.track < 0 else "its track has no estimate"
         if not self._in_reach(time_s, command.sensor, command.position_ecef_m[None])[0]:
             return "out of its field of regard, behind the Earth or beside the Sun"
         return ""

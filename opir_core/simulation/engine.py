@@ -14,7 +14,8 @@ from attrs import evolve
 
 from opir_core.arrays import IndexArray, IntArray
 from opir_core.host.boundary import PluginErrors
-from opir_core.interfaces.records import Window
+from opir_core.interfaces.directors import SensorTask
+from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.pair_streams import PairStreams
@@ -145,6 +146,12 @@ class Engine:
             directing.take(window)
             windows.append(evolve(window, commands=commands))
         return joined_windows(windows)
+
+    def task(self, task: SensorTask) -> CommandRecord | None:
+        """Have a sensor do a task from the present time on; return what became of it, None without
+        a director.
+        """
+        return None if self._directing is None else self._directing.task(task, self.time_ns)
 
     def _advanced(self, end_ns: int) -> Window:
         start_ns = self.time_ns

@@ -27,11 +27,12 @@ def shifted(window: Window, time_ns: int, tracks: int = 0) -> Window:
         ).freeze(),
         tracks=_shifted_tracks(window.tracks, offset_s, tracks),
         estimates=_shifted_tracks(window.estimates, offset_s, tracks),
-        commands=tuple(_shifted_command(each, offset_s, tracks) for each in window.commands),
+        commands=tuple(shifted_command(each, offset_s, tracks) for each in window.commands),
     )
 
 
-def _shifted_command(record: CommandRecord, offset_s: float, numbers: int) -> CommandRecord:
+def shifted_command(record: CommandRecord, offset_s: float, numbers: int) -> CommandRecord:
+    """Return what became of a command, with later times and higher track numbers."""
     return record._replace(
         time_s=record.time_s + offset_s,
         start_s=record.start_s + offset_s,

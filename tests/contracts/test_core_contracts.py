@@ -45,6 +45,14 @@ class TestCue(DirectorContract):
     name = "cue"
 
 
+class TestInformation(DirectorContract):
+    name = "information"
+
+
+class TestOperator(DirectorContract):
+    name = "operator"
+
+
 class TestRoundRobin(DirectorContract):
     name = "round-robin"
     settings: ClassVar[Mapping[str, Any]] = {"places_deg": [[34.7, -120.6], [10.0, 180.0]]}

@@ -60,6 +60,33 @@ class Configured(Closed):
     cycle: Count
 
 
+class Task(Closed):
+    """What a sensor with a narrow field is to look at: a place or a track, one of both."""
+
+    place_deg: (
+        Annotated[
+            tuple[Annotated[float, Meta(ge=-90, le=90)], Annotated[float, Meta(ge=-180, le=180)]],
+            Meta(description="latitude and east longitude"),
+        ]
+        | UnsetType
+    ) = UNSET
+    track_id: Count | UnsetType = UNSET
+
+
+class TaskedAnswer(Closed):
+    """A sensor with a task, given at `time_s`.
+
+    It leaves its former direction at `start_s` and looks in the new one from `from_s` on, null for
+    a sensor that is left to the director.
+    """
+
+    sensor_id: str
+    track_id: Count | None
+    time_s: float
+    start_s: float | None
+    from_s: float | None
+
+
 class Retried(Closed):
     """An output that tries again."""
 
@@ -436,6 +463,8 @@ ANSWERS = (
     ReplayAnswer,
     Retried,
     Status,
+    Task,
+    TaskedAnswer,
     TracksAnswer,
     StreamEvent,
 )

@@ -33,7 +33,7 @@ _HEALTH = frozenset({"/health/live", "/health/ready"})
 
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 #: Requests with a body.
-_TAKE_BODIES = frozenset({("POST", "/trigger"), ("PUT", "/config"), ("PATCH", "/config")})
+_TAKE_BODIES = re.compile(r"POST /trigger|PUT /config|PATCH /config|PUT /sensors/[^/]+/task")
 _OF_BROWSERS = (b"origin", b"referer", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest")
 _CLIENTS = 1024
 #: Wrong bearer tokens of one client that are answered by 401; more wait (429).
@@ -150,7 +150,8 @@ class Gate:
         if headers.get(b"content-encoding", b"identity").strip().lower() not in (b"", b"identity"):
             encoded = "send the body as it is, without Content-Encoding"
             raise ProblemError(415, encoded, headers={"Accept-Encoding": "identity"})
-        if (scope["method"], scope["path"]) in _TAKE_BODIES and not _is_json(headers):
+        takes_body = _TAKE_BODIES.fullmatch(f"{scope['method']} {scope['path']}")
+        if takes_body and not _is_json(headers):
             raise ProblemError(
                 415, "send application/json, in UTF-8 (curl: -H 'Content-Type: application/json')"
             )

@@ -2,15 +2,14 @@
 
 import asyncio
 import re
-import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
-from litestar import HttpMethod, Litestar, Request, Response, get, patch, post, put, route
+from litestar import HttpMethod, Litestar, Response, get, patch, post, put, route
 from litestar.datastructures import ResponseHeader, State
 from litestar.exceptions import HTTPException
 from litestar.openapi import ResponseSpec
@@ -32,7 +31,7 @@ from opir_http.answers import (
 )
 from opir_http.feed import Client
 from opir_http.history import Filter
-from opir_http.metrics import CONTENT_TYPE, metrics_text
+from opir_http.metrics import CONTENT_TYPE
 from opir_http.openapi import described, document_of
 from opir_http.problems import ProblemError, answer_defect, answer_http, answer_problem
 from opir_http.queries import (
@@ -45,8 +44,10 @@ from opir_http.queries import (
 )
 from opir_http.reading import json_object
 from opir_http.schemas import Config
-from opir_http.service import Service, etag_of
+from opir_http.served import AnyRequest, Result, Served, encoded, json_answer, lateness, served_of
+from opir_http.service import Service
 from opir_http.settings import LOOPBACK, STREAMS_PER_CLIENT
+from opir_http.task_routes import task, task_options, untask
 
 _PAGE = Path(__file__).parent / "page"
 #: Content types; of texts the framework adds the charset, UTF-8.
@@ -58,14 +59,9 @@ _CONTENT_TYPES = {
     ".svg": "image/svg+xml",
 }
 _JSON = "application/json"
-#: Maximum age of cached documents, s.
-_CACHED_S = 0.05
 #: Time, s, in which the status must be available for readiness.
 _STATUS_S = 2.0
 _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
-
-AnyRequest = Request[Any, Any, Any]
-Result = TypeVar("Result")
 
 LAUNCH_EXAMPLE = {
     "type": "ICBM",
@@ -120,74 +116,6 @@ _AFTER_PAGE = {
 }
 
 
-class Cached(Generic[Result]):
-    """The result of `make`, called in a thread when the last one is older than `for_s`; for one
-    event loop.
-    """
-
-    def __init__(self, make: Callable[[], Result], for_s: float = _CACHED_S) -> None:
-        self._make = make
-        self._for_s = for_s
-        self._cached: tuple[float, Result] | None = None
-        self._task: asyncio.Task[Result] | None = None
-
-    async def get(self) -> Result:
-        """Return the result; waits for a new one if it is too old."""
-        if self._cached is not None and time.monotonic() - self._cached[0] < self._for_s:
-            return self._cached[1]
-        if self._task is None:
-            self._task = asyncio.create_task(asyncio.to_thread(self._make))
-            self._task.add_done_callback(self._keep)
-        return await asyncio.shield(self._task)
-
-    def forget(self) -> None:
-        """Make a new result for the next request; the one in progress is for earlier requests."""
-        self._cached = None
-        self._task = None
-
-    def _keep(self, task: "asyncio.Task[Result]") -> None:
-        if task is self._task:
-            self._task = None
-            if not task.cancelled() and task.exception() is None:
-                self._cached = time.monotonic(), task.result()
-
-
-class Served:
-    """A service and its cached documents, encoded."""
-
-    def __init__(self, service: Service) -> None:
-        self.service = service
-        self.status = Cached(lambda: msgspec.json.encode(service.status()))
-        self.config = Cached(lambda: _tagged(service.config()))
-        self.readiness = Cached(service.health)
-        self.metrics = Cached(lambda: metrics_text(service).encode())
-
-    def forget(self) -> None:
-        """Make status and configuration again for the next request, after a change."""
-        self.status.forget()
-        self.config.forget()
-
-
-def _tagged(config: Mapping[str, Any]) -> tuple[bytes, str]:
-    return msgspec.json.encode(config), etag_of(config)
-
-
-def _served(request: AnyRequest) -> Served:
-    served: Served = request.app.state.served
-    return served
-
-
-def encoded(
-    body: bytes, status: int = 200, headers: Mapping[str, str] | None = None
-) -> Response[Any]:
-    """Return an answer whose JSON is encoded already."""
-    return Response(body, status_code=status, media_type=_JSON, headers=dict(headers or {}))
-
-
-def _json(value: Any, status: int = 200, headers: Mapping[str, str] | None = None) -> Response[Any]:
-    return encoded(msgspec.json.encode(value), status, headers)
-
-
 @post(
     "/trigger",
     status_code=202,
@@ -222,13 +150,13 @@ async def trigger(request: AnyRequest) -> Response[LaunchedAnswer]:
     The body has the layout of a target in a scene; `id` and `launch.time_s` are optional. The
     target's events are those of a batch run of the scene with this target.
     """
-    served = _served(request)
+    served = served_of(request)
     service = served.service
     body = await request.body()
     key = _idempotency_key(request.headers)
     previous = service.answers.begin(key, body) if key else None
     if previous is not None:
-        return _json(previous, 202, {"Idempotent-Replayed": "true", "Location": "/status"})
+        return json_answer(previous, 202, {"Idempotent-Replayed": "true", "Location": "/status"})
     answer = None
     try:
         answer = await asyncio.to_thread(service.launch, json_object(body))
@@ -236,7 +164,7 @@ async def trigger(request: AnyRequest) -> Response[LaunchedAnswer]:
         served.forget()
         if key:
             service.answers.end(key, answer)
-    return _json(answer, 202, {"Location": "/status", **_lateness(service)})
+    return json_answer(answer, 202, {"Location": "/status", **lateness(service)})
 
 
 def _idempotency_key(headers: Mapping[str, str]) -> str | None:
@@ -244,11 +172,6 @@ def _idempotency_key(headers: Mapping[str, str]) -> str | None:
     if key is not None and not (0 < len(key) <= 200 and key.isascii() and key.isprintable()):
         raise ProblemError(400, "Idempotency-Key must have 1 to 200 printable ASCII characters")
     return key
-
-
-def _lateness(service: Service) -> dict[str, str]:
-    """Return the header that states how late the last cycle was, s."""
-    return {"Opir-Late": f"{service.run.late_s:.3f}"}
 
 
 @post(
@@ -271,14 +194,14 @@ async def retry_output(
     An output that its destination refuses keeps its events in its spool and tries again later and
     later; this makes it try at once.
     """
-    answer = await asyncio.to_thread(_served(request).service.retry, output)
-    return _json(answer, 202, {"Location": "/status"})
+    answer = await asyncio.to_thread(served_of(request).service.retry, output)
+    return json_answer(answer, 202, {"Location": "/status"})
 
 
 @get("/status", **described())
 async def status(request: AnyRequest) -> Response[Status]:
     """State and counts of the simulation, its sensors and its sinks."""
-    return encoded(await _served(request).status.get())
+    return encoded(await served_of(request).status.get())
 
 
 # Registered before the other routes of its path: the framework's own answer has the methods of the
@@ -292,7 +215,7 @@ async def config_options() -> Response[None]:
 @get("/config", response_headers=[_TAG], **described(links=_AFTER_CONFIG))
 async def config(request: AnyRequest) -> Response[Config]:
     """The present configuration, with all settings."""
-    body, tag = await _served(request).config.get()
+    body, tag = await served_of(request).config.get()
     if request.headers.get("if-none-match") == tag:
         return encoded(b"", 304, {"ETag": tag})
     return encoded(body, headers={"ETag": tag})
@@ -341,7 +264,7 @@ async def patch_config(request: AnyRequest) -> Response[Configured]:
 
 
 async def _configured(request: AnyRequest, *, is_patch: bool) -> Response[Configured]:
-    served = _served(request)
+    served = served_of(request)
     if not served.service.settings.config_writes:
         raise ProblemError(403, "the service was started with --no-config-writes")
     settings = json_object(await request.body())
@@ -356,14 +279,14 @@ async def _configured(request: AnyRequest, *, is_patch: bool) -> Response[Config
         )
     finally:
         served.forget()
-    return _json(Configured(cycle), headers={"ETag": tag})
+    return json_answer(Configured(cycle), headers={"ETag": tag})
 
 
 @get("/detections", **described(query=DetectionsQuery, links=_AFTER_PAGE))
 async def detections(request: AnyRequest) -> Response[DetectionsAnswer]:
     """Recent detections, newest first; `next` is the parameter `after` of the next page."""
     query: DetectionsQuery = query_of(request)
-    service = _served(request).service
+    service = served_of(request).service
     end = None if query.after is UNSET else int(query.after, 36)
     lines, following = service.feed.history.page(_filter(query, service), end, query.limit)
     cursor = (
@@ -405,16 +328,16 @@ def _sensor_rows(query: DetectionsQuery, service: Service) -> tuple[int, ...] | 
 async def tracks(request: AnyRequest) -> Response[TracksAnswer]:
     """The latest estimate of each track, newest first."""
     query: TracksQuery = query_of(request)
-    documents = _served(request).service.feed.tracks
-    return _json({"tracks": documents.latest(query.limit, trail=query.trail == "true")})
+    documents = served_of(request).service.feed.tracks
+    return json_answer({"tracks": documents.latest(query.limit, trail=query.trail == "true")})
 
 
 @get("/activity", **described())
 async def activity(request: AnyRequest) -> Response[ActivityAnswer]:
     """Detections per sensor and second of the last two minutes."""
-    service = _served(request).service
+    service = served_of(request).service
     scene_us = service.run.scene.epoch_us + service.run.time_ns // 1000
-    return _json(service.feed.activity.document(scene_us))
+    return json_answer(service.feed.activity.document(scene_us))
 
 
 @get(
@@ -445,7 +368,7 @@ async def stream(request: AnyRequest) -> Stream:
     `time_s`, as far as the history has them. With any other `Last-Event-ID` than a number that this
     run has reached, the stream begins anew.
     """
-    service = _served(request).service
+    service = served_of(request).service
     if service.feed.viewers >= service.settings.maximum_viewers:
         raise ProblemError(
             503, "the maximum number of viewers is connected", headers={"Retry-After": "5"}
@@ -478,10 +401,10 @@ async def _frames(service: Service, client: Client) -> AsyncIterator[bytes]:
 )
 async def live(request: AnyRequest) -> Response[Liveness]:
     """Whether the simulation is alive: it has not failed and no call is stuck."""
-    run = _served(request).service.run
+    run = served_of(request).service.run
     reasons = list(run.progress().stuck)
     is_alive = run.state != "failed" and not reasons
-    return _json(Liveness(run.state, reasons), 200 if is_alive else 503)
+    return json_answer(Liveness(run.state, reasons), 200 if is_alive else 503)
 
 
 @get(
@@ -491,24 +414,27 @@ async def live(request: AnyRequest) -> Response[Liveness]:
 )
 async def ready(request: AnyRequest) -> Response[Readiness]:
     """Whether cycles end in time, no sink has failed and no backlog grows."""
-    served = _served(request)
+    served = served_of(request)
     try:
         health = await asyncio.wait_for(served.readiness.get(), _STATUS_S)
         readiness = Readiness(health.ready, health.reasons)
     except TimeoutError:
         readiness = Readiness(False, [f"the status is not available within {_STATUS_S:g} s"])
-    return _json(readiness, 200 if readiness.ready else 503, _lateness(served.service))
+    return json_answer(readiness, 200 if readiness.ready else 503, lateness(served.service))
 
 
 @get("/metrics", media_type="text/plain", **described("Metrics"))
 async def metrics(request: AnyRequest) -> Response[bytes]:
     """Metrics in Prometheus's text format."""
-    return Response(await _served(request).metrics.get(), media_type=CONTENT_TYPE)
+    return Response(await served_of(request).metrics.get(), media_type=CONTENT_TYPE)
 
 
 ROUTES = [
     trigger,
     retry_output,
+    task_options,
+    task,
+    untask,
     status,
     config_options,
     config,

@@ -7,11 +7,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
+import numpy as np
 from attrs import asdict, evolve, fields
+from msgspec import UnsetType
 
 from opir_core.errors import OpirError
+from opir_core.geometry import geodetic_to_ecef
 from opir_core.host import Watchdog
-from opir_core.live import LiveRun, LiveStatus
+from opir_core.live import LiveRun, LiveStatus, SensorTask
 from opir_core.output import SinkStatus, chosen_renderer
 from opir_core.plugin import EncoderContext
 from opir_http.answers import (
@@ -22,6 +25,8 @@ from opir_http.answers import (
     Retried,
     SinkState,
     Status,
+    Task,
+    TaskedAnswer,
     Viewers,
 )
 from opir_http.feed import Feed
@@ -152,6 +157,33 @@ class Service:
             time_s=launched.time_s,
             timestamp=self._timestamp(round(launched.time_s * 1e9)),
             cycle=launched.cycle,
+        )
+
+    def task(self, sensor_id: str, task: Task) -> TaskedAnswer:
+        """Have a sensor do a task, with neither place nor track what the director commands; return
+        the answer.
+        """
+        if sensor_id not in [sensor.id for sensor in self.run.plan.sensors]:
+            raise ProblemError(404, f"there is no sensor {sensor_id!r}")
+        place_m = None
+        if not isinstance(task.place_deg, UnsetType):
+            place_m = geodetic_to_ecef(*np.radians(task.place_deg), 0.0)
+        track = -1 if isinstance(task.track_id, UnsetType) else task.track_id
+        try:
+            record = self.run.task(
+                SensorTask(sensor=sensor_id, position_ecef_m=place_m, track=track)
+            )
+        except OpirError as error:
+            raise problem_of(error) from error
+        if record.refusal:
+            raise ProblemError(409, record.refusal)
+        starts = record.start_s == record.start_s  # nan is not itself
+        return TaskedAnswer(
+            sensor_id=sensor_id,
+            track_id=None if record.track < 0 else record.track,
+            time_s=record.time_s,
+            start_s=record.start_s if starts else None,
+            from_s=record.from_s if starts else None,
         )
 
     def retry(self, output: str) -> Retried:

@@ -148,5 +148,5 @@ class DirectorContract(SceneContract):
         )
 
 
-def _everywhere(_sensor: str, position_ecef_m: FloatArray) -> BoolArray:
+def _everywhere(_sensor: str, position_ecef_m: FloatArray, _after_s: float = 0.0) -> BoolArray:
     return np.ones(len(position_ecef_m), dtype=np.bool_)
