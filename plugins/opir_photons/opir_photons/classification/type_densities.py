@@ -74,8 +74,9 @@ class Glides:
         """Return ln (n, flights) of the densities of events."""
         log_density = np.full((len(count), self.log_scale.shape[1]), -np.inf)
         rows = np.flatnonzero(count >= self.least_count)
-        columns = (column[rows] for column in (place, signal, variance, count))
-        glided = self.mixture.log_class_densities(*columns, 0.5, _LEAST_GLIDE)
+        glided = self.mixture.log_class_densities(
+            place[rows], signal[rows], variance[rows], count[rows], 0.5, _LEAST_GLIDE
+        )
         log_density[rows] = glided + self.log_scale[place[rows]]
         return log_density
 
