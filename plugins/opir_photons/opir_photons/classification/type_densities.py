@@ -72,8 +72,13 @@ class Glides:
         self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray
     ) -> FloatArray:
         """Return ln (n, flights) of the densities of events."""
-        glided = self.mixture.log_class_densities(place, signal, variance, count, 0.5, _LEAST_GLIDE)
-        return np.where(count[:, None] < self.least_count, -np.inf, glided + self.log_scale[place])
+        log_density = np.full((len(count), self.log_scale.shape[1]), -np.inf)
+        rows = np.flatnonzero(count >= self.least_count)
+        glided = self.mixture.log_class_densities(
+            place[rows], signal[rows], variance[rows], count[rows], 0.5, _LEAST_GLIDE
+        )
+        log_density[rows] = glided + self.log_scale[place[rows]]
+        return log_density
 
 
 @frozen(eq=False)
