@@ -233,7 +233,7 @@ def test_lowtran_itself_below_the_horizon_is_met_to_1_percent(climate, aerosol):
         model = LowtranAtmosphere((fine_grid(nodes),), None)
         reference = np.array([float(row[band]) for row in rows])
         off = np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - reference)
-        # Near 6.2 µm one of 420 paths is off by 0.0124 (0.0121 in the wider band of FCI); from 10.8 to 11.6 µm, where the air is
-        # clear down to the humid kilometres that rays graze, by 0.037.
+        # Near 6.2 µm one of 420 paths is off by 0.0124 (0.0121 in the wider band of FCI); from 10.8
+        # to 11.6 µm, where the air is clear down to the humid kilometres that rays graze, by 0.037.
         assert np.max(off) < {"ABI_08": 0.0125, "FCI_63": 0.0125, "ABI_14": 0.04}.get(band, 0.01)
         assert np.sqrt(np.mean(np.square(off))) < (0.008 if band == "ABI_14" else 0.003)

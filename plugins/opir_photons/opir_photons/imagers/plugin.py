@@ -77,7 +77,16 @@ FCI_LONG_NEI_W_M2 = {
 #: A pixel is sampled every 2 km at nadir, from 35 786 km.
 PIXEL_URAD = 56.0
 
-LONG_WAVES = {"long-waves": {"bands": LONG_BANDS, "band_nei_w_m2": LONG_NEI_W_M2}}
+#: Colder detectors with larger wells, which the Earth's long waves do not fill; notional.
+LONG_FOCAL_PLANE = {"subframes": 8, "detector_temperature_k": 60.0, "well_capacity_e": 1e8}
+
+LONG_WAVES = {
+    "long-waves": {
+        "bands": LONG_BANDS,
+        "band_nei_w_m2": LONG_NEI_W_M2,
+        "focal_plane": LONG_FOCAL_PLANE,
+    }
+}
 
 ABI_SCANS: Mapping[str, Mapping[str, Any]] = {
     "full-disk": {"scan_period_ms": 600_000.0},
@@ -95,7 +104,11 @@ AHI_SCANS: Mapping[str, Mapping[str, Any]] = {
 FCI_SCANS: Mapping[str, Mapping[str, Any]] = {
     "full-disk": {"scan_period_ms": 600_000.0},
     "rapid-scan": {"scan_period_ms": 150_000.0},
-    "long-waves": {"bands": FCI_LONG_BANDS, "band_nei_w_m2": FCI_LONG_NEI_W_M2},
+    "long-waves": {
+        "bands": FCI_LONG_BANDS,
+        "band_nei_w_m2": FCI_LONG_NEI_W_M2,
+        "focal_plane": LONG_FOCAL_PLANE,
+    },
 }
 
 #: Settings that all imagers have.

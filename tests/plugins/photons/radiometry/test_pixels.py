@@ -23,6 +23,7 @@ from opir_photons.radiometry import (
 from opir_photons.radiometry.configs import CLIMATES
 from opir_photons.radiometry.earth import sky_tables
 
+import opir_core as opir
 from opir_core import Host
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import Band, SensorModel
@@ -136,3 +137,35 @@ def test_the_imagers_are_sensor_models_with_presets_by_scan(name, presets):
     periods = [preset["scan_period_ms"] for preset in scans]
     assert max(periods) == 600_000.0
     assert min(periods) == (150_000.0 if name == "MTG-FCI" else 30_000.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "slot_deg"), [("GOES-ABI", -75.2), ("MTG-FCI", 0.0)])
+def test_long_bands_of_imagers_see_a_launcher_before_the_earth(name, slot_deg):
+    """Looks fall into the minute in which it is brightest, from behind; wells that the Earth fills
+    see nothing.
+    """
+    scene = {
+        "scene": "long waves",
+        "epoch": "2026-01-15T12:00:00Z",
+        "duration_s": 200,
+        "seed": 3,
+        "sensors": [
+            {
+                "model": name,
+                "id": "S",
+                "orbital_slot_deg": slot_deg,
+                "preset": "long-waves",
+                "scan_period_ms": 30_000.0,
+            }
+        ],
+        "targets": [{"id": "T", "model": "ascent", "lat_deg": 5.2, "lon_deg": slot_deg + 40.0}],
+        "detection": "snr",
+        "atmosphere": {"model": "lowtran", "climate": "tropical"},
+        "background": {"model": "earth", "climate": "tropical"},
+        "outputs": [],
+    }
+    plan = opir.compile_plan(opir.scene_from_mapping(scene))
+    window = opir.Engine(plan).advance(plan.end_ns)
+    times_s = window.detections.time_s[window.truth.target == 0]
+    assert np.any((times_s > 60.0) & (times_s < 150.0))
