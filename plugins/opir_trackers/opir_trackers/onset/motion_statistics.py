@@ -40,6 +40,10 @@ _LEFT_OUT = 0.03 / (24.0 * 128.0)
 #: Information of a prior of any motion: 1000 km, 100 km/s, 10 km/s², 10 km/s³.
 _ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
 
+#: Where the lines of two sensors meet at an angle δ, the determinant of the information of a place
+#: is sin² δ / 32 of its trace cubed: this at one degree.
+_ONE_WAY = 1e-5
+
 #: Lines that are as many numbers, two each, as twice the coefficients: what is decided on fewer is
 #: summed further, as they alone say how a slow scanner's target moves.
 _FEW_LINES = 3 * ORDERS
@@ -135,6 +139,14 @@ class MotionStatistics(Columns):
     def has_begun_anew(self) -> BoolArray:
         """Return which tracks (n,) have lines from before their statistics began anew."""
         return self.label_information[:, 0, 0] > 0.0
+
+    @property
+    def lack_range(self) -> BoolArray:
+        """Return of which tracks (n,) all lines go the same way: those of one sensor that stands."""
+        place = self.static_information
+        scale = np.trace(place, axis1=1, axis2=2)
+        determinant = np.linalg.det(place)
+        return determinant <= _ONE_WAY * scale**3
 
     @property
     def may_stand(self) -> BoolArray:

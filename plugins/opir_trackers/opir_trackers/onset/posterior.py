@@ -203,16 +203,17 @@ class GroupPosterior:
     def _log_evidence(self, statistics: MotionStatistics, age_s: FloatArray) -> FloatArray:
         """Return the evidence (n, c) of the lines of tracks for the priors at their ages (n,), s, up
         to the horizon: of later lines a cubic says nothing.
+
+        One sensor alone sees neither height nor climb, which aircraft are known by.
         """
-        told_s = np.minimum(age_s, statistics.horizon_s())
+        alone = statistics.lack_range
+        told_s = np.where(alone, 0.0, np.minimum(age_s, statistics.horizon_s()))
         number = np.searchsorted(AGES_S, told_s, side="right") - 1
-        first, *others = np.unique(number).tolist()
-        if not others:
-            return log_evidence(self.priors[first], statistics)
         result = np.empty((len(number), len(self.priors[0].group)))
-        for age in (first, *others):
+        for age in np.unique(number).tolist():
             rows = (number == age).nonzero()[0]
             result[rows] = log_evidence(self.priors[age], statistics.take(rows))
+        result[np.ix_(alone, self.priors[0].needs_height)] = -np.inf
         return result
 
     def _log_densities(self, evidence: FloatArray) -> FloatArray:
