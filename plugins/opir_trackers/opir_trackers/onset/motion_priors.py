@@ -182,7 +182,7 @@ class MotionLaw:
 LAW = MotionLaw()
 
 #: Ages of tracks, s, up to which aircraft are known to have flown as aircraft.
-AGES_S = (0.0, 10.0, 20.0, 40.0, 80.0)
+AGES_S = np.array([0.0, 10.0, 20.0, 40.0, 80.0])
 
 #: Edges of the intervals of the time from lift-off to the first detection, s.
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2

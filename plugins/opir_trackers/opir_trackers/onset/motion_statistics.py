@@ -144,9 +144,11 @@ class MotionStatistics(Columns):
     def lack_range(self) -> BoolArray:
         """Return of which tracks (n,) all lines go the same way: those of one sensor that stands."""
         place = self.static_information
-        scale = np.trace(place, axis1=1, axis2=2)
-        determinant = np.linalg.det(place)
-        return determinant <= _ONE_WAY * scale**3
+        east, north, up = place.transpose(1, 2, 0)
+        determinant = east[0] * (north[1] * up[2] - north[2] * up[1])
+        determinant -= east[1] * (north[0] * up[2] - north[2] * up[0])
+        determinant += east[2] * (north[0] * up[1] - north[1] * up[0])
+        return determinant <= _ONE_WAY * self._sharpness() ** 3
 
     @property
     def may_stand(self) -> BoolArray:
@@ -173,8 +175,13 @@ class MotionStatistics(Columns):
         """Return the time (n,), s, up to which a cubic describes a boost to within the error of the
         lines' mean.
         """
-        sharp = 0.5 * np.trace(self.static_information, axis1=1, axis2=2)
+        sharp = 0.5 * self._sharpness()
         return (_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25
+
+    def _sharpness(self) -> FloatArray:
+        """Return the traces (n,) of the information of places."""
+        place = self.static_information
+        return place[:, 0, 0] + place[:, 1, 1] + place[:, 2, 2]
 
     def with_lines(
         self,
