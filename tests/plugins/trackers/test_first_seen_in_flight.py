@@ -16,10 +16,9 @@ REACH_DEG = {"IRBM": 18.0, "ICBM": 70.0, "SLBM": 48.0}
 SLOTS: Mapping[int, tuple[float, ...]] = {1: (-100.0,), 2: (-130.0, -40.0)}
 
 
-#: In a few lines of one sensor a launch moves as anything that nobody thought of may.
+#: In a few lines of one sensor a launch moves as a fast aircraft, or as what nobody thought of.
 IS_UNSURE = pytest.mark.xfail(
-    reason="P(launch) of one sensor ends at 0.84: five lines, and 'anything else' is one in ten",
-    strict=True,
+    reason="P(launch) of one sensor ends at 0.61 and 0.84: aircraft have their rate", strict=True
 )
 
 
@@ -96,7 +95,7 @@ def test_two_sensors_follow_from_the_third_line_on_and_date_the_launch(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [31, pytest.param(32, marks=IS_UNSURE), 33])
+@pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=IS_UNSURE) for seed in (31, 32)), 33])
 def test_one_sensor_recognises_a_launch_first_seen_in_flight(seed: int) -> None:
     assert one_sensor_estimates(seed).probability_launch[-1] > 0.9
 

@@ -12,9 +12,9 @@ from opir_trackers.imm.state import TrackerState, TrackTable
 from opir_trackers.onset.motion_priors import WIDE_M
 from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.onset.posterior import (
-    CHANCE,
     DARK_S,
     GONE_SCANS,
+    LOG_CHANCE,
     LOG_DARK_LAUNCH,
     log_silence,
 )
@@ -86,7 +86,7 @@ def _were_dark(models: TrackingModels, table: TrackTable, first_s: FloatArray) -
     silent_s = np.where(shines, models.silent_s(table, first_s), 0.0)
     period_s = models.longest(models.period_s, table)
     lit_s = np.maximum(table.seen_s - table.motion.epoch_s, 0.0) + period_s
-    is_surprise = log_silence(table.motion.lines, lit_s, silent_s) < np.log(CHANCE)
+    is_surprise = log_silence(table.motion.lines, lit_s, silent_s) < LOG_CHANCE
     return (silent_s > GONE_SCANS * period_s) & (is_surprise | (silent_s > DARK_S))
 
 

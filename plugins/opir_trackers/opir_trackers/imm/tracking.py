@@ -132,7 +132,7 @@ class ImmTracking:
             silent_s,
             _move_as_rockets(table.estimates.likelier_state),
         )
-        if motion is not table.motion:
+        if motion.epoch_s is not table.motion.epoch_s:
             place_m = table.estimates.likelier_position_m
             motion = motion.moved_on(table.motion, place_m, state.time_s)
         return state._replace(table=table.changed(motion=motion))

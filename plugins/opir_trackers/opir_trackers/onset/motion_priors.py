@@ -13,7 +13,7 @@ import numpy as np
 from attrs import evolve, frozen
 from opir_forecast import AT_ONCE, BEFORE_S, Ground, grounds
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_trackers.configs import HypothesesConfig
 from opir_trackers.onset.motion_statistics import BOLIDE, FACTORIALS, GROUND, LAUNCH, NONE, ORDERS
@@ -60,7 +60,8 @@ class StraightFlight(NamedTuple):
     """Flights on a course: their share; mean speed and standard deviations along and across the
     course, m/s; that of the climb, m/s; mean acceleration along the course and standard deviations
     along, across and upwards, m/s²; that of the jerk, m/s³; mean and standard deviation of the
-    height, m, by default those of the ground.
+    height, m, by default those of the ground; whether one sensor alone tells them from launches no
+    more than from other flights, and is not asked.
     """
 
     share: float
@@ -69,6 +70,7 @@ class StraightFlight(NamedTuple):
     gain_m_s2: tuple[float, float, float, float]
     jerk_m_s3: float
     height_m: _Pair | None = None
+    needs_height: bool = False
 
 
 @frozen
@@ -168,7 +170,9 @@ class MotionLaw:
     flights: tuple[StraightFlight, ...] = (
         StraightFlight(0.31, (230.0, 60.0, 90.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01, _ALOFT_M),
         StraightFlight(0.09, (450.0, 120.0, 180.0), 15.0, (0.0, 0.2, 0.2, 0.1), 0.01, _ALOFT_M),
-        StraightFlight(0.10, (170.0, 70.0, 90.0), 100.0, (0.0, 0.3, 0.3, 0.3), 0.02, (2e3, 2e3)),
+        StraightFlight(
+            0.10, (170.0, 70.0, 90.0), 100.0, (0.0, 0.3, 0.3, 0.3), 0.02, (2e3, 2e3), True
+        ),
         StraightFlight(0.31, (230.0, 60.0, 90.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5, _ALOFT_M),
         StraightFlight(0.09, (450.0, 120.0, 180.0), 60.0, (0.0, 2.0, 6.0, 3.0), 0.5, _ALOFT_M),
         StraightFlight(0.10, (330.0, 100.0, 140.0), 60.0, (0.0, 3.0, 20.0, 5.0), 1.0, _ALOFT_M),
@@ -178,7 +182,7 @@ class MotionLaw:
 LAW = MotionLaw()
 
 #: Ages of tracks, s, up to which aircraft are known to have flown as aircraft.
-AGES_S = (0.0, 10.0, 20.0, 40.0, 80.0)
+AGES_S = np.array([0.0, 10.0, 20.0, 40.0, 80.0])
 
 #: Edges of the intervals of the time from lift-off to the first detection, s.
 _EDGES_S = BEFORE_S * np.linspace(0.0, 1.0, 9) ** 2
@@ -196,6 +200,7 @@ class _Component(NamedTuple):
     interval: int = -1
     fades_s: float = np.inf
     bounds: FloatArray = _UNBOUND
+    needs_height: bool = False
 
 
 @frozen(eq=False)
@@ -206,7 +211,7 @@ class MotionPriors:
     `interval` (c,) is that of `edges_s` for launches from rest, -1 for others; their weights need
     the scan period. `fades_s` (c,) is the mean time for which they are bright, infinite for what
     burns or flies on. `bounds` (c, 7) are standard deviations of height, velocity and acceleration
-    that last, infinite for none.
+    that last, infinite for none. One sensor alone leaves out what `needs_height` (c,).
     """
 
     group: IntArray
@@ -216,6 +221,7 @@ class MotionPriors:
     interval: IntArray
     fades_s: FloatArray
     bounds: FloatArray
+    needs_height: BoolArray
     edges_s: FloatArray
 
     @classmethod
@@ -233,8 +239,8 @@ class MotionPriors:
         ]
         likely = [component for component in components if component.weight > 0.0]
         columns = map(np.array, zip(*likely, strict=True))
-        group, weight, mean, root, interval, fades_s, bounds = columns
-        return cls(group, np.log(weight), mean, root, interval, fades_s, bounds, _EDGES_S)
+        group, weight, *others = columns
+        return cls(group, np.log(weight), *others, edges_s=_EDGES_S)
 
     def at(self, age_s: float) -> "MotionPriors":
         """Return the priors of tracks of an age: aircraft have still the height, speed and
@@ -295,7 +301,7 @@ def _aircraft(
 ) -> list[_Component]:
     """Return the priors of flights of aircraft, which last."""
     return [
-        component._replace(bounds=_lasting(flight))
+        component._replace(bounds=_lasting(flight), needs_height=flight.needs_height)
         for flight in flights
         for component in _on_courses(weight, [flight], kinds)
     ]

@@ -40,6 +40,10 @@ _LEFT_OUT = 0.03 / (24.0 * 128.0)
 #: Information of a prior of any motion: 1000 km, 100 km/s, 10 km/s², 10 km/s³.
 _ANY_MOTION = np.diag(np.repeat([1e6, 1e5, 1e4, 1e4], 3) ** -2.0)
 
+#: Where the lines of two sensors meet at an angle δ, the determinant of the information of a place
+#: is sin² δ / 32 of its trace cubed: this at one degree.
+_ONE_WAY = 1e-5
+
 #: Lines that are as many numbers, two each, as twice the coefficients: what is decided on fewer is
 #: summed further, as they alone say how a slow scanner's target moves.
 _FEW_LINES = 3 * ORDERS
@@ -137,6 +141,16 @@ class MotionStatistics(Columns):
         return self.label_information[:, 0, 0] > 0.0
 
     @property
+    def lack_range(self) -> BoolArray:
+        """Return of which tracks (n,) all lines go the same way: those of one sensor that stands."""
+        place = self.static_information
+        east, north, up = place.transpose(1, 2, 0)
+        determinant = east[0] * (north[1] * up[2] - north[2] * up[1])
+        determinant -= east[1] * (north[0] * up[2] - north[2] * up[0])
+        determinant += east[2] * (north[0] * up[1] - north[1] * up[0])
+        return determinant <= _ONE_WAY * self._sharpness() ** 3
+
+    @property
     def may_stand(self) -> BoolArray:
         """Return which tracks (n,) have lines and are not decided to be anything that moves."""
         has_lines = self.static_information[:, 0, 0] + self.label_information[:, 0, 0] > 0.0
@@ -161,8 +175,13 @@ class MotionStatistics(Columns):
         """Return the time (n,), s, up to which a cubic describes a boost to within the error of the
         lines' mean.
         """
-        sharp = 0.5 * np.trace(self.static_information, axis1=1, axis2=2)
+        sharp = 0.5 * self._sharpness()
         return (_LEFT_OUT * np.sqrt(np.maximum(sharp, 1e-12))) ** -0.25
+
+    def _sharpness(self) -> FloatArray:
+        """Return the traces (n,) of the information of places."""
+        place = self.static_information
+        return place[:, 0, 0] + place[:, 1, 1] + place[:, 2, 2]
 
     def with_lines(
         self,

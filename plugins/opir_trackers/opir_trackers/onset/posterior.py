@@ -32,7 +32,7 @@ GONE_SCANS = 5.0
 #: A silence longer than this, s, in the first lines is no look or two that were missed; notional.
 #: Nor is a shorter one that is as improbable as the second, by the lines so far.
 DARK_S = 3.0
-CHANCE = 1e-3
+LOG_CHANCE = float(np.log(1e-3))
 
 #: Log of the share of launches that are hidden for so long, behind edges of clouds; notional.
 LOG_DARK_LAUNCH = float(np.log(0.01))
@@ -111,7 +111,7 @@ class GroupPosterior:
         priors = MotionPriors.of(config)
         with np.errstate(divide="ignore"):
             return cls(
-                priors=(priors, *(priors.at(age_s) for age_s in AGES_S[1:])),
+                priors=(priors, *(priors.at(age_s) for age_s in AGES_S[1:].tolist())),
                 log_rate=np.log(np.array(per_day) / 86400.0),
                 bolide_s=config.bolide_s,
                 log_clutter=np.log(clutter_per_sr / detection_probability),
@@ -203,16 +203,20 @@ class GroupPosterior:
     def _log_evidence(self, statistics: MotionStatistics, age_s: FloatArray) -> FloatArray:
         """Return the evidence (n, c) of the lines of tracks for the priors at their ages (n,), s, up
         to the horizon: of later lines a cubic says nothing.
+
+        One sensor alone sees neither height nor climb, which aircraft are known by.
         """
-        told_s = np.minimum(age_s, statistics.horizon_s())
-        number = np.searchsorted(AGES_S, told_s, side="right") - 1
-        first, *others = np.unique(number).tolist()
-        if not others:
-            return log_evidence(self.priors[first], statistics)
-        result = np.empty((len(number), len(self.priors[0].group)))
-        for age in (first, *others):
-            rows = (number == age).nonzero()[0]
-            result[rows] = log_evidence(self.priors[age], statistics.take(rows))
+        alone = statistics.lack_range
+        told_s = np.where(alone, 0.0, np.minimum(age_s, statistics.horizon_s()))
+        number = AGES_S.searchsorted(told_s, side="right") - 1
+        if len(number) == 1:
+            result = log_evidence(self.priors[int(number[0])], statistics)
+        else:
+            result = np.empty((len(number), len(self.priors[0].group)))
+            for age in np.unique(number).tolist():
+                rows = (number == age).nonzero()[0]
+                result[rows] = log_evidence(self.priors[age], statistics.take(rows))
+        result[alone[:, None] & self.priors[0].needs_height] = -np.inf
         return result
 
     def _log_densities(self, evidence: FloatArray) -> FloatArray:
