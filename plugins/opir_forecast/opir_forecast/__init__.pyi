@@ -27,6 +27,7 @@ from opir_forecast.launch_points import (
     Ground as Ground,
     LaunchDelayPrior as LaunchDelayPrior,
     LaunchPoints as LaunchPoints,
+    are_in_orbit as are_in_orbit,
     delays_at_once as delays_at_once,
     grounds as grounds,
     launches as launches,

@@ -5,10 +5,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from opir_estimation import PredictedMeasurements, taylor_weights
+from opir_estimation import PredictedMeasurements, dot, taylor_weights
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.flight import height_and_up
 from opir_core.geometry import WGS84
 
@@ -25,6 +25,21 @@ class LaunchPoints(NamedTuple):
     def nowhere(cls, count: int) -> "LaunchPoints":
         """Return unknown points."""
         return cls(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
+
+
+def are_in_orbit(state: FloatArray) -> BoolArray:
+    """Return which inertial states (n, 6) fly in orbits that stay above the ground.
+
+    The perigee follows from energy and angular momentum (Bate, Mueller and White, Fundamentals of
+    Astrodynamics, 1971, 1.6).
+    """
+    position = state[:, :3]
+    velocity = state[:, 3:6]
+    energy = 0.5 * dot(velocity, velocity) - EARTH_MU_M3_S2 / np.sqrt(dot(position, position))
+    momentum = np.cross(position, velocity)
+    parameter_m = dot(momentum, momentum) / EARTH_MU_M3_S2
+    square = np.maximum(1.0 + 2.0 * energy * parameter_m / EARTH_MU_M3_S2, 0.0)
+    return np.asarray(parameter_m > EARTH_EQUATORIAL_RADIUS_M * (1.0 + np.sqrt(square)))
 
 
 def updated_points(earlier: LaunchPoints, points: LaunchPoints) -> LaunchPoints:

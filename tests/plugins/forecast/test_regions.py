@@ -189,3 +189,20 @@ def test_points_along_a_flight_beyond_its_end_have_regions(beyond_m: float) -> N
     origin = (0.2, 0.1)
     for region in regions_of(points_about(origin, plane), origin=np.array(origin)):
         assert 0.0 < region.area_km2 < 1e6
+
+
+@pytest.mark.parametrize("chance", [0.1, 0.14, 0.19, 0.3])
+def test_an_improbable_glide_has_its_part_of_a_region(chance: float) -> None:
+    """What is left out of 95 % are the rarest places: of a glide at most 5 % of all."""
+    count = 192
+    rng = np.random.default_rng(4)
+    falls = normal(count, (20e3, 8e3)) + np.array([800e3, 0.0])
+    glides, others = (
+        np.stack([rng.uniform(5e5, 3e6, each), rng.uniform(-4e5, 4e5, each)], axis=1)
+        for each in (count, 2000)
+    )
+    places = points_about((0.3, 0.2), np.concatenate([falls, glides]))
+    weight = np.repeat([1.0 - chance, chance], count) / count
+    region = regions(places, weight, origin=np.array([0.3, 0.2]))[2]
+    held = share_inside(region, points_about((0.3, 0.2), others))
+    assert held > (chance - 0.05) / chance - 0.05

@@ -36,8 +36,11 @@ class BurnEndLaw:
     least_s: float = 10.0
     least_looks: int = 8
 
-    #: Least burn of a stage, s, as in the law of vehicles.
+    #: Least burn of a stage, s, and median and standard deviation of the logarithm of that of later
+    #: stages, as in the law of vehicles (`opir_forecast/vehicles.json`).
     stage_s: float = 12.0
+    later_s: float = 65.0
+    later_sigma: float = 0.45
 
     #: Steps of the force, of its errors, and of the time of staging, s; looks within a step of the
     #: force count as one.
@@ -274,10 +277,15 @@ class BurnPrior(NamedTuple):
         times_s = np.arange(earliest_s, grid.end_s - LAW.stage_s, LAW.staging_step_s)
         return np.concatenate([[self.ignition_s], times_s])
 
-    def log_weights(self, stagings: int) -> FloatArray:
-        """Return the log prior weights (t,) of none and the other stagings."""
-        each = np.log(LAW.staging_step_s / self.stage.every_s)
-        return np.where(np.arange(stagings) > 0, each, 0.0)
+    def log_weights(self, stagings_s: FloatArray, end_s: float) -> FloatArray:
+        """Return the log prior weights (t,) of none and the other stagings, of a burn with an end: a
+        stage that began a few seconds ago would not be over.
+        """
+        burn_s = np.maximum(end_s - stagings_s, LAW.least_s)
+        score = np.log(burn_s / LAW.later_s) / LAW.later_sigma
+        log = np.log(LAW.staging_step_s / self.stage.every_s) - 0.5 * score * score
+        log[0] = 0.0
+        return log
 
     def forces(self, grid: _Grid, staging_s: float) -> FloatArray:
         """Return mean and components (k, 7) of the force along the velocity, m/s², of a burn with a
@@ -505,13 +513,17 @@ class _Fit(NamedTuple):
         stagings_s = prior.stagings_s(path.grid)
         unknowns = _Unknowns.of(path, prior, stagings_s)
         found = _posteriors(unknowns, path, bins)
-        log = found.log_evidence + prior.log_weights(len(stagings_s))
-        share = np.exp(log - log.max())
-        share /= share.sum()
+        share = _shares(found.log_evidence + prior.log_weights(stagings_s, path.grid.end_s))
         best = np.unravel_index(np.argmax(share), share.shape)
         fitted = unknowns.path(path, int(best[1]), found.staged[best], found.others[best])
         gravity = prior.motion.fall.gravity(fitted.states[:, :3])
         return cls(_mixed(path.grid.end_s, share, found), fitted._replace(gravity=gravity))
+
+
+def _shares(log: FloatArray) -> FloatArray:
+    """Return probabilities that add up to one, by their logarithms but for a constant."""
+    share = np.exp(log - log.max())
+    return share / share.sum()
 
 
 def _posteriors(unknowns: _Unknowns, path: _Path, bins: _Bins) -> _Posteriors:

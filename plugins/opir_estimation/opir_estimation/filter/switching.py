@@ -203,15 +203,19 @@ class ImmFilter:
     def with_burn_ends(
         self, estimates: ModeEstimates, ends: Mapping[int, BurnEnd], time_s: float
     ) -> ModeEstimates:
-        """Return the estimates at a time with coasts from the ends of burns by row, but for those
-        that contradict the filter: of burns unlike any along the velocity.
+        """Return the estimates at a time with coasts from the ends of burns by row, where these know
+        the velocity better, and do not contradict the filter, as burns do that are unlike any along
+        the velocity.
+
+        The filter knows earlier stages too.
         """
         mean = estimates.coast_mean.copy()
         root = estimates.coast_root.copy()
         for row, end in ends.items():
             coast = self._coast_from_end(estimates.part(np.array([row])), end, time_s)
             step = matvec(estimates.coast_root[row : row + 1], coast.mean - mean[row])
-            if dot(step, step)[0] < CONTRADICTION:
+            is_surer = _velocity_sharpness(coast.root[0]) > _velocity_sharpness(root[row])
+            if is_surer and dot(step, step)[0] < CONTRADICTION:
                 mean[row] = coast.mean[0]
                 root[row] = coast.root[0]
         return evolve(estimates, coast_mean=mean, coast_root=root)
@@ -442,6 +446,13 @@ class ImmFilter:
         np.multiply(difference, np.sqrt(boost * coast), out=side[:, :, -1])
         mean: FloatArray = boost * boost_mean + coast * estimates.coast_mean
         return mean, square_root.gram(side)
+
+
+def _velocity_sharpness(root: FloatArray) -> float:
+    """Return the product of the velocity's inverse standard deviations by an information root (6, 6),
+    on independent axes.
+    """
+    return float(np.abs(np.prod(np.diagonal(root)[3:])))
 
 
 def _with_bounded_burns(

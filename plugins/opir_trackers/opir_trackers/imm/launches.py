@@ -12,6 +12,7 @@ from opir_forecast import (
     InFlight,
     LaunchDelayPrior,
     LaunchPoints,
+    are_in_orbit,
     delays_at_once,
     launch_of,
     launches,
@@ -104,6 +105,10 @@ def with_launch_points(models: TrackingModels, state: TrackerState, span_s: floa
     launch = table.launch.copy()
     covariance = table.launch_covariance.copy()
     launch[rows], covariance[rows] = updated_points(earlier, points)
+    # An orbit does not tell how long it has lasted: no boost leads back to its launch.
+    orbiting = rows[are_in_orbit(table.estimates.likelier_state[rows])]
+    launch[orbiting] = np.nan
+    covariance[orbiting] = np.nan
     return state._replace(table=table.changed(launch=launch, launch_covariance=covariance))
 
 
