@@ -1,0 +1,62 @@
+"""How often each sensor sees what at least two others see."""
+
+import numpy as np
+from attrs import evolve
+from opir_estimation import dot
+
+from opir_core.arrays import FloatArray
+from opir_trackers.imm.models import TrackingModels
+from opir_trackers.imm.predict import SlicePrediction
+from opir_trackers.imm.state import TrackerState
+from opir_trackers.parts import Association
+
+#: Two sensors agree; a third one may contradict them.
+FEWEST_SENSORS = 3
+
+#: Sine of the least elevation, 5°, of a sensor that surely sees a target.
+LEAST_SINE = 0.087
+
+
+def with_agreement(
+    models: TrackingModels,
+    state: TrackerState,
+    prediction: SlicePrediction,
+    association: Association,
+) -> TrackerState:
+    """Return the state with the sums of `Agreement` after a slice's lines."""
+    sensors = len(models.period_s)
+    if sensors < FEWEST_SENSORS:
+        return state
+    table = state.table
+    sensor = prediction.lines.sensor
+    owned = (association.owner >= 0).nonzero()[0]
+    looks = np.zeros((len(table), sensors))
+    np.add.at(looks, (association.owner[owned], sensor[owned]), 1.0)
+    total = np.bincount(sensor, minlength=sensors).astype(np.float64)
+    chance = _look_chances(models, state, prediction)
+    registration = state.registration
+    agreement = registration.agreement.after(looks, total, table.seen, chance)
+    return state._replace(registration=evolve(registration, agreement=agreement))
+
+
+def _look_chances(
+    models: TrackingModels, state: TrackerState, prediction: SlicePrediction
+) -> FloatArray:
+    """Return the probabilities (n, sensors) of a look on each track in a slice, 0 out of view."""
+    sensors = models.biases.sensors
+    when_s = np.array([prediction.end_s])
+    rate = models.association.detection_probability / models.period_s
+    watches = [not sensor.pointing and bool(sensor.is_watching(when_s)[0]) for sensor in sensors]
+    chance = np.where(watches, -np.expm1(-rate * prediction.span_s), 0.0)
+    place = state.table.estimates.likelier_position_m
+    origin, *_ = models.biases.geometry(prediction.end_s, state.table.seen)
+    line = origin - place[:, None]
+    line /= np.sqrt(np.sum(line * line, axis=2))[:, :, None]
+    zenith = place / np.sqrt(dot(place, place))[:, None]
+    sine = np.sum(line * zenith[:, None], axis=2)
+    outwards = origin / np.sqrt(dot(origin, origin))[:, None]
+    off_nadir = np.sum(line * outwards, axis=2)
+    least = [max(float(np.sin(sensor.minimum_elevation_rad)), LEAST_SINE) for sensor in sensors]
+    field = np.cos([sensor.field_of_regard_half_angle_rad for sensor in sensors])
+    burns = state.table.estimates.weight[:, :1] > 0.5
+    return np.where(burns & (sine > least) & (off_nadir > field), chance, 0.0)
