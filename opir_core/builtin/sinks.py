@@ -133,6 +133,11 @@ class LineFile(Sink):
             _standard_output() if path == STANDARD_OUTPUT else _opened(place, appends=appends)
         )
 
+    @property
+    def takes_quiet_windows(self) -> bool:
+        """Whether heartbeats follow windows without events."""
+        return self._heartbeats is not None
+
     def write(self, window: Window) -> None:
         """Encode the window's events and write them."""
         self.write_encoded(window, self.encoded(window))
