@@ -5,8 +5,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_forecast.particles import LAW as PARTICLES
-from opir_forecast.present_burn import LAW, PresentBurns, present_burns
-from opir_forecast.vehicles import STAGES, VehicleModel, VehicleStages
+from opir_forecast.present_burn import PresentBurns, present_burns
+from opir_forecast.vehicles import LAW, STAGES, VehicleModel, VehicleStages
 
 #: Rate of burns that do not end, 1/s: its logarithm is finite.
 LEAST_RATE = 1e-30
