@@ -134,6 +134,11 @@ class LineFile(Sink):
         )
         self._growing = GrowingFile(self._descriptor)
 
+    @property
+    def takes_quiet_windows(self) -> bool:
+        """Whether heartbeats follow windows without events."""
+        return self._heartbeats is not None
+
     def write(self, window: Window) -> None:
         """Encode the window's events and write them."""
         self.write_encoded(window, self.encoded(window))

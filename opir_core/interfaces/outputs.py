@@ -84,6 +84,11 @@ class Sink(PluginPart):
         return
 
     @optional
+    def takes_quiet_windows(self) -> bool:
+        """Whether a live run passes the sink windows without events too: it tells of silence."""
+        return False
+
+    @optional
     def waits(self) -> int:
         """How often `write` has waited for room in the sink's own buffer."""
         return 0

@@ -488,7 +488,7 @@ class LiveRun:
         """Write a window to the sinks, first to those with a spool: no event is visible before it
         is safe from loss.
         """
-        sinks = [sink for sink in self._sinks if sink.has_events(window)]
+        sinks = [sink for sink in self._sinks if sink.takes(window)]
         for sink in sinks:
             if sink.is_spooled:
                 sink.write(window, self._stopping)

@@ -56,6 +56,9 @@ from opir_core.output.geojson import (
     region_figures as region_figures,
     region_texts as region_texts,
 )
+from opir_core.output.heartbeats import (
+    Heartbeats as Heartbeats,
+)
 from opir_core.output.pump import (
     SinkReport as SinkReport,
 )

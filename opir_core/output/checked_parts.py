@@ -95,6 +95,9 @@ class CheckedSink(CheckedPart, Sink):
             )
             raise SinkError(self._stuck) from None
 
+    takes_quiet_windows = _of_part(
+        "takes_quiet_windows", "Whether it takes windows without events."
+    )
     waits = _of_part("waits", "How often `write` has waited.")
     outlives_the_process = _of_part(
         "outlives_the_process", "Whether the buffer outlives the process."

@@ -113,9 +113,9 @@ class OpenSink:
         """Whether the sink is closed."""
         return self._final is not None
 
-    def has_events(self, window: Window) -> bool:
-        """Return whether a window has events for the sink."""
-        return self._count(window) > 0
+    def takes(self, window: Window) -> bool:
+        """Return whether the sink takes a window: one with events for it, or each."""
+        return self._count(window) > 0 or self._sink.takes_quiet_windows
 
     def write_now(self, window: Window) -> None:
         """Write a window; a closed sink only counts it, and a sink that fails is closed."""

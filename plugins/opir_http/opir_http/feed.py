@@ -11,7 +11,7 @@ import msgspec
 
 from opir_core.host import described_error
 from opir_core.live import LiveWindow
-from opir_core.output import ForgeEncoder, unix_microseconds
+from opir_core.output import ForgeEncoder, Heartbeats, unix_microseconds
 from opir_core.plugin import EncoderContext, Window
 from opir_http.activity import Activity
 from opir_http.history import History
@@ -138,6 +138,8 @@ class Client:
 class Feed:
     """Encodes a run's windows without delaying it; `status` returns the document sent to viewers
     each second.
+
+    With `heartbeat_s` viewers are told at this interval of the scene which sensors watched.
     """
 
     def __init__(
@@ -147,7 +149,13 @@ class Feed:
         most_tracks: int,
         status: Callable[[], Any],
         hypotheses: tuple[str, ...] = (),
+        heartbeat_s: float | None = None,
     ) -> None:
+        self._heartbeats = (
+            None
+            if heartbeat_s is None
+            else Heartbeats(context.sensors, context.epoch_us, heartbeat_s)
+        )
         self.history = History(history)
         self.activity = Activity([sensor.id for sensor in context.sensors])
         self.tracks = TrackDocuments(context.epoch_us, most_tracks, hypotheses)
@@ -252,6 +260,10 @@ class Feed:
         if len(window.tracks):
             tracks = frame("tracks", _json(self.tracks.take(window.tracks)))
             frames.append((0, tracks, tracks))
+        beats = b"" if self._heartbeats is None else self._heartbeats.until(window.end_s)
+        if beats:
+            heartbeats = frame("heartbeats", b"[" + b",".join(beats.splitlines()) + b"]")
+            frames.append((0, heartbeats, heartbeats))
         if time.monotonic() >= self._status_due_s:
             self._status_due_s = time.monotonic() + _STATUS_S
             status = frame("status", _json(self._status()))

@@ -11,6 +11,7 @@ import numpy as np
 from attrs import asdict, evolve, fields
 from msgspec import UnsetType
 
+from opir_core import Scene
 from opir_core.errors import OpirError
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.host import Watchdog
@@ -37,6 +38,12 @@ from opir_http.sensors import sensor_states, timestamp
 from opir_http.settings import LIVE, HttpSettings
 
 
+def _heartbeat_s(scene: Scene) -> float | None:
+    """Return the shortest interval of heartbeats of a scene's outputs, None without one."""
+    given = [getattr(choice.config, "heartbeat_s", None) for choice in scene.outputs]
+    return min((interval for interval in given if interval is not None), default=None)
+
+
 class Service:
     """A run, its feed and its settings; methods that change the run are called off the event
     loop.
@@ -57,6 +64,7 @@ class Service:
             settings.maximum_tracks,
             self.status,
             run.plan.hypothesis_names,
+            _heartbeat_s(run.plan.scene),
         )
         self.answers = Answers()
         self._writing = threading.Lock()

@@ -1,10 +1,10 @@
 """Heartbeats among events: who watched when, on a grid of the run, and no event of it."""
 
 import json
+from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 from attrs import evolve
 from file_sinks import encoder
@@ -16,8 +16,8 @@ from opir_core.output import deliver
 from opir_core.output.heartbeats import Heartbeats
 from opir_core.plugin import Delivery, Sensor
 
-EPOCH = np.datetime64("2026-04-01T12:00:00", "us")
-EPOCH_US = int(EPOCH.astype(np.int64))
+EPOCH = datetime(2026, 4, 1, 12, tzinfo=UTC)
+EPOCH_US = round(EPOCH.timestamp() * 1e6)
 
 SCENE = {
     "scene": "beats",
@@ -55,7 +55,7 @@ def beats(lines: bytes) -> list[tuple[str, float, float]]:
 
 
 def seconds(moment: str) -> float:
-    return float((np.datetime64(moment.removesuffix("Z"), "us") - EPOCH) / np.timedelta64(1, "s"))
+    return (datetime.fromisoformat(moment) - EPOCH).total_seconds()
 
 
 def sensors() -> tuple[Sensor, ...]:

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from boost_law import ASCENTS, BURN, MISSILE, MODEL, RATIO
-from opir_forecast.present_burn import LAW
 from opir_forecast.stage_endings import StageEndings
-from opir_forecast.vehicles import VehicleStages
+from opir_forecast.vehicles import LAW, VehicleStages
 from scipy.integrate import quad
 from scipy.stats import lognorm
 

@@ -144,7 +144,7 @@ def test_a_heartbeat_that_cannot_be_is_refused_with_its_line(
     assert "line 1: " + words in errors
 
 
-def test_spans_that_touch_are_one() -> None:
+def test_spans_that_touch_are_joined() -> None:
     spans = [(float(number), number + 1.0) for number in range(10) if number != 6]
     assert merged(spans[::-1] + spans) == ((0.0, 6.0), (7.0, 10.0))
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.plugin import SensorHealth
+from opir_estimation.registration.agreement import Agreement
 from opir_estimation.registration.error_filter import LAW, Moments
 from opir_estimation.registration.innovations import TrackInnovations
 from opir_estimation.registration.registration import Registration
@@ -29,6 +30,7 @@ def sensor_health(registration: Registration, names: tuple[str, ...]) -> SensorH
         _SensorRow(
             {name: column[row] for name, column in figures.items()},
             float(registration.innovations.looks[row]),
+            _contradiction(registration.agreement, row),
             bool(registration.noise[row] == 1.0),
             registration.errors.comparisons > 0,
             hidden,
@@ -102,12 +104,13 @@ def _eliminated(rows: FloatArray) -> FloatArray:
 
 
 class _SensorRow(NamedTuple):
-    """Figures of the sensor with a number, its looks, whether its noise is assumed to be as stated,
-    and the unobservable combinations of all.
+    """Figures of the sensor with a number, its looks, how it contradicts others, whether its noise
+    is assumed to be as stated, and the unobservable combinations of all.
     """
 
     figures: dict[str, Any]
     looks: float
+    contradiction: str
     is_noise_stated: bool
     is_compared: bool
     hidden: FloatArray
@@ -118,6 +121,8 @@ class _SensorRow(NamedTuple):
 def _sentence(sensor: _SensorRow) -> Iterator[str]:
     """Yield the figures of a sensor in words, part by part."""
     figures = sensor.figures
+    if sensor.contradiction:
+        yield sensor.contradiction
     if not figures["bias_sigma_rad"].max() < LAW.small_rad:
         yield _bias(sensor) + _unseen(sensor, _NAMES[:2])
     elif not sensor.is_compared:
@@ -132,6 +137,20 @@ def _sentence(sensor: _SensorRow) -> Iterator[str]:
         clock = f"clock {figures['clock_s']:+.2f} ± {figures['clock_sigma_s']:.2f} s"
         yield clock + _unseen(sensor, _NAMES[2:])
     yield from _noise(sensor)
+
+
+def _contradiction(agreement: Agreement, row: int) -> str:
+    """Return in words how a sensor contradicts the others; nothing of one that does not."""
+    if not agreement.contradicts[row]:
+        return ""
+    expected, shared, alone = (
+        round(float(sums[row])) for sums in (agreement.expected, agreement.shared, agreement.alone)
+    )
+    elsewhere = f", and {alone} elsewhere" if alone else ""
+    return (
+        f"contradicts the others: {shared} of {expected} expected looks on targets that two of them"
+        f" see{elsewhere}"
+    )
 
 
 def _noise(sensor: _SensorRow) -> Iterator[str]:

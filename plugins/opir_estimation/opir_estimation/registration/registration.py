@@ -13,6 +13,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_estimation.filter.estimates import ModeEstimates
 from opir_estimation.gating import GatedPairs
 from opir_estimation.lines_of_sight import LinesOfSight, least_sigma_rad
+from opir_estimation.registration.agreement import Agreement
 from opir_estimation.registration.error_filter import LAW, ErrorFilter, Moments
 from opir_estimation.registration.innovations import (
     SensorInnovations,
@@ -43,9 +44,10 @@ class Registration:
     `known` are the reported and corrected errors, `wide` includes improbable scales; `apart_rad`
     (s,) is the standard deviation that the errors leave between the sensors that see a target,
     `noise` (s,) the scale of their noise, of which `scales` has the probabilities, and `most_noise`
-    (s,) the largest one since they were as stated. `period_s` (s,) are their scan periods; `compared_s` is
-    the time of the last comparison, `is_doubted` whether it spoke against sensors that are as stated
-    without certainty. `waiting` are the innovations since the noise was judged by some, at `judged_s`.
+    (s,) the largest one since they were as stated. `agreement` is how often they see what others
+    see. `period_s` (s,) are their scan periods; `compared_s` is the time of the last comparison,
+    `is_doubted` whether it spoke against sensors that are as stated without certainty. `waiting` are
+    the innovations since the noise was judged by some, at `judged_s`.
     """
 
     errors: ErrorFilter
@@ -57,6 +59,7 @@ class Registration:
     scales: NoiseScales
     innovations: SensorInnovations
     tracks: TrackInnovations
+    agreement: Agreement
     period_s: FloatArray
     time_s: float = 0.0
     compared_s: float = -np.inf
@@ -80,6 +83,7 @@ class Registration:
             NoiseScales.of(sensors),
             SensorInnovations.of(sensors),
             TrackInnovations.begun(np.empty(0, dtype=np.int64), sensors),
+            Agreement.of(sensors),
             period_s,
         )
 
@@ -268,6 +272,7 @@ class Registration:
             scales=self.scales.at(step_s),
             innovations=self.innovations.faded(step_s),
             tracks=self.tracks.faded(step_s, self.period_s),
+            agreement=self.agreement.faded(step_s),
             time_s=time_s,
         )
 

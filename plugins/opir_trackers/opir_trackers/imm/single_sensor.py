@@ -141,25 +141,29 @@ class SingleSensor:
         """Return the rows (m,), of some, with motions that ascents are like, and what these say
         along their lines.
         """
-        compared = list[int]()
-        axes = list[FloatArray]()
-        moments = list[AlongSight]()
+        found = self._matches(table, rows, motions, has_ended)
+        compared = np.array([row for row, _, _ in found], dtype=np.int64)
+        axis = np.array([axis for _, axis, _ in found]).reshape(-1, 3)
+        mean = np.array([along.mean for _, _, along in found]).reshape(-1, 3)
+        covariance = np.array([along.covariance for _, _, along in found]).reshape(-1, 3, 3)
+        # Ascents move relative to the Earth, and the part of its rotation along the line is the
+        # same at all distances.
+        mean[:, 1] += dot(axis, table.estimates.boost_mean[compared, :3] @ SPIN.T)
+        return compared, _Along(axis, mean, covariance)
+
+    def _matches(
+        self, table: TrackTable, rows: IntArray, motions: list[_Motion], has_ended: bool
+    ) -> list[tuple[int, FloatArray, AlongSight]]:
+        """Return the rows that ascents are like, their axes, and the moments along these."""
+        found = list[tuple[int, FloatArray, AlongSight]]()
         # A track is compared with thousands of ascents.
         for row, motion in zip(rows.tolist(), motions, strict=True):
             view = self._view(table, row, motion)
             sighting = view.sighting._replace(has_ended=has_ended)
             along = along_sight(self.ascents, sighting, self._ignitions_s(view.sensor))
             if along is not None:
-                compared.append(row)
-                axes.append(view.axis)
-                moments.append(along)
-        mean = np.array([along.mean for along in moments]).reshape(-1, 3)
-        covariance = np.array([along.covariance for along in moments]).reshape(-1, 3, 3)
-        axis = np.array(axes).reshape(-1, 3)
-        # Ascents move relative to the Earth, and the part of its rotation along the line is the
-        # same at all distances.
-        mean[:, 1] += dot(axis, table.estimates.boost_mean[compared, :3] @ SPIN.T)
-        return np.array(compared, dtype=np.int64), _Along(axis, mean, covariance)
+                found.append((row, view.axis, along))
+        return found
 
     @cached_property
     def ascents(self) -> BoostAscents:

@@ -19,6 +19,7 @@ from opir_estimation import (
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.association import hard_measurements, merged
+from opir_trackers.imm.agreement import with_agreement
 from opir_trackers.imm.burnouts import with_looks
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.motion import motion_after
@@ -64,6 +65,7 @@ def update(
         return next_state
     next_state = with_looks(next_state, prediction, looks)
     next_state = _registered(models, next_state, prediction, association)
+    next_state = with_agreement(models, next_state, prediction, association)
     return _with_detections(models, next_state, prediction, association, reported)
 
 

@@ -4,13 +4,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from attrs import evolve
+from opir_scoring.evidence import true_states_ecef
 from scipy.stats import chi2
 
 import opir_core as opir
+from opir_core.flight import propagate_kepler
+from opir_core.geometry import eci_to_ecef
 
 COUNT = 4
 OUTAGE_S = (70.0, 85.0)
 BURN_MEAN_S = 150.0
+SPIN = np.array([0.0, 0.0, 7.292115e-5])
 
 #: Launches from the west coast of America and the Pacific, towards the west.
 PLACES = ((33.0, -119.0), (41.0, -124.0), (28.0, -115.0), (36.0, -122.0))
@@ -86,3 +91,33 @@ def test_one_sensor_that_stops_leaves_the_other_to_tell_the_burn() -> None:
     run = opir.simulate(scene(533, {"EAST": [[0.0, OUTAGE_S[0]]]}))
     assert (burning(run, 100.0) > 0.99).all()
     assert errors(run, 85.0).sum() < chi2.ppf(0.999, 6 * COUNT)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shift_s", [-1.5, 1.0])
+def test_a_burnout_near_the_end_of_an_outage_is_found_and_held(shift_s: float) -> None:
+    """One look in two seconds misses; the last light, or the end of the outage, is 4 s ago."""
+    flight = scene(534, {})
+    targets = flight.targets[:1]
+    burnout_s = float(opir.compile_plan(evolve(flight, targets=targets)).targets.end_s[0])
+    end_s = burnout_s + shift_s
+    spans = ((0.0, end_s - 10.0), (end_s, burnout_s + 10.0))
+    late = evolve(
+        flight,
+        targets=targets,
+        duration_s=float(np.ceil(burnout_s + 10.0)),
+        watched_s={"WEST": spans, "EAST": spans},
+    )
+    run = opir.run_of_plan(opir.compile_plan(late))
+    found_s = np.ceil(max(burnout_s, end_s) + 4.0)
+    assert (burning(run, found_s) < 0.5).all()
+    tracks = run.tracks.take(np.flatnonzero(run.tracks.tick_s == found_s))
+    assert len(tracks) == 1
+    truth = true_states_ecef(run.plan, np.zeros(1, dtype=np.int32), np.array([burnout_s - 1e-3]))
+    place, velocity = truth[:, :3], truth[:, 3:]
+    since_s = np.array([found_s - burnout_s])
+    inertial = propagate_kepler(place, velocity + np.cross(SPIN, place), since_s)
+    place, velocity = (eci_to_ecef(vector, since_s) for vector in inertial)
+    error = tracks.state[0] - np.hstack([place, velocity - np.cross(SPIN, place)])[0]
+    squared = error @ np.linalg.solve(tracks.state_covariance[0], error)
+    assert squared < chi2.ppf(0.999, 6)

@@ -1,0 +1,39 @@
+"""The stream says which sensor watched, where the scene asks for it."""
+
+import json
+from typing import Any
+
+import pytest
+from attrs import evolve
+from opir_http.feed import Feed
+from opir_testing import stub_sensor, stub_window
+
+from opir_core.live import LiveWindow
+from opir_core.plugin import EncoderContext
+
+
+def heartbeats(heartbeat_s: float | None) -> list[Any]:
+    """Return the heartbeats of the frames of two windows of a second without detections."""
+    context = EncoderContext(sensors=(stub_sensor(),), epoch_us=0)
+    feed = Feed(context, 100, 10, dict, heartbeat_s=heartbeat_s)
+    told = []
+    for number in (1, 2):
+        window = evolve(stub_window(0), start_s=number - 1.0, end_s=float(number))
+        plan: Any = None
+        frames = feed._frames(LiveWindow(window, number, 0, plan))
+        for _, full, brief in frames:
+            head, _, data = full.partition(b"\ndata: ")
+            if head == b"event: heartbeats":
+                assert full == brief
+                told += json.loads(data)
+    return told
+
+
+def test_heartbeats_are_frames_of_the_stream() -> None:
+    spans = [(beat["watched_from"][17:21], beat["watched_to"][17:21]) for beat in heartbeats(0.5)]
+    assert spans == [("00.0", "00.5"), ("00.5", "01.0"), ("01.0", "01.5"), ("01.5", "02.0")]
+
+
+@pytest.mark.parametrize("heartbeat_s", [None, 10.0])
+def test_a_stream_without_due_heartbeats_has_no_frame_of_them(heartbeat_s: float | None) -> None:
+    assert heartbeats(heartbeat_s) == []
