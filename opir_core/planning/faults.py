@@ -9,8 +9,7 @@ from attrs import evolve
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.sensors import Sensor, Spans
 from opir_core.planning.sensor_states import turned
-from opir_core.random_streams.failures import failure_spans_s
-from opir_core.random_streams.philox import stream_key
+from opir_core.random_streams.philox import failure_spans_s, stream_key
 from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, SensorFault
 from opir_core.scene.scene import Scene
 

@@ -15,8 +15,7 @@ from opir_core.interfaces.sensors import Orbit, Sensor
 from opir_core.orbits.contacts import contact_intervals, crosslink_intervals
 from opir_core.orbits.orbit_models import GeostationaryOrbit
 from opir_core.planning.links import Network, NetworkPath, StationPlace, Transmitter
-from opir_core.random_streams.failures import failure_spans_s
-from opir_core.random_streams.philox import stream_key
+from opir_core.random_streams.philox import failure_spans_s, stream_key
 from opir_core.scene.links import ANY, Downlink, GroundStation, LinkOutage, Links
 from opir_core.scene.scene import Scene
 

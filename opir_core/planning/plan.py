@@ -271,12 +271,8 @@ def reseeded(plan: Plan, seed: int) -> Plan:
     host = plan.host
     if any(fault.mtbf_s is not None for fault in scene.faults):
         return compile_plan(scene, host)
-    changed = evolve(
-        plan,
-        scene=scene,
-        bias=drawn_bias(seed, plan.sensors),
-        links=network(scene, plan.sensors),
-    )
+    changed = evolve(plan, scene=scene, bias=drawn_bias(seed, plan.sensors))
+    changed = evolve(changed, links=network(scene, plan.sensors))
     with PluginErrors(host, scene):
         if scene.sources or plan.detection.uses_seed:
             changed = evolve(changed, **_seeded_parts(plan, scene))

@@ -25,6 +25,10 @@ SCHEME = (
 )
 
 _WORDS_PER_BLOCK = 4
+
+#: Failures that are read at a time.
+_FAILURES_READ = 64
+
 _SEPARATOR = b"\x1f"
 
 #: Of the 4096 directions of normal pairs.
@@ -92,6 +96,29 @@ def uniforms_of(words: WordArray) -> FloatArray:
     numbers = _floats(words)
     numbers *= 2.0**-53
     return numbers
+
+
+def failure_spans_s(
+    key: int, *, mtbf_s: float, mttr_s: float, start_s: float, end_s: float
+) -> FloatArray:
+    """Return the spans (n, 2) of scene time, s, in which something has failed between two times.
+
+    It works at `start_s`. Times between repair and failure have the mean `mtbf_s`, times to repair
+    `mttr_s`, both exponential; in the long run it has failed for the share mttr / (mtbf + mttr).
+    The last span is cut at `end_s`. `key` is that of a stream (`stream_key`).
+    """
+    stream = Stream(key, words=2)
+    batches = [np.empty((0, 2))]
+    time_s = start_s
+    while time_s < end_s:
+        uniforms = uniforms_of(stream.words(_FAILURES_READ * (len(batches) - 1), _FAILURES_READ))
+        lengths_s = -np.log1p(-uniforms) * np.tile([mtbf_s, mttr_s], _FAILURES_READ)
+        edges_s = time_s + np.cumsum(lengths_s)
+        batches.append(edges_s.reshape(-1, 2))
+        time_s = float(edges_s[-1])
+    spans_s = np.concatenate(batches)
+    spans_s = spans_s[spans_s[:, 0] < end_s]
+    return np.minimum(spans_s, end_s)
 
 
 def further_words(seeds: WordArray, numbers: WordArray) -> WordArray:
