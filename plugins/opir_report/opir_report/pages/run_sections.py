@@ -179,10 +179,10 @@ def directing_section(plots: RunPlots) -> ReportSection | None:
     head = ("sensor", "target", "why", "turns at s", "looks from s", "to s", "commands")
     rows = list(zip(*columns, *times, spans["commands"].astype(str).tolist(), strict=True))
     parts += _table_of("Who was sent where, and why", head, rows)
-    refused = Counter(
+    refusals = Counter(
         (record.sensor, record.refusal) for record in facts.run.commands if record.refusal
     )
-    rows = [(*key, grouped(count)) for key, count in refused.most_common()]
+    rows = [(*key, grouped(count)) for key, count in refusals.most_common()]
     parts += _table_of("Refused commands", ("sensor", "refusal", "commands"), rows)
     return ReportSection("directing", "Who was sent where", "", parts) if parts else None
 
