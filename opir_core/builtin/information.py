@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import FloatArray
 from opir_core.builtin.director_models import InformationConfig
 from opir_core.builtin.directors import position_at, tracks_to_follow
 from opir_core.geometry import dot
@@ -53,9 +53,10 @@ class Information(Director):
                 for sensor in situation.sensors
             ]
         )
-        prior: FloatArray = np.linalg.inv(
-            expected_covariance(tracks, situation.time_s, self._config.acceleration_density_m2_s3)
+        covariance = expected_covariance(
+            tracks, situation.time_s, self._config.acceleration_density_m2_s3
         )
+        prior = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         weights = np.nan_to_num(tracks.probability_launch, nan=1.0)
         commands = []
         for number, row, gain in greedy_pairs(prior, looks, weights):
@@ -156,8 +157,8 @@ def expected_covariance(tracks: Tracks, time_s: float, density_m2_s3: float) -> 
     density.
     """
     unknown = np.diag([_UNKNOWN_M**2] * 3 + [_UNKNOWN_M_S**2] * 3)
-    is_known: BoolArray = np.isfinite(tracks.state_covariance).all(axis=(1, 2))
-    covariance = np.where(is_known[:, None, None], tracks.state_covariance, unknown)
+    total = tracks.state_covariance.sum(axis=(1, 2), keepdims=True)
+    covariance = np.where(np.isfinite(total), tracks.state_covariance, unknown)
     since_s = (time_s - tracks.tick_s)[:, None, None]
     of_place = covariance[:, :3, :3]
     cross = covariance[:, :3, 3:]
