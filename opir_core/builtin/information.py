@@ -53,9 +53,10 @@ class Information(Director):
                 for sensor in situation.sensors
             ]
         )
-        prior = np.linalg.inv(
-            expected_covariance(tracks, situation.time_s, self._config.acceleration_density_m2_s3)
+        covariance = expected_covariance(
+            tracks, situation.time_s, self._config.acceleration_density_m2_s3
         )
+        prior = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         weights = np.nan_to_num(tracks.probability_launch, nan=1.0)
         commands = []
         for number, row, gain in greedy_pairs(prior, looks, weights):
@@ -156,14 +157,12 @@ def expected_covariance(tracks: Tracks, time_s: float, density_m2_s3: float) -> 
     density.
     """
     unknown = np.diag([_UNKNOWN_M**2] * 3 + [_UNKNOWN_M_S**2] * 3)
-    is_known = np.isfinite(tracks.state_covariance).all(axis=(1, 2))
-    covariance = np.where(is_known[:, None, None], tracks.state_covariance, unknown)
+    total = tracks.state_covariance.sum(axis=(1, 2), keepdims=True)
+    covariance = np.where(np.isfinite(total), tracks.state_covariance, unknown)
     since_s = (time_s - tracks.tick_s)[:, None, None]
-    of_place, cross, of_velocity = (
-        covariance[:, :3, :3],
-        covariance[:, :3, 3:],
-        covariance[:, 3:, 3:],
-    )
+    of_place = covariance[:, :3, :3]
+    cross = covariance[:, :3, 3:]
+    of_velocity = covariance[:, 3:, 3:]
     noise = density_m2_s3 * np.eye(3) * np.abs(since_s)
     later_cross = cross + of_velocity * since_s + 0.5 * noise * since_s
     later_place = (

@@ -14,7 +14,6 @@ from attrs import evolve
 
 from opir_core.arrays import IndexArray, IntArray
 from opir_core.host.boundary import PluginErrors
-from opir_core.interfaces.directors import SensorTask
 from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.plan import Plan
@@ -41,6 +40,7 @@ from opir_core.simulation.probability import (
 from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
 
 if TYPE_CHECKING:
+    from opir_core.interfaces.directors import SensorTask
     from opir_core.simulation.directing import Directing
     from opir_core.simulation.pointing import PointedFields
     from opir_core.simulation.reporting import ReportingDelays
@@ -147,7 +147,7 @@ class Engine:
             windows.append(evolve(window, commands=commands))
         return joined_windows(windows)
 
-    def task(self, task: SensorTask) -> CommandRecord | None:
+    def task(self, task: "SensorTask") -> CommandRecord | None:
         """Have a sensor do a task from the present time on; return what became of it, None without
         a director.
         """

@@ -175,7 +175,8 @@ class Service:
             raise ProblemError(404, f"there is no sensor {sensor_id!r}")
         place_m = None
         if not isinstance(task.place_deg, UnsetType):
-            place_m = geodetic_to_ecef(*np.radians(task.place_deg), 0.0)
+            latitude_rad, longitude_rad = np.radians(task.place_deg)
+            place_m = geodetic_to_ecef(latitude_rad, longitude_rad, 0.0)
         track = -1 if isinstance(task.track_id, UnsetType) else task.track_id
         try:
             record = self.run.task(

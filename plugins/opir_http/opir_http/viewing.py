@@ -19,7 +19,8 @@ from opir_http.openapi import described, document_of
 from opir_http.problems import ProblemError
 from opir_http.queries import LONGEST_S, SPAN_RULE, ReplayQuery, time_us
 from opir_http.replay import Replay
-from opir_http.routes import AnyRequest, application_of, encoded, query_of
+from opir_http.routes import application_of, query_of
+from opir_http.served import AnyRequest, encoded
 from opir_http.server import Server
 from opir_http.serving import bound_socket, start_text, token_of
 from opir_http.settings import HttpSettings

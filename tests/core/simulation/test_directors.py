@@ -1,10 +1,13 @@
 """Sensors with a narrow field that a director points, against what the mechanism promises."""
 
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pytest
+from repository import ROOT
 from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
@@ -230,11 +233,22 @@ CUED = {
 }
 
 
-@pytest.mark.parametrize("settings", [{"window_s": 3.7}, {"window_s": 40.0}, {"workers": 2}])
-def test_windows_and_workers_do_not_change_a_directed_run(settings: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    ("director", "settings"),
+    [
+        ("cue", {"window_s": 3.7}),
+        ("cue", {"window_s": 40.0}),
+        ("cue", {"workers": 2}),
+        ("information", {"window_s": 3.7}),
+    ],
+)
+def test_windows_and_workers_do_not_change_a_directed_run(
+    director: str, settings: dict[str, Any]
+) -> None:
     pytest.importorskip("opir_trackers")
     host = host_of(stay)
-    cued = opir.scene_from_mapping(two_sensor_scene(**CUED), host=host)
+    directed = {"model": director, "least_probability_launch": 0.0}
+    cued = opir.scene_from_mapping(two_sensor_scene(**{**CUED, "director": directed}), host=host)
     whole, sliced = opir.simulate(cued, host), opir.simulate(cued, host, **settings)
     assert np.count_nonzero(whole.detections.sensor == 2) > 300
     for one, other in zip(columns(whole), columns(sliced), strict=True):
@@ -250,6 +264,18 @@ def test_a_scene_without_a_director_has_no_word_of_it() -> None:
     assert scene_mapping(directed)["director"] == {"model": "script"}
     assert scene_hash(directed) != scene_hash(scene(stay, director=None))
     assert opir.scene_from_mapping(scene_mapping(directed), host=host_of(stay)) == directed
+
+
+def test_a_scene_without_a_director_loads_nothing_of_it() -> None:
+    code = (
+        "import sys, opir_core as opir\n"
+        "opir.simulate(opir.load_scene('examples/first_light.yaml', overrides=['duration_s=20']))\n"
+        "print([name for name in sys.modules if 'direct' in name and name.startswith('opir_core')])"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert printed.stdout.strip() == "[]"
 
 
 @pytest.mark.parametrize(

@@ -169,7 +169,7 @@ def directing_section(plots: RunPlots) -> ReportSection | None:
     """
     facts = plots.facts
     spans = directions(facts)
-    parts: list[ReportFigure | ReportTable] = []
+    contents: list[ReportFigure | ReportTable] = []
     if len(spans):
         plot = plot_of(
             "directing",
@@ -179,18 +179,18 @@ def directing_section(plots: RunPlots) -> ReportSection | None:
             _DIRECTING,
             spans,
         )
-        parts.append(plot)
+        contents.append(plot)
     columns = [spans[name].tolist() for name in ("sensor_id", "target_id", "reason")]
     times = [[f"{time:.1f}" for time in spans[name].tolist()] for name in _SPAN_TIMES]
     head = ("sensor", "target", "why", "turns at s", "looks from s", "to s", "commands")
     rows = list(zip(*columns, *times, spans["commands"].astype(str).tolist(), strict=True))
-    parts += _table_of("Who was sent where, and why", head, rows)
-    refused = Counter(
+    contents += _table_of("Who was sent where, and why", head, rows)
+    refusals = Counter(
         (record.sensor, record.refusal) for record in facts.run.commands if record.refusal
     )
-    rows = [(*key, grouped(count)) for key, count in refused.most_common()]
-    parts += _table_of("Refused commands", ("sensor", "refusal", "commands"), rows)
-    return ReportSection("directing", "Who was sent where", "", parts) if parts else None
+    rows = [(*key, grouped(count)) for key, count in refusals.most_common()]
+    contents += _table_of("Refused commands", ("sensor", "refusal", "commands"), rows)
+    return ReportSection("directing", "Who was sent where", "", contents) if contents else None
 
 
 def signal_section(plots: RunPlots) -> ReportSection | None:

@@ -12,7 +12,7 @@ from opir_report.figure_data import FigureData
 from opir_report.palette import MUTED, Hue
 from opir_report.run_facts import RunFacts
 
-#: Fields that are drawn: those that were pointed first.
+#: Fields that are drawn: those that were pointed record.
 _FIELDS_SHOWN = 24
 PLACE = Hue(MUTED, "-", "a place, or a track of no launch")
 _COLUMNS = (
@@ -34,16 +34,16 @@ def directions(facts: RunFacts) -> FigureData:
     A field turns from `start_s` to `from_s`, and looks there until `until_s`. `track_id` is -1 for
     a command without a track, `target_id` "" for a place or a track of no launch.
     """
-    taken = [record for record in facts.run.commands if not record.refusal]
+    commands = [record for record in facts.run.commands if not record.refusal]
     order = {sensor.id: place for place, sensor in enumerate(facts.run.sensors)}
-    taken.sort(key=lambda record: (order[record.sensor], record.start_s))
+    commands.sort(key=lambda record: (order[record.sensor], record.start_s))
     targets = dict(zip(facts.owners.track.tolist(), facts.owners.target.tolist(), strict=True))
     names = [*facts.ids, ""]
     duration_s = facts.plan.scene.duration_s
     rows = [
-        (sensor, track, names[targets.get(track, -1)], reason, *times_s, commands)
-        for sensor, records in groupby(taken, lambda record: record.sensor)
-        for track, reason, *times_s, commands in _spans(list(records), duration_s)
+        (sensor, track, names[targets.get(track, -1)], reason, *times_s, count)
+        for sensor, records in groupby(commands, lambda record: record.sensor)
+        for track, reason, *times_s, count in _spans(list(records), duration_s)
     ]
     return FigureData.of_rows(_COLUMNS, rows)
 
@@ -60,10 +60,10 @@ def _spans(
     ]
     ends_s = [*(group[0].start_s for group in groups[1:]), duration_s]
     for group, end_s in zip(groups, ends_s, strict=True):
-        first = group[0]
-        start_s = min(first.start_s, end_s)
-        from_s = min(first.from_s, end_s)
-        yield first.track, first.reason, start_s, from_s, end_s, len(group)
+        record = group[0]
+        start_s = min(record.start_s, end_s)
+        from_s = min(record.from_s, end_s)
+        yield record.track, record.reason, start_s, from_s, end_s, len(group)
 
 
 def direction_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
@@ -73,20 +73,20 @@ def direction_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
     names = spans.levels("sensor_id")[:_FIELDS_SHOWN]
     hue_of = dict(zip(facts.ids, facts.hues.of_target, strict=True))
     for row, name in enumerate(names):
-        of_field = spans.at("sensor_id", name)
-        for target in of_field.levels("target_id"):
-            of_target = of_field.at("target_id", target)
+        field_spans = spans.at("sensor_id", name)
+        for target in field_spans.levels("target_id"):
+            target_spans = field_spans.at("target_id", target)
             colour = hue_of.get(target, PLACE).colour
-            turn_s = of_target["from_s"] - of_target["start_s"]
-            look_s = of_target["until_s"] - of_target["from_s"]
-            turns = np.stack([of_target["start_s"], turn_s], axis=1)
-            looks = np.stack([of_target["from_s"], look_s], axis=1)
+            turn_s = target_spans["from_s"] - target_spans["start_s"]
+            look_s = target_spans["until_s"] - target_spans["from_s"]
+            turns = np.stack([target_spans["start_s"], turn_s], axis=1)
+            looks = np.stack([target_spans["from_s"], look_s], axis=1)
             axes.broken_barh(turns.tolist(), (-row - 0.05, 0.1), color=colour, linewidth=0.0)
             axes.broken_barh(looks.tolist(), (-row - 0.35, 0.7), color=colour, linewidth=0.0)
     axes.set_yticks([-float(row) for row in range(len(names))], names)
     axes.set(xlim=(0.0, facts.plan.scene.duration_s), ylim=(-len(names) + 0.4, 0.6))
-    hidden = len(spans.levels("sensor_id")) - len(names)
-    omission = f" ({hidden} more fields were pointed)" if hidden else ""
+    omission_count = len(spans.levels("sensor_id")) - len(names)
+    omission = f" ({omission_count} more fields were pointed)" if omission_count else ""
     axes.set_xlabel(f"scene time, s{omission}")
     axes.grid(axis="y", visible=False)
     has_place = "" in spans.levels("target_id")
