@@ -34,6 +34,7 @@ from opir_core.notebook import progress
 from opir_core.output.delivery import CALL_S, PARQUET, RunOutcome, deliver, has_columns
 from opir_core.output.pump import SinkReport
 from opir_core.planning.plan import Plan
+from opir_core.reading.format_versions import is_recorded
 from opir_core.scene.scene import Scene
 from opir_core.simulation.plan_checks import plan_warnings
 from opir_core.simulation.undetected import undetected_text
@@ -94,8 +95,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate the scene, or repeat a live run from its changes; what plugins print goes to standard
     error.
     """
-    from opir_core.live.recording import is_recorded  # a run of a scene does not load it
-
     if is_recorded(Path(arguments.scene)):
         return _repeated(arguments)
     with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
@@ -112,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _repeated(arguments: argparse.Namespace) -> int:
     """Repeat a live run into the output that the arguments give."""
-    from opir_core.live.recording import repeated_run
+    from opir_core.live.recording import repeated_run  # a run of a scene does not load it
 
     options = ("truth", "tracks", "commands", "manifest", "overrides", "seed", "tracker")
     unread = [f"--{name}" for name in options if getattr(arguments, name, None)]

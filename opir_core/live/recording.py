@@ -15,10 +15,8 @@ from opir_core.host.host import Host
 from opir_core.live.changes import Change, launch_change, settings_change
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.reading.format_versions import CHANGE_FORMAT
+from opir_core.reading.format_versions import CHANGE_FORMAT, CHANGES_KEY
 from opir_core.scene.scene import Scene
-
-_VERSION_KEY = "changes_version"
 
 
 class ChangesFile:
@@ -28,7 +26,7 @@ class ChangesFile:
 
     def __init__(self, path: Path, scene: Scene, *, loop: bool) -> None:
         self._path = path
-        head = {_VERSION_KEY: CHANGE_FORMAT.version, "loop": loop, "scene": scene_mapping(scene)}
+        head = {CHANGES_KEY: CHANGE_FORMAT.version, "loop": loop, "scene": scene_mapping(scene)}
         try:
             self._file = path.open("wb", buffering=0)
         except OSError as error:
@@ -63,15 +61,6 @@ class RecordedRun:
     end_ns: int | None
 
 
-def is_recorded(path: Path) -> bool:
-    """Return whether a file is one of changes."""
-    try:
-        with path.open("rb") as file:
-            return file.read(64).startswith(f'{{"{_VERSION_KEY}"'.encode())
-    except OSError:
-        return False
-
-
 def recorded_run(path: Path) -> RecordedRun:
     """Return the run of a file; `SceneError` with its line if it is invalid.
 
@@ -85,8 +74,8 @@ def recorded_run(path: Path) -> RecordedRun:
         except (ValueError, TypeError, RecursionError) as error:
             raise _invalid(path, number, f"not a change: {error}") from error
         if number == 1:
-            version = rows[0].get(_VERSION_KEY)
-            CHANGE_FORMAT.require_readable(version, path, f"line 1: {_VERSION_KEY}")
+            version = rows[0].get(CHANGES_KEY)
+            CHANGE_FORMAT.require_readable(version, path, f"line 1: {CHANGES_KEY}")
     if not rows or not isinstance(rows[0].get("scene"), dict):
         raise _invalid(path, 1, "a scene is missing")
     head, *others = rows

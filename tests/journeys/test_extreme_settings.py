@@ -46,9 +46,10 @@ SCENE: dict[str, Any] = {
     ],
 }
 
-#: Where a component stands in a scene, and which components: one sensor has the settings of all.
+#: Where a component stands in a scene, and which components: one sensor has the settings of all,
+#: but for those of a narrow field.
 PLACES = {
-    "SensorModel": ("SBIRS-GEO", "generic-pointed"),
+    "SensorModel": ("SBIRS-GEO", "LEO-NARROW"),
     "DetectionModel": ("constant", "snr"),
     "ConfidenceModel": ("weighted",),
     "DirectorModel": ("cue", "round-robin"),
@@ -104,6 +105,8 @@ def cases() -> list[Any]:
     made = []
     for kind, name, config in configurations():
         for path, attribute in settings_of(config):
+            if name == "LEO-NARROW" and path[0] != "pointing":
+                continue
             for value in values_of(attribute):
                 label = f"{name}.{'.'.join(path)}={value}"
                 made.append(pytest.param(kind, name, path, value, id=label))
@@ -120,8 +123,6 @@ def scene_with(kind: str, name: str, path: tuple[str, ...], value: float) -> dic
     inner[path[-1]] = value
     if kind == "SensorModel":
         scene["sensors"] = [{"orbital_slot_deg": -120.0, **block, "id": "S"}]
-        if name == "generic-pointed":
-            scene["sensors"][0].setdefault("bands", {"MWIR": [2.7, 2.95]})
     elif kind == "DirectorModel":
         pointed = {"model": "LEO-NARROW", "id": "N", "orbital_slot_deg": -119.0}
         block.update({"at": [[30.0, -120.0]]} if name == "round-robin" else {})
