@@ -25,7 +25,7 @@ from opir_core.cli.terminal import (
     prints_on_standard_error,
     table,
 )
-from opir_core.errors import Problem, SceneError
+from opir_core.errors import ModelError, Problem, SceneError, SinkError
 from opir_core.host.boundary import PluginErrors
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
@@ -34,6 +34,7 @@ from opir_core.notebook import progress
 from opir_core.output.delivery import CALL_S, PARQUET, RunOutcome, deliver, has_columns
 from opir_core.output.pump import SinkReport
 from opir_core.planning.plan import Plan
+from opir_core.reading.format_versions import is_recorded
 from opir_core.scene.scene import Scene
 from opir_core.simulation.plan_checks import plan_warnings
 from opir_core.simulation.undetected import undetected_text
@@ -91,7 +92,11 @@ def run_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate the scene; what plugins print goes to standard error."""
+    """Simulate the scene, or repeat a live run from its changes; what plugins print goes to standard
+    error.
+    """
+    if is_recorded(Path(arguments.scene)):
+        return _repeated(arguments)
     with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
         scene, outcome, files = _simulated(arguments)
     written = (
@@ -101,6 +106,33 @@ def run(arguments: argparse.Namespace) -> int:
     )
     _print_summary(arguments, scene, outcome, written)
     outcome.raise_for_failures()
+    return 0
+
+
+def _repeated(arguments: argparse.Namespace) -> int:
+    """Repeat a live run into the output that the arguments give."""
+    from opir_core.live.recording import repeated_run  # a run of a scene does not load it
+
+    options = ("truth", "tracks", "commands", "manifest", "overrides", "seed", "tracker")
+    unread = [f"--{name}" for name in options if getattr(arguments, name, None)]
+    if unread or (arguments.out is None and arguments.sink is None):
+        words = "a live run is repeated into one output: give -o PATH or --sink NAME, and no others"
+        raise SceneError([Problem(", ".join(unread), words)], source=arguments.scene)
+    sink = "parquet" if arguments.out and has_columns(Path(arguments.out)) else "jsonl"
+    output = {sink: {"path": arguments.out}} if arguments.out else {arguments.sink: {}}
+    with prints_on_standard_error(), ended_if_stuck(arguments.dead_after):
+        repeated = repeated_run(Path(arguments.scene), [output], Host.discover())
+        repeated.start()
+        with _ended_by_signals():
+            repeated.join()
+        status = repeated.stop(CALL_S)
+    if repeated.error is not None:
+        raise ModelError(f"the run failed: {repeated.error}")
+    if failures := [f"{sink.path}: {sink.error}" for sink in status.sinks if sink.error]:
+        raise SinkError("\n".join(failures))
+    if not arguments.quiet:
+        words = f"{repeated.scene.name}: {grouped(status.detections)} detections"
+        sys.stdout.write(f"{words}, as a live run made them, {status.time_ns * 1e-9:g} s\n")
     return 0
 
 

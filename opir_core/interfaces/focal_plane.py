@@ -42,9 +42,10 @@ class FocalPlaneConfig:
     )
     f_number: float = number(
         default=2.0,
-        above=0.0,
+        minimum=0.5,
         maximum=100.0,
-        help="focal length over aperture: sets the pitch of pixels, ifov · f · D",
+        help="focal length over aperture, 0.5 at least in air (sine condition): sets the pitch of"
+        " pixels, ifov · f · D",
     )
     fill_factor: float = number(
         default=0.9, above=0.0, maximum=1.0, help="share of a pixel that detects"

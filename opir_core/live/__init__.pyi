@@ -12,6 +12,10 @@ from opir_core.live.loops import (
 from opir_core.live.progress import (
     Progress as Progress,
 )
+from opir_core.live.recording import (
+    ChangesFile as ChangesFile,
+    repeated_run as repeated_run,
+)
 from opir_core.live.running import (
     LiveRun as LiveRun,
     LiveSettings as LiveSettings,

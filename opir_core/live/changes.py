@@ -175,7 +175,7 @@ class Change:
     """An engine with a change, ready to replace the engine of a lap.
 
     `not_after_ns` is the latest time of the lap at which it may, `reopened` the outputs that
-    change, `base` the scene of the laps to come.
+    change, `base` the scene of the laps to come, `record` what was asked for, to repeat it.
     """
 
     engine: Engine
@@ -183,6 +183,7 @@ class Change:
     not_after_ns: int | None = None
     reopened: tuple[Choice, ...] = ()
     base: Scene | None = None
+    record: Mapping[str, Any] | None = None
 
 
 class ChangeQueue:
@@ -271,7 +272,8 @@ def launch_change(plan: Plan, block: Mapping[str, Any], time_ns: int, lap: int) 
     changed_plan = with_added_targets(without_finished_targets(plan, time_ns), added)
     changed_plan.workload.require_run()
     engine = Engine(changed_plan)
-    return Change(engine, lap, int(added.targets.ignition_s.min() * 1e9))
+    record = {"launch": dict(block)}
+    return Change(engine, lap, int(added.targets.ignition_s.min() * 1e9), record=record)
 
 
 def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first_scene: Scene) -> Change:
@@ -301,7 +303,8 @@ def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first_scen
     base = evolve(read, targets=first_scene.targets)
     outputs = zip(plan.scene.outputs, read.outputs, strict=True)
     reopened = tuple(output for former_output, output in outputs if output != former_output)
-    return Change(Engine(changed), lap, reopened=reopened, base=base)
+    record = {"settings": dict(mapping)}
+    return Change(Engine(changed), lap, reopened=reopened, base=base, record=record)
 
 
 def require_plausible(scene: Scene, former: Scene, source: str) -> None:

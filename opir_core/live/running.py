@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from attrs import evolve, frozen
 
@@ -87,6 +87,18 @@ class LiveSettings:
     slows: bool = False
 
 
+class ChangesRecord(Protocol):
+    """Where a run records what changes it: a change with its lap and time of the lap, and its
+    end.
+    """
+
+    def change(self, lap: int, time_ns: int, record: Mapping[str, Any]) -> None:
+        """Record a change that is applied now."""
+
+    def end(self, time_ns: int) -> None:
+        """Record the scene time, over all laps, at which the run ends."""
+
+
 class LiveRun:
     """A scene that runs in its own thread; public methods may be called from any other thread."""
 
@@ -102,6 +114,8 @@ class LiveRun:
         self.settings = settings
         #: Called with each window by the thread of the run; must not block.
         self.on_window = on_window
+        #: Where its changes are recorded, if they are: set before the start.
+        self.changes_file: ChangesRecord | None = None
         #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always
         #: belong together.
         plan = evolve(compile_plan(scene, host), on_tracker_error=self._end_tracker)
@@ -419,6 +433,8 @@ class LiveRun:
         ) as error:  # also SystemExit of a plugin; reported by status, health and exit code
             self._error = str(error) if isinstance(error, OpirError) else described_error(error)
             self._state = "failed"
+        if self.changes_file is not None:
+            self.changes_file.end(self._counts.time_ns)
         for _, answer in self._changes.pending():
             answer.set_exception(RefusedError(f"the run has {self._state}"))
 
@@ -534,6 +550,8 @@ class LiveRun:
 
     def _apply(self, change: Change, position: RunPosition) -> None:
         """Replace the engine, the laps to come and the outputs that change."""
+        if self.changes_file is not None and change.record is not None:
+            self.changes_file.change(position.lap, position.engine.time_ns, change.record)
         change.engine.take_over(position.engine)
         self._reports.use(change.engine.plan)
         self._position = evolve(position, engine=change.engine)

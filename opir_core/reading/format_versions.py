@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from opir_core.errors import Problem, SceneError
+from opir_core.host.registry import warn
 
 _VERSION = re.compile(r"([0-9]{1,6})(?:\.([0-9]{1,6}))?")
 
@@ -64,7 +65,7 @@ class Format(NamedTuple):
             raise SceneError([Problem(place, refusal)], source=str(path))
         note = self.note(version)
         if note:
-            _warn(f"{path}: {note}")
+            warn(f"{path}: {note}")
 
 
 class StatedVersions:
@@ -87,15 +88,23 @@ EVENT_FORMAT = Format("events", "2.0", oldest_major=1)
 TRACK_FORMAT = Format("tracks", "2.0", oldest_major=1)
 TRUTH_FORMAT = Format("truth", "1.0", oldest_major=1)
 COMMAND_FORMAT = Format("commands", "1.0", oldest_major=1)
+CHANGE_FORMAT = Format("changes", "1.0", oldest_major=1)
 MANIFEST_FORMAT = Format("manifest", "2.1", oldest_major=2)
 STUDY_FORMAT = Format("study", "3.0", oldest_major=3)
 
+#: The key of the version of a file of changes.
+CHANGES_KEY = "changes_version"
 #: The formats of the files beside a manifest, which states their versions.
 RUN_FORMATS = (EVENT_FORMAT, TRACK_FORMAT, TRUTH_FORMAT, COMMAND_FORMAT)
 FORMATS = (*RUN_FORMATS, MANIFEST_FORMAT, STUDY_FORMAT)
 
 
-def _warn(words: str) -> None:
-    from logging import getLogger  # a run that warns of nothing does not load it
-
-    getLogger("opir").warning("%s", words)
+def is_recorded(path: Path) -> bool:
+    """Return whether a file has the changes of a live run: its first line begins with their
+    version.
+    """
+    try:
+        with path.open("rb") as file:
+            return file.read(64).startswith(f'{{"{CHANGES_KEY}"'.encode())
+    except OSError:
+        return False

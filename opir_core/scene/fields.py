@@ -36,6 +36,38 @@ PLAUSIBLE_BY_UNIT: Mapping[str, tuple[float, float]] = {
 }
 
 
+#: The smallest value with a meaning, by unit, of settings that must be above 0: a nanosecond, in
+#: which times are counted; a nanoradian; a millimetre, some thirty of the longest wavelengths; one
+#: electron; 1 K; of rates one event in a million years; of others what single precision tells from
+#: 0 beside the plausible. A setting without a unit is a share or a ratio.
+LEAST_BY_UNIT: Mapping[str, float] = {
+    "": 1e-30,
+    "1": 1e-30,
+    "s": 1e-9,
+    "ms": 1e-6,
+    "urad": 1e-3,
+    "deg": 1e-7,
+    "deg/s": 1e-7,
+    "m": 1e-3,
+    "km": 1e-6,
+    "m2": 1e-6,
+    "km2": 1e-12,
+    "m² s": 1e-15,
+    "m/s": 1e-6,
+    "m/s2": 1e-6,
+    "m/s²": 1e-6,
+    "m/s²/√s": 1e-6,
+    "K": 1.0,
+    "J": 1e-6,
+    "e⁻": 1.0,
+    "1/s": 1e-12,
+    "1/min": 1e-9,
+    "1/day": 1e-9,
+    "1/sr": 1e-9,
+    "kg/m³": 1e-30,
+}
+
+
 #: Subjects: what settings describe that only some components read. A component `reads` subjects; a
 #: field of a `subject` has an effect only in scenes with a component that reads it.
 LIGHT = "light"
@@ -203,8 +235,11 @@ def number(
     """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`).
 
     Values outside `plausible`, by default a range that follows from the unit, are allowed and
-    warned of. `subject` and `read_if` are as in `FieldInfo`.
+    warned of. `above` 0 is at least the smallest value with a meaning in that unit
+    (`LEAST_BY_UNIT`). `subject` and `read_if` are as in `FieldInfo`.
     """
+    if above == 0.0 and unit in LEAST_BY_UNIT:
+        minimum, above = LEAST_BY_UNIT[unit], None
     info = FieldInfo(
         help,
         unit,

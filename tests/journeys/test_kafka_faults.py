@@ -330,7 +330,7 @@ def test_the_topic_is_not_there_yet(mock, spool):
 
 
 @pytest.mark.slow
-def test_a_partition_without_a_leader_is_named_until_it_has_one(mock, spool):
+def test_a_partition_without_a_leader_is_named(mock, spool):
     topic = mock.topic(2)
     sink = kafka_sink(mock.address, topic, spool)
     fill(sink, 2, 20, 0, 0.0)

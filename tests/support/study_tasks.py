@@ -8,6 +8,11 @@ from time import sleep
 from opir_core.host.boundary import blamed_call
 
 
+def slept(duration_s):
+    sleep(duration_s)
+    return duration_s
+
+
 def doubled(number):
     return 2 * number
 

@@ -1,10 +1,13 @@
 """Tasks on the workers of a Dask scheduler; those whose worker dies run again."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from typing import Any
 
-from distributed import Client, LocalCluster, as_completed
+from distributed import Client, Future, LocalCluster, wait
+from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from opir_studies import LostTasksError
 
@@ -13,6 +16,8 @@ from opir_core.errors import OpirError
 #: So many tasks are on their way per worker: enough to keep it busy, and few to run again if the
 #: study is stopped.
 _AHEAD = 4
+#: Time, s, between two looks at the cluster while no task ends.
+_LOOK_S = 1.0
 
 
 class DaskExecutor:
@@ -38,8 +43,7 @@ class DaskExecutor:
         client = self._connected()
         lost = []
         waiting = iter(range(len(tasks)))
-        number = {}
-        running = as_completed()
+        number: dict[Future, int] = {}
         submitted = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
 
         def submit() -> None:
@@ -48,19 +52,49 @@ class DaskExecutor:
                 # Not pure: the same task of two studies is not the same result to Dask.
                 future = client.submit(function, tasks[index], pure=False)
                 number[future] = index
-                running.add(future)
 
         for _ in range(submitted):
             submit()
-        for future in running:
-            index = number.pop(future)
-            if isinstance(future.exception(), KilledWorker):
-                lost.append(index)
-            else:
-                yield index, future.result()
-            submit()
+        while number:
+            for future in self._ended(client, set(number)):
+                index = number.pop(future)
+                if isinstance(future.exception(), KilledWorker):
+                    lost.append(index)
+                else:
+                    yield index, future.result()
+                submit()
         if lost:
             raise LostTasksError(sorted(lost))
+
+    def _ended(self, client: Client, running: set[Future]) -> set[Future]:
+        """Return tasks that have ended, at least one; raises `OpirError` if the scheduler ends, or
+        has no worker for `timeout_s`.
+        """
+        seen_s = time.monotonic()
+        while True:
+            try:
+                ended: set[Future] = wait(running, _LOOK_S, "FIRST_COMPLETED").done
+            except TimeoutError:
+                is_alive = (
+                    client.status == "running" and client.scheduler_info(n_workers=-1)["workers"]
+                )
+                seen_s = time.monotonic() if is_alive else seen_s
+                if time.monotonic() - seen_s > self._timeout_s:
+                    raise self._failure(client) from None
+            except (CancelledError, CommClosedError, OSError) as error:
+                raise self._failure(client) from error
+            else:
+                if any(future.cancelled() for future in ended):
+                    raise self._failure(client)
+                return ended
+
+    def _failure(self, client: Client) -> OpirError:
+        place = self._address or "on this computer"
+        words = f"the Dask scheduler {place} has ended or been restarted"
+        if client.status == "running" and not client.scheduler_info(n_workers=-1)["workers"]:
+            words = f"the Dask scheduler {place} has had no worker for {self._timeout_s:g} s"
+        way = "start it and its workers, and run the study again: it goes on where it stopped"
+        return OpirError(f"{words}; {way}")
 
     def close(self) -> None:
         """Leave the cluster, or end the workers of this computer; allowed several times."""

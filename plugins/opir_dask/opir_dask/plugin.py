@@ -25,7 +25,7 @@ class DaskConfig:
         source="as many as there are cores",
     )
     timeout_s: float = number(
-        help="time to wait for the scheduler",
+        help="time to wait for the scheduler, and for a worker once there is none",
         default=30.0,
         unit="s",
         above=0.0,

@@ -31,7 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--workers", type=_no_workers, help=argparse.SUPPRESS)
     add_address(parser)
-    parser.add_argument("--no-config-writes", action="store_true", help="refuse PUT /config")
+    parser.add_argument(
+        "--no-config-writes", action="store_true", help="refuse PUT and PATCH /config"
+    )
+    parser.add_argument(
+        "--changes",
+        metavar="PATH",
+        help="write launches and settings here, with which `opir run` repeats the run (default:"
+        " beside the events; '' for none)",
+    )
     parser.add_argument(
         "--max-targets",
         type=_targets,

@@ -29,6 +29,7 @@ from opir_http.answers import (
     Status,
     TracksAnswer,
 )
+from opir_http.cached import Result
 from opir_http.feed import Client
 from opir_http.history import Filter
 from opir_http.metrics import CONTENT_TYPE
@@ -44,7 +45,7 @@ from opir_http.queries import (
 )
 from opir_http.reading import json_object
 from opir_http.schemas import Config
-from opir_http.served import AnyRequest, Result, Served, encoded, json_answer, lateness, served_of
+from opir_http.served import AnyRequest, Served, encoded, json_answer, lateness, served_of
 from opir_http.service import Service
 from opir_http.settings import LOOPBACK, STREAMS_PER_CLIENT
 from opir_http.task_routes import task, task_options, untask

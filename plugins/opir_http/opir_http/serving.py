@@ -18,7 +18,7 @@ from typing import Any
 from opir_core.cli import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError, SinkError
 from opir_core.host import STUCK, ended_if_stuck, warn
-from opir_core.live import LiveRun, LiveSettings, LiveStatus, limit_pauses
+from opir_core.live import ChangesFile, LiveRun, LiveSettings, LiveStatus, limit_pauses
 from opir_core.plugin import Host
 from opir_core.simulation import plan_warnings
 from opir_http.gate import Gate
@@ -73,6 +73,7 @@ def serve(arguments: argparse.Namespace) -> int:
         app = application(service)
         limit_pauses()
         with ended_if_stuck(arguments.dead_after):
+            record_changes(service.run, arguments.changes)
             service.run.start()
         log_health(service.health, stopping)
         asked_at_s = None
@@ -96,6 +97,18 @@ def serve(arguments: argparse.Namespace) -> int:
     ]:
         raise SinkError("\n".join(failures))
     return 0
+
+
+def record_changes(run: LiveRun, path: str | None) -> None:
+    """Let a run record its changes in a file: that of a path, or beside the first file of events;
+    "" for none.
+    """
+    outputs = (choice.config for choice in run.scene.outputs if choice.name == "jsonl")
+    events = next((output.path for output in outputs if output.path not in ("", "-")), None)
+    beside = None if events is None else Path(events).with_suffix(".changes.jsonl")
+    place = beside if path is None else Path(path) if path else None
+    if place is not None:
+        run.changes_file = ChangesFile(place, run.scene, loop=run.settings.loop)
 
 
 def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Service:

@@ -24,27 +24,28 @@ async def topic_fault(client: AIOKafkaClient, topic: str, partition: int | None 
     the last broker that was asked, if none answers.
     """
     described = await _answer(client, MetadataRequest([topic]))
-    row: Mapping[str, Any] = described.to_object()["topics"][0]
-    if row["error_code"] == errors.UnknownTopicOrPartitionError.errno:
+    metadata: Mapping[str, Any] = described.to_object()["topics"][0]
+    if metadata["error_code"] == errors.UnknownTopicOrPartitionError.errno:
         return f"there is no topic {topic}; make it, or let the broker make topics"
-    if row["error_code"] not in (0, errors.LeaderNotAvailableError.errno):
-        raise errors.for_code(row["error_code"])(topic)
+    if metadata["error_code"] not in (0, errors.LeaderNotAvailableError.errno):
+        raise errors.for_code(metadata["error_code"])(topic)
     rows = [
-        each for each in row["partitions"] if partition is None or each["partition"] == partition
+        row for row in metadata["partitions"] if partition is None or row["partition"] == partition
     ]
     if partition is not None and not rows:
         return f"the topic {topic} has no partition {partition} any more"
-    leaderless = [each for each in rows if each["leader"] < 0]
+    leaderless = [row for row in rows if row["leader"] < 0]
     if leaderless:
         return f"topic {topic}: {_named(leaderless)} no leader; {_away(leaderless)}"
-    needed = int((await topic_settings(client, topic)).get("min.insync.replicas", 1))
-    few = [each for each in rows if len(each["isr"]) < needed]
-    if few:
+    minimum = int((await topic_settings(client, topic)).get("min.insync.replicas", 1))
+    lagging = [row for row in rows if len(row["isr"]) < minimum]
+    if lagging:
+        in_sync = min(len(row["isr"]) for row in lagging)
         return (
-            f"topic {topic}: {_named(few)} {min(len(each['isr']) for each in few)} replicas in sync,"
-            f" where min.insync.replicas asks for {needed}; {_away(few)}"
+            f"topic {topic}: {_named(lagging)} {in_sync} replicas in sync,"
+            f" where min.insync.replicas asks for {minimum}; {_away(lagging)}"
         )
-    refused = {each["error_code"] for each in rows} - {0} - _OF_REPLICAS
+    refused = {row["error_code"] for row in rows} - {0} - _OF_REPLICAS
     if refused:
         return f"topic {topic}: {_named(rows)} {errors.for_code(min(refused)).__name__}"
     return ""
@@ -89,7 +90,7 @@ def _named(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _away(rows: Sequence[Mapping[str, Any]]) -> str:
-    away = {node for row in rows for node in row["replicas"] if node not in row["isr"]}
-    if not away:
+    absent = {node for row in rows for node in row["replicas"] if node not in row["isr"]}
+    if not absent:
         return "the brokers choose one"
-    return f"brokers away or behind: {', '.join(map(str, sorted(away)))}"
+    return f"brokers away or behind: {', '.join(map(str, sorted(absent)))}"

@@ -91,14 +91,14 @@ def test_writers_at_once_lose_no_update(fleet: RunningService) -> None:
     first = config["http"]["maximum_targets"]
     fleet.ask("PATCH", "/config", {"http": {"writes_per_s": 10_000.0}}, {"If-Match": "*"})
 
-    def raise_one() -> None:
+    def raised() -> None:
         while True:
             present, tag = tagged(fleet)
             patch = {"http": {"maximum_targets": present["http"]["maximum_targets"] + 1}}
             if fleet.ask("PATCH", "/config", patch, tag).status == 200:
                 return
 
-    threads = [threading.Thread(target=raise_one) for _ in range(writers)]
+    threads = [threading.Thread(target=raised) for _ in range(writers)]
     for thread in threads:
         thread.start()
     for thread in threads:

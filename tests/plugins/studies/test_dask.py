@@ -1,13 +1,20 @@
 """The executor `dask` gives the results of the others."""
 
+import os
+import socket
+import subprocess
+import sys
+import time
 from contextlib import closing
+from pathlib import Path
 
 import pytest
+import study_tasks
 from opir_dask.executor import DaskExecutor
 from opir_studies import LostTasksError, Study, sweep
 from opir_testing import ExecutorContract
 from study_scene import PERIOD, SCENE
-from study_tasks import doubled_or_always_killed, doubled_or_killed
+from study_tasks import doubled_or_always_killed, doubled_or_killed, slept
 
 from opir_core.errors import OpirError
 
@@ -42,6 +49,59 @@ def test_no_scheduler_is_one_message():
     message = r"no Dask scheduler answers at tcp://127.0.0.1:1 within 0\.5 s"
     with pytest.raises(OpirError, match=message):
         list(DaskExecutor("tcp://127.0.0.1:1", None, 0.5).results(doubled_or_killed, [(1, "")]))
+
+
+def program(*words):
+    """Return a process of Dask's command line."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str(Path(study_tasks.__file__).parent)},
+    )
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """Yield the address of a scheduler, its process and that of its one worker."""
+    port = free_port()
+    address = f"tcp://127.0.0.1:{port}"
+    scheduler = program("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    worker = program(
+        "worker", address, "--no-nanny", "--nthreads", "1", "--local-directory", str(tmp_path)
+    )
+    yield address, scheduler, worker
+    for process in (worker, scheduler):
+        process.kill()
+        process.wait(30.0)
+
+
+def free_port():
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        return listening.getsockname()[1]
+
+
+@pytest.mark.parametrize(
+    ("dies", "message"),
+    [
+        ("worker", r"has had no worker for 3 s; start it and its workers, and run the study again"),
+        ("scheduler", r"has ended or been restarted; start it"),
+    ],
+)
+def test_a_cluster_that_dies_ends_with_words(cluster, dies, message):
+    address, scheduler, worker = cluster
+    with closing(DaskExecutor(address, None, 30.0)) as dask:
+        results = dask.results(slept, [0.0, 60.0])
+        assert next(results) == (0, 0.0)
+        dask._timeout_s = 3.0
+        process = {"worker": worker, "scheduler": scheduler}[dies]
+        process.kill()
+        process.wait(30.0)
+        began_s = time.monotonic()
+        with pytest.raises(OpirError, match=message):
+            list(results)
+        assert time.monotonic() - began_s < 60.0
 
 
 @pytest.mark.parametrize("workers", [1, 2, 4])

@@ -123,7 +123,7 @@ class TestCsv:
             ("lat_deg,lon_deg\n1,\n", "line 2: lon_deg is missing"),
             (
                 "lat_deg,lon_deg,area_m2\n1,2,nan\n",
-                "line 2: area_m2: nan is outside (0, 1000000000000] m2",
+                "line 2: area_m2: nan is outside [1e-06, 1000000000000] m2",
             ),
             (
                 "lat_deg,lon_deg,colour\n1,2,3\n",
