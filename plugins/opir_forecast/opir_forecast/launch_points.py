@@ -28,18 +28,16 @@ class LaunchPoints(NamedTuple):
 
 
 def are_in_orbit(state: FloatArray) -> BoolArray:
-    """Return which inertial states (n, 6) fly in orbits that stay above the ground.
+    """Return which inertial states (n, 6), above the ground, fly in orbits that do not reach it.
 
-    The perigee follows from energy and angular momentum (Bate, Mueller and White, Fundamentals of
-    Astrodynamics, 1971, 1.6).
+    With their energy and angular momentum the climb there would have a negative square (Bate,
+    Mueller and White, Fundamentals of Astrodynamics, 1971, 1.4).
     """
-    position = state[:, :3]
-    velocity = state[:, 3:6]
+    position, velocity = np.split(state, 2, axis=1)
     energy = 0.5 * dot(velocity, velocity) - EARTH_MU_M3_S2 / np.sqrt(dot(position, position))
-    momentum = np.cross(position, velocity)
-    parameter_m = dot(momentum, momentum) / EARTH_MU_M3_S2
-    square = np.maximum(1.0 + 2.0 * energy * parameter_m / EARTH_MU_M3_S2, 0.0)
-    return np.asarray(parameter_m > EARTH_EQUATORIAL_RADIUS_M * (1.0 + np.sqrt(square)))
+    momentum = np.cross(position, velocity) / EARTH_EQUATORIAL_RADIUS_M
+    lacking = 0.5 * dot(momentum, momentum) - EARTH_MU_M3_S2 / EARTH_EQUATORIAL_RADIUS_M
+    return np.asarray(energy < lacking)
 
 
 def updated_points(earlier: LaunchPoints, points: LaunchPoints) -> LaunchPoints:

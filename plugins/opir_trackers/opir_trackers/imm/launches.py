@@ -8,6 +8,7 @@ import numpy as np
 from attrs import frozen
 from opir_estimation import SPIN, PredictedMeasurements, earth_rotated, emission_s
 from opir_forecast import (
+    BEFORE_S,
     FirstMotion,
     InFlight,
     LaunchDelayPrior,
@@ -105,10 +106,12 @@ def with_launch_points(models: TrackingModels, state: TrackerState, span_s: floa
     launch = table.launch.copy()
     covariance = table.launch_covariance.copy()
     launch[rows], covariance[rows] = updated_points(earlier, points)
-    # An orbit does not tell how long it has lasted: no boost leads back to its launch.
-    orbiting = rows[are_in_orbit(table.estimates.likelier_state[rows])]
-    launch[orbiting] = np.nan
-    covariance[orbiting] = np.nan
+    long_ago = rows[launch[rows, 2] < table.first_s[rows] - BEFORE_S]
+    if long_ago.size:
+        # An orbit does not tell how long it has lasted: no boost leads back to its launch.
+        orbiting = long_ago[are_in_orbit(table.estimates.likelier_state[long_ago])]
+        launch[orbiting] = np.nan
+        covariance[orbiting] = np.nan
     return state._replace(table=table.changed(launch=launch, launch_covariance=covariance))
 
 
