@@ -239,8 +239,10 @@ class MotionPriors:
         ]
         likely = [component for component in components if component.weight > 0.0]
         columns = map(np.array, zip(*likely, strict=True))
-        group, weight, *others = columns
-        return cls(group, np.log(weight), *others, edges_s=_EDGES_S)
+        group, weight, mean, root, interval, fades_s, bounds, needs_height = columns
+        return cls(
+            group, np.log(weight), mean, root, interval, fades_s, bounds, needs_height, _EDGES_S
+        )
 
     def at(self, age_s: float) -> "MotionPriors":
         """Return the priors of tracks of an age: aircraft have still the height, speed and
