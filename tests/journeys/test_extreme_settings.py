@@ -52,7 +52,6 @@ PLACES = {
     "SensorModel": ("SBIRS-GEO", "LEO-NARROW"),
     "DetectionModel": ("constant", "snr"),
     "ConfidenceModel": ("weighted",),
-    "DirectorModel": ("cue", "round-robin"),
 }
 
 #: Blocks that need other settings of theirs: their own tests have them.
@@ -123,10 +122,6 @@ def scene_with(kind: str, name: str, path: tuple[str, ...], value: float) -> dic
     inner[path[-1]] = value
     if kind == "SensorModel":
         scene["sensors"] = [{"orbital_slot_deg": -120.0, **block, "id": "S"}]
-    elif kind == "DirectorModel":
-        pointed = {"model": "LEO-NARROW", "id": "N", "orbital_slot_deg": -119.0}
-        block.update({"at": [[30.0, -120.0]]} if name == "round-robin" else {})
-        scene |= {"director": block, "sensors": [*scene["sensors"], pointed], "tracker": "imm"}
     else:
         scene[{"DetectionModel": "detection", "ConfidenceModel": "confidence"}[kind]] = block
     return scene
