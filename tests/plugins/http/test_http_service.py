@@ -73,7 +73,8 @@ def test_a_launch_gives_the_events_of_a_batch(tmp_path: Path) -> None:
     }
     mapping = scene_mapping(scene)
     plan = compile_plan(scene_from_mapping(mapping | {"targets": [*mapping["targets"], block]}))
-    encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=scene.epoch_us))
+    context = EncoderContext(sensors=plan.sensors, epoch_us=scene.epoch_us)
+    encoder = ForgeEncoder(context, has_positions=True)
     batch = encoder.encode(Engine(plan).advance(reached_ns)).splitlines()[::-1]
     assert lines.startswith(b'{"detections":[' + b",".join(batch[:1000]))
 
