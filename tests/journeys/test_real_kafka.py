@@ -53,7 +53,7 @@ PATIENT = Policy(wait_s=60.0, stall_s=90.0)
 
 
 @pytest.fixture(scope="module")
-def one(tmp_path_factory):
+def single_node(tmp_path_factory):
     """Return a broker with a listener that asks for a login and checks permissions."""
     if kafka_cluster.why_absent():
         pytest.skip(kafka_cluster.why_absent())
@@ -121,40 +121,40 @@ def forbid(admin, topic):
 
 
 @pytest.mark.parametrize("compression", ["none", "gzip", "lz4", "zstd", "snappy"])
-def test_each_compression_is_read_by_others(one, spool, compression):
-    topic = one.topic()
-    sink = kafka_sink(one.address, topic, spool, compression=compression)
+def test_each_compression_is_read_by_others(single_node, spool, compression):
+    topic = single_node.topic()
+    sink = kafka_sink(single_node.address, topic, spool, compression=compression)
     fill(sink, 3, 700, 0, 0.0)
     assert closed(sink) == Delivery(delivered=2100)
-    examine(one, topic, 2100)
+    examine(single_node, topic, 2100)
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
-def test_the_broker_restarts_under_a_run(one, spool, how):
-    topic = one.topic()
-    sink = kafka_sink(one.address, topic, spool, PATIENT)
+def test_the_broker_restarts_under_a_run(single_node, spool, how):
+    topic = single_node.topic()
+    sink = kafka_sink(single_node.address, topic, spool, PATIENT)
     fill(sink, 10, 30, 0, 0.01)
-    one.nodes[0].stop(how)
+    single_node.nodes[0].stop(how)
     fill(sink, 10, 30, 300, 0.05)
-    one.nodes[0].start()
+    single_node.nodes[0].start()
     fill(sink, 10, 30, 600, 0.05)
     until(lambda: sink.delivery_so_far().delivered == 900, within_s=120.0)
     assert sink.close() == Delivery(delivered=900)
-    one.wait_for_brokers(1)
-    examine(one, topic, 900)
+    single_node.wait_for_brokers(1)
+    examine(single_node, topic, 900)
 
 
-def test_the_broker_is_stopped_for_a_while(one, spool):
-    topic = one.topic()
-    sink = kafka_sink(one.address, topic, spool, PATIENT)
+def test_the_broker_is_stopped_for_a_while(single_node, spool):
+    topic = single_node.topic()
+    sink = kafka_sink(single_node.address, topic, spool, PATIENT)
     fill(sink, 5, 30, 0, 0.01)
-    one.nodes[0].send(signal.SIGSTOP)
+    single_node.nodes[0].send(signal.SIGSTOP)
     fill(sink, 10, 30, 150, 0.3)
-    one.nodes[0].send(signal.SIGCONT)
+    single_node.nodes[0].send(signal.SIGCONT)
     fill(sink, 5, 30, 450, 0.01)
     until(lambda: sink.delivery_so_far().delivered == 600, within_s=120.0)
     assert sink.close() == Delivery(delivered=600)
-    examine(one, topic, 600)
+    examine(single_node, topic, 600)
 
 
 def lacks_a_login(admin, topic):
@@ -175,29 +175,31 @@ def lacks_every_permission(admin, _topic):
     ],
     ids=["no login", "no permission at all"],
 )
-def test_a_login_is_refused_until_what_it_lacks_is_given(one, spool, login, lacks, reason, mend):
-    topic = one.topic()
-    admin = one.admin()
+def test_a_login_is_refused_until_what_it_lacks_is_given(
+    single_node, spool, login, lacks, reason, mend
+):
+    topic = single_node.topic()
+    admin = single_node.admin()
     lacks(admin, topic)
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
-    sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
+    sink = kafka_sink(single_node.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
     fill(sink, 5, 20, 0, 0.0)
     until(lambda: sink.parked is not None)
     assert reason in (sink.parked or "")
     mend(admin, topic)
     until(lambda: sink.delivery_so_far().delivered == 100)
     assert closed(sink) == Delivery(delivered=100)
-    examine(one, topic, 100)
+    examine(single_node, topic, 100)
 
 
-def test_a_permission_is_missing_given_taken_and_given_back(one, spool, login):
-    topic = one.topic()
-    second_topic = one.topic()
-    admin = one.admin()
+def test_a_permission_is_missing_given_taken_and_given_back(single_node, spool, login):
+    topic = single_node.topic()
+    second_topic = single_node.topic()
+    admin = single_node.admin()
     let_in(admin)
     permit(admin, second_topic)  # who may write to no topic at all gets no producer's number
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
-    sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
+    sink = kafka_sink(single_node.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
     fill(sink, 5, 20, 0, 0.0)
     until(lambda: sink.parked is not None)
     assert "(code 29); let this login write to the topic" in (sink.parked or "")
@@ -210,22 +212,22 @@ def test_a_permission_is_missing_given_taken_and_given_back(one, spool, login):
     fill(sink, 5, 20, 200, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 300)
     assert closed(sink) == Delivery(delivered=300)
-    examine(one, topic, 300)
+    examine(single_node, topic, 300)
 
 
-def test_a_login_refused_after_a_good_one_is_parked(one, spool, login):
-    topic = one.topic()
-    admin = one.admin()
+def test_a_login_refused_after_a_good_one_is_parked(single_node, spool, login):
+    topic = single_node.topic()
+    admin = single_node.admin()
     let_in(admin)
     permit(admin, topic)
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
-    sink = kafka_sink(one.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
+    sink = kafka_sink(single_node.addresses("SASL_PLAINTEXT"), topic, spool, policy, security=login)
     fill(sink, 5, 20, 0, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 100)
     shut_out(admin)
-    one.nodes[0].stop()  # a connection that is open stays so
-    one.nodes[0].start()
-    one.wait_for_brokers(1)
+    single_node.nodes[0].stop()  # a connection that is open stays so
+    single_node.nodes[0].start()
+    single_node.wait_for_brokers(1)
     fill(sink, 5, 20, 100, 0.0)
     until(lambda: sink.parked is not None)
     assert "(code 58); see security.username" in (sink.parked or "")
@@ -234,80 +236,80 @@ def test_a_login_refused_after_a_good_one_is_parked(one, spool, login):
     until(lambda: sink.delivery_so_far().delivered == 200)
     assert (sink.attempts, sink.trouble) == (0, None)
     assert closed(sink) == Delivery(delivered=200)
-    examine(one, topic, 200)
+    examine(single_node, topic, 200)
 
 
-def test_the_topic_is_made_late(one, spool):
+def test_the_topic_is_made_late(single_node, spool):
     name = f"late-{time.time_ns()}"
-    sink = kafka_sink(one.address, name, spool, PATIENT)
+    sink = kafka_sink(single_node.address, name, spool, PATIENT)
     fill(sink, 5, 20, 0, 0.2)
     assert sink.delivery_so_far().delivered == 0
     until(lambda: f"there is no topic {name}; make it" in (sink.trouble or ""))
-    one.topic(name=name)
+    single_node.topic(name=name)
     fill(sink, 5, 20, 100, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 200)
     assert closed(sink) == Delivery(delivered=200)
-    examine(one, name, 200)
+    examine(single_node, name, 200)
 
 
-def test_a_compacted_topic_is_told_at_the_start(one, spool, caplog):
-    topic = one.topic(cleanup_policy="compact")
-    sink = kafka_sink(one.address, topic, spool)
+def test_a_compacted_topic_is_told_at_the_start(single_node, spool, caplog):
+    topic = single_node.topic(cleanup_policy="compact")
+    sink = kafka_sink(single_node.address, topic, spool)
     fill(sink, 2, 20, 0, 0.0)
     until(lambda: any(f"topic {topic} is compacted" in line for line in caplog.messages))
     assert closed(sink) == Delivery(delivered=40)
 
 
-def test_a_topic_that_keeps_all_is_not_told(one, spool, caplog):
-    topic = one.topic()
-    sink = kafka_sink(one.address, topic, spool)
+def test_a_topic_that_keeps_all_is_not_told(single_node, spool, caplog):
+    topic = single_node.topic()
+    sink = kafka_sink(single_node.address, topic, spool)
     fill(sink, 2, 20, 0, 0.3)
     assert closed(sink) == Delivery(delivered=40)
     assert not any("compacted" in line for line in caplog.messages)
 
 
-def test_the_topic_is_made_anew_with_fewer_partitions(one, spool):
-    name = one.topic(3)
-    sink = kafka_sink(one.address, name, spool)
+def test_the_topic_is_made_anew_with_fewer_partitions(single_node, spool):
+    name = single_node.topic(3)
+    sink = kafka_sink(single_node.address, name, spool)
     fill(sink, 5, 20, 0, 0.0)
     assert closed(sink) == Delivery(delivered=100)
-    one.admin().delete_topics([name])[name].result(60.0)
-    until(lambda: name not in one.admin().list_topics(timeout=10.0).topics)
-    one.topic(1, name=name)
+    single_node.admin().delete_topics([name])[name].result(60.0)
+    until(lambda: name not in single_node.admin().list_topics(timeout=10.0).topics)
+    single_node.topic(1, name=name)
     # The topic is empty again, and takes all events of a run from the start.
-    second = kafka_sink(one.address, name, spool.with_name("other"))
+    second = kafka_sink(single_node.address, name, spool.with_name("other"))
     fill(second, 5, 20, 0, 0.0)
     assert closed(second) == Delivery(delivered=100)
-    assert {message.partition() for message in messages(one.address, name)} == {0}
-    examine(one, name, 100)
+    assert {message.partition() for message in messages(single_node.address, name)} == {0}
+    examine(single_node, name, 100)
 
 
-def test_partitions_are_added_under_a_run(one, spool):
-    name = one.topic(1)
-    sink = kafka_sink(one.address, name, spool, PATIENT)
+def test_partitions_are_added_under_a_run(single_node, spool):
+    name = single_node.topic(1)
+    sink = kafka_sink(single_node.address, name, spool, PATIENT)
     fill(sink, 5, 20, 0, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 100)
     more = confluent_kafka.admin.NewPartitions(name, 4)
-    one.admin().create_partitions([more])[name].result(60.0)
+    single_node.admin().create_partitions([more])[name].result(60.0)
     fill(sink, 5, 20, 100, 0.05)
     assert closed(sink) == Delivery(delivered=200)
-    assert len(messages(one.address, name)) == 200
+    assert len(messages(single_node.address, name)) == 200
 
 
-def test_batches_larger_than_the_topic_takes_arrive_in_parts(one, spool):
-    topic = one.topic(1, max_message_bytes="4000")
-    sink = kafka_sink(one.address, topic, spool, PATIENT, compression="none")
+def test_batches_larger_than_the_topic_takes_arrive_in_parts(single_node, spool):
+    topic = single_node.topic(1, max_message_bytes="4000")
+    sink = kafka_sink(single_node.address, topic, spool, PATIENT, compression="none")
     fill(sink, 3, 500, 0, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 1500)
     assert closed(sink) == Delivery(delivered=1500)
-    examine(one, topic, 1500)
+    examine(single_node, topic, 1500)
 
 
-def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(one, spool):
-    topic = one.topic(1, max_message_bytes="300")
-    admin = one.admin()
+def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(single_node, spool):
+    topic = single_node.topic(1, max_message_bytes="300")
+    admin = single_node.admin()
     policy = evolve(brief(stall_s=30.0), retry_s=0.5)
-    sink = kafka_sink(one.address, topic, spool, policy, compression="none")
+    sink = kafka_sink(single_node.address, topic, spool, policy, compression="none")
     fill(sink, 2, 20, 0, 0.0)
     until(lambda: sink.parked is not None)
     assert "(code 10)" in (sink.parked or "")
@@ -321,30 +323,36 @@ def test_a_topic_too_narrow_for_one_event_keeps_all_until_it_is_wider(one, spool
         done.result(30.0)
     until(lambda: sink.delivery_so_far().delivered == 40)
     assert closed(sink) == Delivery(delivered=40)
-    examine(one, topic, 40)
+    examine(single_node, topic, 40)
 
 
-def test_a_quota_slows_and_loses_nothing(one, spool):
-    topic = one.topic()
+def test_a_quota_slows_and_loses_nothing(single_node, spool):
+    topic = single_node.topic()
     client = ("--entity-type", "clients", "--entity-name", "slow")
-    words = ("--bootstrap-server", one.address, "--alter", *client)
+    words = ("--bootstrap-server", single_node.address, "--alter", *client)
     kafka_cluster.java(
         "kafka.admin.ConfigCommand", *words, "--add-config", "producer_byte_rate=60000"
     )
     # In batches of 10 kB: the quota is an average, and a broker slows only what follows.
     sink = kafka_sink(
-        one.address, topic, spool, PATIENT, client_id="slow", compression="none", batch_bytes=10_000
+        single_node.address,
+        topic,
+        spool,
+        PATIENT,
+        client_id="slow",
+        compression="none",
+        batch_bytes=10_000,
     )
     began = time.monotonic()
     fill(sink, 4, 500, 0, 0.0)
     until(lambda: sink.delivery_so_far().delivered == 2000, within_s=200.0)
     assert time.monotonic() - began > 3.0  # without the quota 0.3 s
     assert closed(sink) == Delivery(delivered=2000)
-    examine(one, topic, 2000)
+    examine(single_node, topic, 2000)
 
 
-def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one, spool):
-    topic = one.topic(4)
+def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(single_node, spool):
+    topic = single_node.topic(4)
     result = defaultdict(list)
     stop = threading.Event()
     group = f"group-{time.time_ns()}"
@@ -356,7 +364,7 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one, spo
             "enable.auto.commit": False,
             "log_level": 0,
         }
-        consumer = confluent_kafka.Consumer({"bootstrap.servers": one.address, **settings})
+        consumer = confluent_kafka.Consumer({"bootstrap.servers": single_node.address, **settings})
         consumer.subscribe([topic])
         while not until_stopped.is_set():
             message = consumer.poll(0.2)
@@ -369,7 +377,7 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one, spo
     ends = [stop, stop, leaves]
     threads = [threading.Thread(target=consume, args=(end,)) for end in ends]
     threads[0].start()
-    sink = kafka_sink(one.address, topic, spool, PATIENT)
+    sink = kafka_sink(single_node.address, topic, spool, PATIENT)
     fill(sink, 10, 20, 0, 0.05)
     threads[1].start()
     threads[2].start()
@@ -389,7 +397,7 @@ def test_a_group_of_consumers_rebalances_under_a_run_and_misses_nothing(one, spo
         leaves.set()
         for thread in threads:
             thread.join(30.0)
-    examine(one, topic, 800)
+    examine(single_node, topic, 800)
 
 
 def test_leaders_change_under_a_run(three, spool):

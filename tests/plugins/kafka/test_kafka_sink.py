@@ -75,9 +75,9 @@ def test_the_command_line_sends_a_run_into_a_topic(
         == 0
     )
     assert "kafka: 750 events" in capsys.readouterr().out
-    found = messages(broker.address, topic)
+    sent = messages(broker.address, topic)
     assert (
-        len({json.loads(message.value())["detection_id"] for message in found}) == len(found) == 750
+        len({json.loads(message.value())["detection_id"] for message in sent}) == len(sent) == 750
     )
 
 
@@ -174,16 +174,16 @@ def test_a_message_is_what_the_document_of_the_topic_says(broker: Any, encoder: 
     topic = broker.topic()
     settings = f"bootstrap_servers: '{broker.address}', topic: {topic}, encoder: {encoder}"
     outcome = deliver(compile_plan(scene_with(f"{{{settings}}}")))
-    found = messages(broker.address, topic)
-    assert outcome.report.sinks[0].delivered == len(found) == 750
-    for message in found:
+    sent = messages(broker.address, topic)
+    assert outcome.report.sinks[0].delivered == len(sent) == 750
+    for message in sent:
         headers = {name: value.decode() for name, value in message.headers()}
         jsonschema.Draft202012Validator(reported["headers"]).validate(headers)
         jsonschema.Draft202012Validator(reported["bindings"]["kafka"]["key"]).validate(
             message.key().decode()
         )
     payload = {**document, "$ref": f"#/components/messages/{encoder}/payload/schema"}
-    jsonschema.Draft202012Validator(payload).validate(json.loads(found[0].value()))
+    jsonschema.Draft202012Validator(payload).validate(json.loads(sent[0].value()))
 
 
 def test_every_reference_of_the_document_leads_somewhere() -> None:
@@ -191,9 +191,9 @@ def test_every_reference_of_the_document_leads_somewhere() -> None:
     found_references = list(references(document))
     assert any("$defs" in reference for reference in found_references)
     for reference in found_references:
-        found: Any = document
+        sent: Any = document
         for step in reference.removeprefix("#/").split("/"):
-            found = found[step]
+            sent = sent[step]
     assert yaml.safe_load(asyncapi_text()) == document
 
 
@@ -282,12 +282,12 @@ def test_every_await_has_a_deadline() -> None:
     something to do.
     """
     own = Path(opir_kafka.__file__).parent
-    found = [
+    sent = [
         f"{path.name}: {waited}"
         for path in sorted(own.glob("*.py"))
         for waited in awaits_without_a_deadline(ast.parse(path.read_text(encoding="utf-8")))
     ]
-    assert not [each for each in found if each.split(": ", 1)[1] not in AWAITS_THAT_END_THEMSELVES]
+    assert not [each for each in sent if each.split(": ", 1)[1] not in AWAITS_THAT_END_THEMSELVES]
 
 
 AWAITS_THAT_END_THEMSELVES = {

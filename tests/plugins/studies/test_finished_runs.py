@@ -71,7 +71,7 @@ def test_a_run_that_is_not_there_leaves_no_row(planned, tmp_path):
     assert result.definition["notes"][0].startswith("4 of 1400 runs failed")
 
 
-def test_runs_of_another_study_are_left_alone(planned, tmp_path):
+def test_runs_of_another_study_are_not_counted(planned, tmp_path):
     written(planned, tmp_path, [range(700)])
     other = planned_study(
         Study(

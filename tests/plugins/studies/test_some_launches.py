@@ -258,6 +258,6 @@ def test_a_share_that_is_not_all_is_never_printed_as_all(share, text):
     assert percent_text(share) == text
 
 
-def test_a_share_has_its_interval_where_there_is_one():
+def test_a_share_has_its_interval_if_known():
     assert share_text(0.996, 0.9, 1.0) == "99.6 % [90, 100]"
     assert share_text(0.25, float("nan"), float("nan")) == "25 %"
