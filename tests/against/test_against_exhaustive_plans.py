@@ -151,8 +151,8 @@ def of_actions(case: Case, step: int, before: NDArray[np.int64], action: Any) ->
     total = np.zeros((len(before), 2, 3, 3))
     for number in range(SENSORS):
         track = action[:, number]
-        told = case.looks[step, number, before[:, number], track]
-        total[np.arange(len(before)), track] += told
+        gains = case.looks[step, number, before[:, number], track]
+        total[np.arange(len(before)), track] += gains
     return total
 
 
@@ -237,8 +237,8 @@ def bounds(case: Case, covariance: Array, aims: NDArray[np.int64], step: int) ->
         slope = forward.T @ slope @ forward
         worth = (after[later] @ slope @ after[later])[..., :3, :3]
         lower = lower + (worth * half[later]).sum(axis=(1, 2, 3))
-        told = np.einsum("ntij,sbtij->nsbt", worth, case.looks[later])
-        paths = (told + paths[:, :, None, :2]).max(axis=3)
+        gains = np.einsum("ntij,sbtij->nsbt", worth, case.looks[later])
+        paths = (gains + paths[:, :, None, :2]).max(axis=3)
         through = smoothing[later] @ forward
         slope = np.swapaxes(through, -1, -2) @ slope @ through
     return lower - np.take_along_axis(paths, aims[:, :, None], axis=2).sum(axis=(1, 2))

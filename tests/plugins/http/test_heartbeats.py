@@ -16,7 +16,7 @@ def heartbeats(heartbeat_s: float | None) -> list[Any]:
     """Return the heartbeats of the frames of two windows of a second without detections."""
     context = EncoderContext(sensors=(stub_sensor(),), epoch_us=0)
     feed = Feed(context, 100, 10, dict, heartbeat_s=heartbeat_s)
-    told = []
+    spans = []
     for number in (1, 2):
         window = evolve(stub_window(0), start_s=number - 1.0, end_s=float(number))
         plan: Any = None
@@ -25,8 +25,8 @@ def heartbeats(heartbeat_s: float | None) -> list[Any]:
             head, _, data = full.partition(b"\ndata: ")
             if head == b"event: heartbeats":
                 assert full == brief
-                told += json.loads(data)
-    return told
+                spans += json.loads(data)
+    return spans
 
 
 def test_heartbeats_are_frames_of_the_stream() -> None:

@@ -50,13 +50,13 @@ def written(planned, folder, parts):
 
 
 def test_columns_are_in_the_order_of_runs_whatever_wrote_them(planned, tmp_path):
-    whole = written(planned, tmp_path / "whole", [range(700)])
+    reference = written(planned, tmp_path / "whole", [range(700)])
     parts = [range(500, 700), [3, 1, 2, 0], range(3, 500), [10]]
     parted = written(planned, tmp_path / "parted", parts)
     for name in ("runs.parquet", "launches.parquet", "results.parquet", "study.json"):
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parted" / name).read_bytes()
     assert parted.values("latency_s").tolist() == 2 * list(map(float, range(700)))
-    assert parted.launches["seed"].to_pylist() == whole.launches["seed"].to_pylist()
+    assert parted.launches["seed"].to_pylist() == reference.launches["seed"].to_pylist()
     assert parted.run_count == 1400
 
 
@@ -73,7 +73,7 @@ def test_a_run_that_is_not_there_leaves_no_row(planned, tmp_path):
 
 def test_runs_of_another_study_are_not_counted(planned, tmp_path):
     written(planned, tmp_path, [range(700)])
-    other = planned_study(
+    second_study = planned_study(
         Study(
             scene={**SCENE, "duration_s": 3.0},
             study="s",
@@ -82,7 +82,7 @@ def test_runs_of_another_study_are_not_counted(planned, tmp_path):
             executor="serial",
         )
     )
-    found = FinishedRuns.of(other, tmp_path)
+    found = FinishedRuns.of(second_study, tmp_path)
     assert found.count(range(700)) == 0
     assert found.missing(0, range(1, 700, 2)).tolist() == list(range(1, 700, 2))
 
@@ -92,16 +92,16 @@ def test_the_client_keeps_no_run(planned, tmp_path, monkeypatch):
         return TaskResult({}, tuple(record(planned, number) for number in task.replicates))
 
     monkeypatch.setattr("opir_studies.sweeping.result_of", result_of)
-    kept = []
+    counts = []
     sweep(
         STUDY,
         tmp_path,
-        on_progress=lambda _runs: kept.append(
-            sum(isinstance(each, RunRecord) for each in gc.get_objects())
+        on_progress=lambda _runs: counts.append(
+            sum(isinstance(item, RunRecord) for item in gc.get_objects())
         ),
     )
     longest_task = 2 * STUDY.runs // 64
-    assert max(kept) <= longest_task
+    assert max(counts) <= longest_task
 
 
 def test_a_table_is_written_in_groups_of_rows(tmp_path):
