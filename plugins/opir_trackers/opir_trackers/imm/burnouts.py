@@ -22,8 +22,9 @@ from opir_trackers.onset.motion_statistics import LAUNCH
 #: Probability of a coast with which a burn is over.
 OVER = 0.99
 
-#: Probability of thrust in any direction with which a burn stays as the filter has it.
-FREE = 0.5
+#: Probability of thrust in any direction with which a burn stays as the filter has it: in ordinary
+#: ones it is next to 0 after some seconds.
+FREE = 0.02
 
 #: A gap in the looks of this many mean pauses, s, and longer than this, is a dark spell between
 #: two burns.
