@@ -22,6 +22,10 @@ from opir_trackers.onset.motion_statistics import LAUNCH
 #: Probability of a coast with which a burn is over.
 OVER = 0.99
 
+#: Probability of thrust in any direction with which a burn stays as the filter has it: in ordinary
+#: ones it is next to 0 after some seconds.
+FREE = 0.02
+
 #: A gap in the looks of this many mean pauses, s, and longer than this, is a dark spell between
 #: two burns.
 DARK_PAUSES = 3.0
@@ -54,7 +58,9 @@ def with_burn_ends(models: TrackingModels, state: TrackerState) -> TrackerState:
     if True not in is_over:
         return state
     launches = table.motion.probability[:, LAUNCH] >= models.config.least_launch_probability
-    rows = (is_over & launches).nonzero()[0]
+    # The fit knows no thrust in any other direction than along the velocity.
+    is_free = table.estimates.burn_share[:, 2] > FREE
+    rows = (is_over & launches & ~is_free).nonzero()[0]
     if not rows.size:
         return state
     ends = {row: _burn_end(models, state, row) for row in rows.tolist()}

@@ -73,7 +73,9 @@ def test_looks_with_other_errors_of_sensors_do_not_count(followed):
     state = states[-1]
     other = np.tile(2.0 * SAME_ERROR, len(state.looks[0].error) // len(SAME_ERROR))
     looks = [part._replace(error=part.error + other) for part in state.looks[:-1]]
-    table = state.table.changed(burnt_s=np.full(FLIGHTS, -np.inf))
+    # As when the last burn was steady.
+    steady = evolve(state.table.estimates, burn_share=np.tile([1.0, 0.0, 0.0], (FLIGHTS, 1)))
+    table = state.table.changed(burnt_s=np.full(FLIGHTS, -np.inf), estimates=steady)
     state = state._replace(looks=(*looks, state.looks[-1]), table=table)
     after = with_burn_ends(tracking.models, state).table
     assert np.array_equal(after.burnt_s, after.seen_s)
