@@ -2,6 +2,8 @@
 own.
 """
 
+import json
+from pathlib import Path
 from typing import Any
 
 from opir_core.reading.format_versions import EVENT_FORMAT
@@ -11,6 +13,8 @@ SCHEMA_VERSION = EVENT_FORMAT.version
 
 #: Schema version of the encoder `tracks`, in the headers of its messages.
 TRACKS_VERSION = "tracks-1.0"
+
+_DATA = Path(__file__).parents[2] / "data"
 
 #: Schemas in the package.
 SCHEMAS = ("detection", "track")
@@ -27,8 +31,6 @@ def schema(name: str, *, is_closed: bool = False) -> dict[str, Any]:
     It is open for readers: later minor versions may add fields. A closed one permits no field that
     it does not name, as tests of a writer need.
     """
-    import json
-
     return json.loads(schema_text(name), object_hook=_closed if is_closed else None)
 
 
@@ -41,6 +43,4 @@ def _closed(value: dict[str, Any]) -> dict[str, Any]:
 
 def schema_text(name: str) -> str:
     """Return the text of one of `SCHEMAS`."""
-    from importlib.resources import files
-
-    return files("opir_core").joinpath("data", f"{name}.schema.json").read_text(encoding="utf-8")
+    return (_DATA / f"{name}.schema.json").read_text(encoding="utf-8")
