@@ -54,7 +54,7 @@ class CueConfig:
     """What a scene may set of the director `cue`."""
 
     interval_s: float = number(
-        default=2.0, unit="s", above=0.0, maximum=3600.0, help="time between decisions"
+        default=2.0, unit="s", minimum=0.01, maximum=3600.0, help="time between decisions"
     )
     dwell_s: float = number(
         default=20.0,
@@ -78,7 +78,7 @@ class InformationConfig:
     """What a scene may set of the director `information`."""
 
     interval_s: float = number(
-        default=5.0, unit="s", above=0.0, maximum=3600.0, help="time between decisions"
+        default=5.0, unit="s", minimum=0.01, maximum=3600.0, help="time between decisions"
     )
     horizon_s: float = number(
         default=30.0,
