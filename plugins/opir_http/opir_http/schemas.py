@@ -31,6 +31,9 @@ _BOUNDS = {
 }
 
 
+_Span = Annotated[list[float], Meta(min_length=2, max_length=2)]
+
+
 def trigger() -> Schema:
     """Return the schema of a launch: a target of the model `ballistic`, with optional id and
     time.
@@ -139,8 +142,9 @@ class Config(Closed, kw_only=True):
     limits: _settings(WorkLimits) | UnsetType = UNSET  # type: ignore[valid-type]
     allow_implausible: bool | UnsetType = UNSET
     sensors: Annotated[list[Schema], Meta(min_length=1)]
-    watched_s: dict[str, list[tuple[float, float]]] | UnsetType = UNSET
+    watched_s: dict[str, list[_Span]] | UnsetType = UNSET
     faults: list[Schema] | UnsetType = UNSET
+    links: Schema | UnsetType = UNSET
     director: _model("director") = UNSET  # type: ignore[valid-type]
     detection: _model("detection") = UNSET  # type: ignore[valid-type]
     classification: _model("classification") = UNSET  # type: ignore[valid-type]

@@ -8,8 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from attrs import fields
 from http_service import RunningService, serving
 from opir_http.reading import merged
+from opir_http.routes import document
+
+from opir_core.reading.scene_schema import SceneFile
 
 FLEET = """\
 scene: fleet
@@ -31,6 +35,15 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder: Path = tmp_path_factory.mktemp("fleet")
     with serving(folder, scene=FLEET) as running:
         yield running
+
+
+def test_the_document_names_every_setting_of_a_scene() -> None:
+    named = document()["components"]["schemas"]["Config"]["properties"].keys()
+    # Launches have requests of their own, and a preset is put in its settings' place.
+    others = {"targets", "sources", "preset"}
+    settings = {attribute.name for attribute in fields(SceneFile)} - others
+    assert settings <= named
+    assert named - settings == {"http"}
 
 
 def tagged(running: RunningService) -> tuple[Any, dict[str, str]]:
