@@ -178,8 +178,8 @@ class LineFile(Sink):
         """Close the file; events without a complete line count as dropped, all of them if the file
         is gone.
         """
-        fault = self._growing.fault()
         try:
+            fault = self._growing.fault()
             if self._heartbeats is not None:
                 self._write_lines(self._heartbeats.rest(), 0)
             os.close(self._descriptor)

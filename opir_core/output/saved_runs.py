@@ -36,7 +36,7 @@ from opir_core.output.run_files import (
     require_launches_of_run,
 )
 from opir_core.output.tracks_file import read_tracks
-from opir_core.output.transaction import finish_interrupted
+from opir_core.output.transaction import FILES_KEY, finish_interrupted
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.random_streams.detection_ids import uuid_words
 from opir_core.reading import scene_from_mapping
@@ -151,7 +151,7 @@ def read_run(
         truth=detection_truth.freeze(),
         tracks=estimates,
         estimates=Tracks.empty(),
-        commands=_commands_of(events.with_suffix(_COMMANDS), contents, plan),
+        commands=_commands_of(events.with_suffix(_COMMANDS), contents),
         sensors=plan.sensors,
         target_ids=plan.targets.ids,
         sightings=tally.sightings(),
@@ -196,11 +196,13 @@ def _tracks_of(
     return estimates
 
 
-def _commands_of(path: Path, manifest: Mapping[str, Any], plan: Plan) -> Sequence[CommandRecord]:
+def _commands_of(path: Path, manifest: Mapping[str, Any]) -> Sequence[CommandRecord]:
     """Return what became of a director's commands, from the file beside the events if there is
     one.
     """
-    if plan.scene.director is None or not path.is_file():
+    entries = manifest.get(FILES_KEY)
+    is_left_over = entries and all(entry["kind"] != "commands" for entry in entries)
+    if is_left_over or not path.is_file():
         return ()
     require_file_of_run("commands", path, manifest)
     return read_commands(path)

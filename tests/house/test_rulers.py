@@ -37,9 +37,9 @@ TOKENS: dict[str, int] = {
     "opir_stonesoup": 6_500,
     "opir_studies": 46_800,
     "opir_testing": 35_200,
-    "opir_trackers": 46_000,
+    "opir_trackers": 46_100,
     "benchmarks": 98_000,
-    "tests": 791_800,
+    "tests": 792_100,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -81,7 +81,10 @@ def launches_tables(planned: PlannedStudy, runs: StudyRuns) -> Iterator[pa.Table
             rows = table.num_rows
             run = np.repeat(np.arange(rows), count)
             launch = np.tile(np.arange(count), rows)
-            facts = [pa.array([names[place] for names in each.launches]) for place in range(3)]
+            facts = [
+                pa.array([names[place] for names in each.launches], pa.string())
+                for place in range(len(FACTS))
+            ]
             yield pa.table(
                 {
                     **design_labels(planned, [design] * (rows * count)),

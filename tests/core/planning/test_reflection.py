@@ -8,8 +8,8 @@ import numpy as np
 import opir_photons.reflection
 import pytest
 from attrs import evolve
+from cold_nozzles import silence_nozzles
 from opir_photons.radiometry import band_radiance, solar_irradiance
-from opir_photons.radiometry.heating import HeatedBodies
 from opir_photons.reflection import shadow_times_s
 
 import opir_core as opir
@@ -42,12 +42,7 @@ TWILIGHT = "2026-04-01T04:00:00"
 
 @pytest.fixture(autouse=True)
 def cold_nozzles(monkeypatch):
-    """Nozzles that do not glow: their light is held against a script of its own elsewhere."""
-
-    def dark(_bodies, bands, rows, _since_s):
-        return np.zeros((len(bands), len(rows)))
-
-    monkeypatch.setattr(HeatedBodies, "nozzle_w_sr", dark)
+    silence_nozzles(monkeypatch)
 
 
 def planned(epoch=TWILIGHT, albedo=0.3, detection="snr", sensors=(SENSOR,), **settings):

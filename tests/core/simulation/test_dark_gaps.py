@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from cold_nozzles import silence_nozzles
 from opir_photons.environment import make_environment
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
@@ -203,7 +204,8 @@ def test_a_staged_boost_is_dark_between_its_stages(detection):
 FOLLOWER = {**SENSOR, "id": "F", "follows_bodies": True}
 
 
-def test_a_sensor_that_follows_bodies_sees_the_body_in_gaps(tmp_path, flight):
+def test_a_sensor_that_follows_bodies_sees_the_body_in_gaps(tmp_path, flight, monkeypatch):
+    silence_nozzles(monkeypatch)
     target = file_of(tmp_path / "gap.csv", flight)
     run = simulate(scene(target, sensors=[SENSOR, FOLLOWER], light_time=False))
     gap = strictly_between(run.detections.time_ns * 1e-9, OUT_S, RELIT_S)

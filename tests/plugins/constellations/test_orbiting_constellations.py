@@ -231,7 +231,8 @@ def test_warm_bodies_are_seen_in_long_waves_only():
     settings = {"duration_s": 900.0, "detection": "snr", "background": "earth"}
     run = simulate(scene_from_mapping(scene_with(sensors, [launch(10.0)], **settings)))
     burnout_s = run.summary["targets"][0]["burnout_s"]
-    late = (run.truth.target == 0) & (run.truth.emission_time_s > burnout_s + 1.0)
+    # A nozzle glows in shorter waves for minutes after a burn.
+    late = (run.truth.target == 0) & (run.truth.emission_time_s > burnout_s + 300.0)
     medium = np.array([sensor.type == "LEO-MEDIUM" for sensor in run.sensors])[
         run.detections.sensor
     ]

@@ -87,6 +87,17 @@ def test_runs_of_another_study_are_not_counted(planned, tmp_path):
     assert found.missing(0, range(1, 700, 2)).tolist() == list(range(1, 700, 2))
 
 
+def test_a_scene_without_launches_has_a_table_without_rows(tmp_path):
+    study = Study(
+        scene={**SCENE, "targets": [], "duration_s": 2.0},
+        study="s",
+        runs=3,
+        metrics=("latency",),
+        executor="serial",
+    )
+    assert sweep(study, tmp_path).launches.num_rows == 0
+
+
 def test_the_client_keeps_no_run(planned, tmp_path, monkeypatch):
     def result_of(task):
         return TaskResult({}, tuple(record(planned, number) for number in task.replicates))
@@ -97,7 +108,7 @@ def test_the_client_keeps_no_run(planned, tmp_path, monkeypatch):
         STUDY,
         tmp_path,
         on_progress=lambda _runs: counts.append(
-            sum(isinstance(item, RunRecord) for item in gc.get_objects())
+            sum(type(item) is RunRecord for item in gc.get_objects())
         ),
     )
     longest_task = 2 * STUDY.runs // 64

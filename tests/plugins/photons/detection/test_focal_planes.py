@@ -345,7 +345,10 @@ def test_notional_stands_for_the_values_of_the_sensor_model() -> None:
     [
         ("real", "'real' is not notional; or give a block of settings"),
         (["notional"], "this is a list; a block"),
-        ({"aperture_m": 0.0}, r"sensors\[0\].focal_plane.aperture_m: 0.0 is outside \(0, 100\] m"),
+        (
+            {"aperture_m": 0.0},
+            r"sensors\[0\].focal_plane.aperture_m: 0.0 is outside \[0.001, 100\] m",
+        ),
         ({"spatial_filter": "median"}, "'median' is not one of sum, surround, matched"),
         ({"apertur_m": 1.0}, "unknown key; did you mean aperture_m?"),
         ({"reference_cells": 4}, r"4 is outside \[8, 1000000\]"),

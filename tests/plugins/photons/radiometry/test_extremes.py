@@ -61,7 +61,7 @@ def test_plumes(bands):
 
 
 @pytest.mark.parametrize("name", ["fires", "flares", "glints", "bolides"])
-@pytest.mark.parametrize("temperature_k", [1e-3, 20_000.0])
+@pytest.mark.parametrize("temperature_k", [1.0, 20_000.0])
 def test_sources(name, temperature_k):
     component = HOST.component("opir_source_models", name)
     places = tuple(
