@@ -54,7 +54,8 @@ def built(config):
     [
         ({"orbital_slot_deg": 181.0}, r"outside \[-180, 180\] deg"),
         ({"scan_period_ms": 0.0}, "outside"),
-        ({"scan_period_ms": 1e-7}, "whole number of nanoseconds"),
+        ({"scan_period_ms": 1e-7}, "outside"),
+        ({"scan_period_ms": 1.5e-6}, "whole number of nanoseconds"),
         ({"scan_period_ms": 1000.0 / 3.0}, r"whole number of nanoseconds; write 333\.333333"),
         ({"scan_period_ms": math.nan}, "not a finite number"),
         ({"scan_pattern": "spiral"}, "not one of spin, step-stare, staring"),
