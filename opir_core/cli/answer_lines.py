@@ -103,7 +103,7 @@ def likeliest_text(track: Row) -> str | None:
     Of one that was seen too briefly to tell, that.
     """
     if track["is_brief"]:
-        return f"seen for {track['seen_s']:.1f} s, too short to tell"
+        return f"seen within {track['seen_s']:.1f} s, too briefly to tell"
     for name, chance in (
         ("likeliest_hypothesis", "hypothesis_probability"),
         ("reported_type", "type_probability"),

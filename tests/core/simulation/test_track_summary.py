@@ -170,7 +170,7 @@ def test_a_brief_track_is_reported_as_brief() -> None:
     )
     (row,) = latest.rows()
     assert (row["seen_s"], row["is_brief"]) == (0.42, True)
-    words = "seen for 0.4 s, too short to tell"
+    words = "seen within 0.4 s, too briefly to tell"
     assert track_cells(row, weighs=True)[1:] == (
         words,
         "-",

@@ -127,7 +127,7 @@ def test_a_flash_that_is_gone_has_no_launch_and_no_impact_in_summary_file_and_ta
     path = tmp_path / "scene.yaml"
     path.write_text(json.dumps(scene(tracker)))
     assert main(["run", str(path), "--out", str(tmp_path / "e.jsonl")]) == 0
-    table = [line for line in capsys.readouterr().out.splitlines() if "too short to tell" in line]
+    table = [line for line in capsys.readouterr().out.splitlines() if "too briefly to tell" in line]
     run = opir.load_run(tmp_path / "e.jsonl")
     launch, *flashes = sorted(run.summary["tracks"], key=lambda row: -row["seen_s"])
     assert launch["launch"] is not None
@@ -138,7 +138,7 @@ def test_a_flash_that_is_gone_has_no_launch_and_no_impact_in_summary_file_and_ta
         assert row["seen_s"] < 0.7
         assert (row["is_brief"], row["launch"], row["impact"]) == (True, None, None)
         assert row["end"] in ("flash", "unresolved", None)
-        assert any(f"seen for {row['seen_s']:.1f} s, too short to tell" in line for line in table)
+        assert any(f"seen within {row['seen_s']:.1f} s, too briefly to tell" in line for line in table)
     last = {line["track_id"]: line for line in whole_records(tmp_path / "e.tracks.jsonl")}
     for row in flashes:
         record = last[row["track_id"]]
