@@ -17,31 +17,48 @@ def two_sensors(middle_deg: float) -> list[dict[str, object]]:
     ]
 
 
-@pytest.mark.slow
-def test_groups_of_flares_have_a_track_each_and_none_of_one_tick() -> None:
-    rng = np.random.default_rng(77)
+def flares(seed: int, half_width_km: float, duration_s: float) -> opir.Run:
+    """Return a run of six groups of five steady flares."""
+    rng = np.random.default_rng(seed)
     groups = np.repeat(rng.uniform((3.0, 20.0), (9.0, 30.0), (6, 2)), 5, axis=0)
-    places = groups + rng.uniform(-3.0, 3.0, groups.shape) / 111.2
-    flares = [{"lat_deg": lat, "lon_deg": lon, "area_m2": 200.0} for lat, lon in places.tolist()]
-    run = opir.simulate(
+    places = groups + rng.uniform(-half_width_km, half_width_km, groups.shape) / 111.2
+    at = [{"lat_deg": lat, "lon_deg": lon, "area_m2": 200.0} for lat, lon in places.tolist()]
+    return opir.simulate(
         opir.scene_from_mapping(
             {
                 "scene": "flares",
                 "epoch": EPOCH,
-                "duration_s": 20.0,
-                "seed": 77,
+                "duration_s": duration_s,
+                "seed": seed,
                 "sensors": two_sensors(25.0),
                 "targets": [],
                 "detection": "snr",
                 "tracker": {"model": "imm", "forecast": "none"},
-                "sources": [{"id": "flares", "model": "flares", "at": flares}],
+                "sources": [{"id": "flares", "model": "flares", "at": at}],
             }
         )
     )
+
+
+@pytest.mark.slow
+def test_groups_of_flares_have_a_track_each_and_none_of_one_tick() -> None:
+    run = flares(77, 3.0, 20.0)
     number, ticks = np.unique(run.tracks.track, return_counts=True)
-    assert len(number) <= len(flares) * 1.1
+    assert len(number) <= 30 * 1.1
     assert ticks.min() > 1
     assert np.isin(number, run.detections.track).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("half_width_km", [0.5, 1.5])
+def test_what_is_chosen_by_nearness_does_not_make_a_sensor_better(half_width_km: float) -> None:
+    run = flares(613, half_width_km, 10.0)
+    for sensor in run.summary["sensors"]:
+        health = sensor["health"]
+        scale = health["noise_scale"]
+        sigma = health["noise_scale_sigma"]
+        assert scale is None or abs(scale - 1.0) <= 3.0 * sigma
+        assert (health["outlier_share"] or 0.0) <= 0.05
 
 
 def salvo(seed: int, association: str) -> opir.Run:

@@ -226,9 +226,10 @@ def _registered(
     """Return the state with the registration after a slice's pairs, and its tracks
     shifted by the change.
 
-    Tracks that share a line with others do not count.
+    Tracks that share a line with others, or have a choice of lines of a scan, do not count: what is
+    chosen by nearness makes noise look small.
     """
-    assigned = _unshared(association.single, prediction.pairs)
+    assigned = _unshared(association.single, prediction)
     if not len(assigned):
         return state
     sensor = prediction.lines.sensor[assigned.line].astype(np.int64)
@@ -269,9 +270,14 @@ def _with_residuals(assigned: GatedPairs, path: PredictedMeasurements) -> GatedP
     return evolve(assigned, measured=assigned.measured - predicted_directions(path, assigned))
 
 
-def _unshared(assigned: GatedPairs, pairs: GatedPairs) -> GatedPairs:
-    """Return the assigned pairs of tracks none of whose lines is in another's gate."""
-    shared = np.bincount(pairs.line)[pairs.line] > 1 if len(pairs) else np.zeros(0, dtype=np.bool_)
-    if True not in shared:
+def _unshared(assigned: GatedPairs, prediction: SlicePrediction) -> GatedPairs:
+    """Return the assigned pairs of tracks none of whose lines is in another's gate, and that have
+    one line of a scan in their own.
+    """
+    pairs = prediction.pairs
+    if len(pairs) == len(assigned):
         return assigned
-    return assigned.take((~np.isin(assigned.track, pairs.track[shared])).nonzero()[0])
+    scans = np.column_stack([pairs.track, prediction.lines.scan[pairs.line]])
+    _, scan, looks = np.unique(scans, axis=0, return_inverse=True, return_counts=True)
+    is_shared = (np.bincount(pairs.line)[pairs.line] > 1) | (looks[scan.ravel()] > 1)
+    return assigned.take((~np.isin(assigned.track, pairs.track[is_shared])).nonzero()[0])

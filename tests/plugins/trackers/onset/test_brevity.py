@@ -138,7 +138,9 @@ def test_a_flash_that_is_gone_has_no_launch_and_no_impact_in_summary_file_and_ta
         assert row["seen_s"] < 0.7
         assert (row["is_brief"], row["launch"], row["impact"]) == (True, None, None)
         assert row["end"] in ("flash", "unresolved", None)
-        assert any(f"seen within {row['seen_s']:.1f} s, too briefly to tell" in line for line in table)
+        assert any(
+            f"seen within {row['seen_s']:.1f} s, too briefly to tell" in line for line in table
+        )
     last = {line["track_id"]: line for line in whole_records(tmp_path / "e.tracks.jsonl")}
     for row in flashes:
         record = last[row["track_id"]]
