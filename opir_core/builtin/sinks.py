@@ -214,10 +214,10 @@ class LineFile(Sink):
     def _remove_incomplete(self) -> None:
         """Remove an incomplete line from the end of the file; has no effect on a pipe."""
         if self._incomplete and stat.S_ISREG(os.fstat(self._descriptor).st_mode):
+            self._growing.size -= self._incomplete
             os.ftruncate(
                 self._descriptor, os.lseek(self._descriptor, 0, os.SEEK_END) - self._incomplete
             )
-            self._growing.size -= self._incomplete
             os.lseek(self._descriptor, 0, os.SEEK_END)
         self._incomplete = 0
 

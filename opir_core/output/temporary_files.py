@@ -72,7 +72,8 @@ def is_file_at(descriptor: int, path: Path) -> bool:
 class GrowingFile:
     """An open file that only this process cuts: it notices that its name or its bytes are gone.
 
-    `size` is what this process knows it to have. A device, a pipe and a file without a name from
+    `size` is what this process knows it to have at least: it grows after a write, and falls before
+    a cut. A device, a pipe and a file without a name from
     the start have no fault.
     """
 
@@ -84,12 +85,13 @@ class GrowingFile:
 
     def fault(self) -> str:
         """Return what became of the file, "" if nothing did."""
+        known_size = self.size  # before the look: another thread may write between the two
         status = os.fstat(self._descriptor)
         if not self._is_watched:
             return ""
         if not status.st_nlink:
             return REMOVED
-        return _cut(status.st_size, self.size)
+        return _cut(status.st_size, known_size)
 
 
 class NamedFile:
@@ -105,6 +107,7 @@ class NamedFile:
 
     def fault(self) -> str:
         """Return what became of the file, "" if nothing did."""
+        known_size = self._size  # before the look: another thread may look between the two
         try:
             status = self._path.stat()
         except FileNotFoundError:
@@ -113,9 +116,8 @@ class NamedFile:
             return ""
         if self._status is None or not os.path.samestat(status, self._status):
             return REPLACED
-        cut = _cut(status.st_size, self._size)
-        self._size = max(self._size, min(status.st_size, self._floor))
-        return cut
+        self._size = max(known_size, min(status.st_size, self._floor))
+        return _cut(status.st_size, known_size)
 
 
 def _cut(size: int, known_size: int) -> str:

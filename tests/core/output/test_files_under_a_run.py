@@ -19,6 +19,7 @@ from opir_core.errors import SinkError
 from opir_core.live import LiveRun, LiveSettings
 from opir_core.output import deliver
 from opir_core.output.spool import Journal
+from opir_core.output.temporary_files import GrowingFile
 from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.run import plan_windows
@@ -228,3 +229,19 @@ def test_a_spool_that_nobody_touches_has_no_fault(tmp_path: Path) -> None:
     assert journal.sync_fault == ""
     journal.close()
     assert journal.sync_fault == ""
+
+
+def test_a_write_of_another_thread_during_a_look_is_no_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (tmp_path / "e.jsonl").open("wb", buffering=0) as file:
+        growing = GrowingFile(file.fileno())
+        look = os.fstat
+
+        def late(descriptor: int) -> os.stat_result:
+            status = look(descriptor)
+            growing.size += file.write(b"line")
+            return status
+
+        monkeypatch.setattr("opir_core.output.temporary_files.os.fstat", late)
+        assert growing.fault() == ""
