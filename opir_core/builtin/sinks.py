@@ -238,7 +238,8 @@ def _opened(path: str, *, appends: bool) -> int:
         raise SinkError(
             "jsonl: the path is empty; give the path of a file, or - for standard output"
         )
-    opening = os.O_APPEND if appends else os.O_TRUNC
+    # Always at the end: what another process cuts off shows, as nothing fills the hole.
+    opening = os.O_APPEND | (0 if appends else os.O_TRUNC)
     try:
         descriptor = os.open(
             path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666

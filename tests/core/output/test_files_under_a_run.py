@@ -243,5 +243,7 @@ def test_a_write_of_another_thread_during_a_look_is_no_cut(
             growing.size += file.write(b"line")
             return status
 
-        monkeypatch.setattr("opir_core.output.temporary_files.os.fstat", late)
-        assert growing.fault() == ""
+        with monkeypatch.context() as patched:
+            patched.setattr("opir_core.output.temporary_files.os.fstat", late)
+            fault = growing.fault()
+    assert fault == ""
