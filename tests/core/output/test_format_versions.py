@@ -13,7 +13,6 @@ from typing import Any
 import jsonschema
 import pytest
 from opir_readers.detections.events import event_rows
-from opir_report import StudyPlots
 from opir_studies import load_study
 from opir_testing import stub_sensor, stub_window
 from repository import DATA
@@ -118,7 +117,6 @@ def test_the_versions_of_the_golden_files_are_those_that_they_are_named_for() ->
 
 def test_a_study_of_each_version_is_read() -> None:
     assert load_study(GOLDEN / "study-3").runs.num_rows == 4
-    assert StudyPlots(GOLDEN / "study-3").study.definition["runs"] == 2
 
 
 @ALL

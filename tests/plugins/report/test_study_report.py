@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from opir_report import StudyPlots, write_study_report
+from repository import DATA
 from saved_studies import PERIOD, PERIODS_MS, TRACKER, written_study
 
 from opir_core.cli.main import main
@@ -119,3 +120,7 @@ def test_a_damaged_study_gets_one_message(folder: Path, tmp_path: Path, capsys) 
     )
     with pytest.raises(SceneError, match=r"study version 2, where 3\.x is read"):
         StudyPlots(newer)
+
+
+def test_a_study_of_an_earlier_version_is_plotted():
+    assert StudyPlots(DATA / "formats" / "study-3").study.definition["runs"] == 2
