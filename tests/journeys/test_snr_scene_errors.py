@@ -35,7 +35,7 @@ MISTAKES = {
     "no false alarms at all": (
         ["sensors[0].false_alarm_probability=0"],
         2,
-        "sensors[0].false_alarm_probability: 0.0 is outside (0, 1)",
+        "sensors[0].false_alarm_probability: 0.0 is outside [1e-30, 1)",
     ),
     "cover below zero": (
         ["atmosphere.cloud={cover: -0.5}"],

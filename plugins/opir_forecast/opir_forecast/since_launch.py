@@ -35,7 +35,7 @@ class InFlight(NamedTuple):
     inland: float
 
 
-class _Motion(NamedTuple):
+class _LaunchMotion(NamedTuple):
     """Unit vectors up, forwards over the ground and across (3, 3), and height, climb and level
     speed by the state (3,).
 
@@ -98,7 +98,7 @@ def launch_of(ascents: BoostAscents, target: InFlight) -> tuple[FloatArray, Floa
     return mean, covariance
 
 
-def _differences(passes: _Passes, motion: _Motion) -> tuple[FloatArray, FloatArray]:
+def _differences(passes: _Passes, motion: _LaunchMotion) -> tuple[FloatArray, FloatArray]:
     """Return the differences (n, 2), m/s, of climb and level speed of passes from the target's at
     their height, and the covariance (2, 2) of these.
     """
@@ -110,14 +110,14 @@ def _differences(passes: _Passes, motion: _Motion) -> tuple[FloatArray, FloatArr
     return difference - passes.raised_m[:, None] * follows, noise
 
 
-def _turned_covariance(passes: _Passes, motion: _Motion) -> FloatArray:
+def _turned_covariance(passes: _Passes, motion: _LaunchMotion) -> FloatArray:
     """Return the covariance (3, 3), m², of the place by the error of the direction."""
     angle = AscentRows(*passes.rows).angle
     across = min(motion.drift, 1.0) * RADIUS_M * float(np.sqrt(np.mean(angle**2)))
     return across**2 * np.outer(motion.axes[2], motion.axes[2])
 
 
-def _passes(ascents: BoostAscents, target: InFlight, motion: _Motion) -> _Passes:
+def _passes(ascents: BoostAscents, target: InFlight, motion: _LaunchMotion) -> _Passes:
     """Return the passes of ascents through the target's height, with their log prior."""
     draws = _draws(len(ascents.log_weight))
     site_m = _site_heights_m(draws, target.inland)
@@ -132,7 +132,7 @@ def _passes(ascents: BoostAscents, target: InFlight, motion: _Motion) -> _Passes
     return _Passes(rows, since_s, height_m, raised_m, site_m, log_prior)
 
 
-def _motion(target: InFlight) -> _Motion:
+def _motion(target: InFlight) -> _LaunchMotion:
     """Return the motion of a target over the ground."""
     position = target.state[:3]
     velocity = target.state[3:]
@@ -147,7 +147,7 @@ def _motion(target: InFlight) -> _Motion:
     drift = float(np.sqrt(across @ target.covariance[3:, 3:] @ across)) / max(speed, 1.0)
     height_m = float(ecef_to_geodetic(position[None]).height_m[0])
     values = np.array([height_m, velocity @ up, speed])
-    return _Motion(np.array([up, course, across]), values, covariance, shift, residual, drift)
+    return _LaunchMotion(np.array([up, course, across]), values, covariance, shift, residual, drift)
 
 
 def _measured_rows(up: FloatArray, course: FloatArray) -> FloatArray:
@@ -196,7 +196,7 @@ def _cloud_exits(
     return np.where(cleared.height < LAW.cloud_top_m, leaving, 0.0)
 
 
-def _starts(passes: _Passes, motion: _Motion, position_m: FloatArray) -> FloatArray:
+def _starts(passes: _Passes, motion: _LaunchMotion, position_m: FloatArray) -> FloatArray:
     """Return the displacements (n, 3), m, from a position back to the starts of ascents.
 
     The Earth's rotation has moved them, and has turned their headings since they began (Coriolis).

@@ -43,7 +43,7 @@ FORCES: list[Any] = [
 SCANNERS = st.fixed_dictionaries(
     {"orbital_slot_deg": SLOTS | st.integers(-180, 180)},
     optional={
-        "scan_period_ms": st.floats(0, exclude_min=True, allow_infinity=False),
+        "scan_period_ms": st.floats(1e-6, allow_infinity=False),
         "rows": st.integers(1, 64),
         "is_spinning": st.booleans(),
         "detection_probability": st.dictionaries(TEXTS, PARTS, max_size=3),

@@ -323,14 +323,14 @@ def _stage_shapes(force_m_s2: float, sigma_m_s2: float) -> FloatArray:
     return np.stack([force_m_s2 * mean, sigma_m_s2 * mean, *(size[:2, None] * axis[:2])], axis=1)
 
 
-class _Columns(NamedTuple):
+class _DesignColumns(NamedTuple):
     """What unknowns (p,) do: to whitened looks (3 b, p), and to the state at the end (9, p)."""
 
     looks: FloatArray
     end: FloatArray
 
     @classmethod
-    def of(cls, bins: _Bins, responses: FloatArray) -> "_Columns":
+    def of(cls, bins: _Bins, responses: FloatArray) -> "_DesignColumns":
         """Return the columns of responses (b + 3, 3, p): of positions at looks, and of position,
         velocity and force at the end.
         """
@@ -340,14 +340,16 @@ class _Columns(NamedTuple):
         return cls(looks, responses[count:].reshape(_END, size))
 
     @classmethod
-    def of_forces(cls, grid: _Grid, bins: _Bins, force: FloatArray, axis: FloatArray) -> "_Columns":
+    def of_forces(
+        cls, grid: _Grid, bins: _Bins, force: FloatArray, axis: FloatArray
+    ) -> "_DesignColumns":
         """Return the columns of forces (k, p) along axes (k, 3)."""
         weights = np.concatenate([grid.moved(bins.time_s), grid.ends])
         parts = [weights @ (force * component[:, None]) for component in axis.T]
         return cls.of(bins, np.stack(parts, axis=1))
 
     @classmethod
-    def of_start(cls, grid: _Grid, bins: _Bins) -> "_Columns":
+    def of_start(cls, grid: _Grid, bins: _Bins) -> "_DesignColumns":
         """Return the columns of position and velocity at the start."""
         span_s = grid.end_s - grid.start_s
         since_s = np.concatenate([bins.time_s - grid.start_s, [span_s, 1.0, 0.0]])
@@ -356,14 +358,14 @@ class _Columns(NamedTuple):
         return cls.of(bins, np.kron(factors[:, None], np.eye(3)))
 
     @classmethod
-    def of_gravity(cls, path: _Path, bins: _Bins) -> "_Columns":
+    def of_gravity(cls, path: _Path, bins: _Bins) -> "_DesignColumns":
         """Return the column of gravity, which is no specific force."""
         weights = np.concatenate([path.grid.moved(bins.time_s), path.grid.ends])
         weights[-1] = 0.0
         return cls.of(bins, (weights @ path.gravity)[:, :, None])
 
     @classmethod
-    def beside(cls, parts: "list[_Columns]") -> "_Columns":
+    def beside(cls, parts: "list[_DesignColumns]") -> "_DesignColumns":
         """Return the columns of all unknowns."""
         return cls(*(np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True)))
 
@@ -402,20 +404,22 @@ class _Unknowns(NamedTuple):
             rows.append([*start, *tilt, *tilt, *[size_along] * along])
         return np.array(rows)
 
-    def columns(self, path: _Path, bins: _Bins) -> tuple[_Columns, _Columns, _Columns]:
+    def columns(
+        self, path: _Path, bins: _Bins
+    ) -> tuple[_DesignColumns, _DesignColumns, _DesignColumns]:
         """Return the columns of start and errors, of stages, and of all that is fixed."""
         grid = path.grid
-        start = _Columns.of_start(grid, bins)
+        start = _DesignColumns.of_start(grid, bins)
         errors = [
-            _Columns.of_forces(grid, bins, error, self.axes[axis])
+            _DesignColumns.of_forces(grid, bins, error, self.axes[axis])
             for axis, error in zip(_ORDER, self.errors, strict=True)
         ]
         stages = self.stages.reshape(len(self.stages), -1)
-        gravity = _Columns.of_gravity(path, bins)
+        gravity = _DesignColumns.of_gravity(path, bins)
         parts = zip(gravity, start, strict=True)
-        fixed = _Columns(*(fall + part @ path.start[:, None] for fall, part in parts))
-        staged = _Columns.of_forces(grid, bins, stages, self.axes[0])
-        return _Columns.beside([start, *errors]), staged, fixed
+        fixed = _DesignColumns(*(fall + part @ path.start[:, None] for fall, part in parts))
+        staged = _DesignColumns.of_forces(grid, bins, stages, self.axes[0])
+        return _DesignColumns.beside([start, *errors]), staged, fixed
 
     def path(self, path: _Path, staging: int, staged: FloatArray, others: FloatArray) -> _Path:
         """Return the path of a staging with values of stages (6,) and of start and errors (p,)."""
@@ -447,7 +451,7 @@ class _Reduced(NamedTuple):
 
     @classmethod
     def of(
-        cls, columns: _Columns, sizes: FloatArray, stages: FloatArray, reach: FloatArray
+        cls, columns: _DesignColumns, sizes: FloatArray, stages: FloatArray, reach: FloatArray
     ) -> "_Reduced":
         """Return the sums over unknowns (p,) of unit variance times sizes (s, p).
 

@@ -155,7 +155,7 @@ def test_from_1e_minus_12_to_1e12_the_tails_are_mpmaths(
 ) -> None:
     mpmath.mp.dps = 40
     selected = (
-        {"threshold_sigma": threshold} if threshold >= 0.0 else {"false_alarm_probability": 1e-300}
+        {"threshold_sigma": threshold} if threshold >= 0.0 else {"false_alarm_probability": 1e-30}
     )
     plan = assembled([{**SENSORS["DSP"], "nei_w_m2": flare_w_m2 / 10.0**decade, **selected}])
     response = plan.detection.response(looks_at(np.array([0.0]), 10.0))
