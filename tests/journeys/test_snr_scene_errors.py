@@ -59,8 +59,9 @@ MISTAKES = {
             " MWIR 4-5, MWIR_N 4.2-4.45, LWIR 8-12, STG_2.0_2.4 2-2.4, MWIRW_3.5_4.0 3.5-4, ABI_07"
             " 3.8-4, ABI_08"
             " 5.77-6.6, ABI_09 6.75-7.15, ABI_10 7.24-7.44, ABI_11 8.3-8.7, ABI_12 9.42-9.8, ABI_13"
-            " 10.1-10.6, ABI_14 10.8-11.6, ABI_15 11.8-12.8, ABI_16 13-13.6), nor made of them side"
-            " by side; say"
+            " 10.1-10.6, ABI_14 10.8-11.6, ABI_15 11.8-12.8, ABI_16 13-13.6,"
+            " FCI_38 3.6-4, FCI_63 5.8-6.8, FCI_73 7.1-7.6, FCI_87 8.5-8.9, FCI_97 9.51-9.81,"
+            " FCI_105 10.15-10.85, FCI_123 12.05-12.55), nor made of them side by side; say"
             " in atmosphere.bands which of them stands for it, as in bands: {MWIR: MWIRW_3.5_4.0}"
         ),
     ),
