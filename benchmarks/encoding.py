@@ -42,6 +42,7 @@ class RaidEvent(msgspec.Struct, gc=False):
     impact_point: None
     confidence: float
     schema_version: str
+    reported_at: str
     track_id: None
     azimuth_deg: float
     elevation_deg: float

@@ -17,6 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from figures import keep
 from foreign_flights import drawn_flight
 from one_flight import flight_scene, table_target, write_table
 
@@ -246,6 +247,9 @@ def summary(name, count, scene):
         "processor_s": round(cost_s, 1),
     }
     print(json.dumps(figures), flush=True)
+    for key, value in figures.items():
+        if key != "case":
+            keep(f"{name}: {key}", value)
     return figures
 
 
