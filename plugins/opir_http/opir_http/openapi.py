@@ -124,4 +124,6 @@ def _schemas() -> Schema:
     (*_, event), schemas = msgspec.json.schema_components(
         [Config, *ANSWERS], ref_template=f"{SCHEMAS}{{name}}"
     )
+    # `items: false`, which msgspec writes of tuples, stops generators of clients.
+    schemas["Task"]["properties"]["place_deg"]["items"] = {"type": "number"}
     return {**schemas, **detection(), "Trigger": trigger(), "StreamEvent": event}
