@@ -163,7 +163,7 @@ class TrackingModels:
     def silent_s(self, table: TrackTable, time_s: float | FloatArray) -> FloatArray:
         """Return for how long (n,), s, tracks were looked at in vain before times."""
         if self.watch is None:
-            return time_s - table.seen_s
+            return np.maximum(time_s - table.seen_s, 0.0)
         times_s = np.broadcast_to(time_s, table.seen_s.shape)
         return self.watch.silent_s(times_s, table.seen_s, table.reports >= 0)
 
