@@ -15,7 +15,7 @@ from opir_core.arrays import FloatArray, IntArray
 _LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 #: Numbers in a column of a block of rows and components: a dozen columns fit the processor's cache.
-_BLOCK_NUMBERS = 1 << 15
+_BLOCK_NUMBERS = 1 << 16
 
 #: Exponents below are raised to it: doubles near their end take many times as long.
 _LEAST_EXPONENT = -300.0

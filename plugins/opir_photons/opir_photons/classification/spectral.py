@@ -29,10 +29,9 @@ from opir_photons.classification.priors import LaunchPrior
 from opir_photons.classification.type_densities import (
     SECONDS_PER_DAY,
     Observer,
+    ObserverDensities,
     TypeDensities,
     elevation_bin,
-    looks_by_radius,
-    type_densities,
 )
 from opir_photons.detection.snr import SnrDetection
 
@@ -184,11 +183,9 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     distinct = dict(zip(keys[::-1], observers[::-1], strict=True))
     banks_of = list(dict.fromkeys(keys))
     prior = LaunchPrior.of(config.prior, context.hypotheses)
-    looks = looks_by_radius(detection.environment.bands, prior, config.launches)
+    densities = ObserverDensities(tuple(distinct[key] for key in banks_of), config, prior)
     classifier = SpectralClassifier(
-        make_banks=lambda: tuple(
-            type_densities(distinct[key], config, prior, looks) for key in banks_of
-        ),
+        make_banks=densities,
         bank_of_sensor=np.array([banks_of.index(key) for key in keys], dtype=np.int64),
         hypotheses=prior.hypotheses,
         reported_types=context.reported_types,
@@ -200,9 +197,8 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     if config.false_source_probability is None:
         return classifier
     limits = []
-    for key, bank in zip(banks_of, classifier.banks, strict=True):
-        observer = distinct[key]
-        sightings, kind = source_detections(observer, bank, looks(observer.radius_m)[1])
+    for observer, bank in zip(densities.observers, classifier.banks, strict=True):
+        sightings, kind = source_detections(observer, bank, densities.looks[observer.radius_m][1])
         log_types = classifier.over_types(classifier.log_posterior(sightings), REPORTED_TYPES)
         log_odds = classifier.log_odds(log_types)
         limits.append(least_log_odds(log_odds, kind, config.false_source_probability))

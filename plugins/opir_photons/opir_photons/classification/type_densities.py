@@ -1,7 +1,6 @@
 """Densities of a sensor's measurements for each hypothesis, computed when a scene is compiled."""
 
-from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from attrs import evolve, frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import names_of
 from opir_core.planning import visible_now
-from opir_core.plugin import Band, Response, Sensor
+from opir_core.plugin import Response, Sensor
 from opir_photons.classification.configs import SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture, cell_moments, log_sum
 from opir_photons.classification.hot_sources import KINDS, SourceKind
@@ -53,9 +52,6 @@ SECONDS_PER_DAY = 86_400.0
 
 #: Least share of the count's density in a glide: of another object, or with a gap in visibility.
 _LEAST_GLIDE = 1e-9
-
-#: Looks at launches, sources and glides, by the satellite's distance from the Earth's centre, m.
-LooksByRadius = Callable[[float], tuple[SyntheticLooks, ...]]
 
 
 @frozen(eq=False)
@@ -265,27 +261,46 @@ def elevation_bin(elevation_sine: FloatArray) -> IntArray:
     return np.searchsorted(_EDGES, elevation_sine).astype(np.int64)
 
 
-def looks_by_radius(bands: Sequence[Band], prior: LaunchPrior, launches: int) -> LooksByRadius:
-    """Return a function of a satellite's distance from the Earth's centre to looks at launches and
-    sources, cached.
-    """
-    plumes = launched_plumes(bands, prior.flights, launches)
-    gliders = [prior.flights[number] for number in gliding_rows(prior.flights)]
-    bodies = launched_plumes(bands, gliders, launches) if gliders else plumes
+@frozen(eq=False)
+class ObserverDensities:
+    """Makes the densities of observers in one detection model when it is called."""
 
-    @cache
-    def looks(radius_m: float) -> tuple[SyntheticLooks, ...]:
-        flown = synthetic_launches(radius_m, prior.flights, plumes, launches)
-        shining = synthetic_sources(radius_m, bands, 768)
-        if not gliders:
-            return flown, shining
-        return flown, shining, synthetic_glides(radius_m, gliders, bodies, launches)
+    observers: tuple[Observer, ...]
+    config: SpectralConfig
+    prior: LaunchPrior
 
-    return looks
+    def __call__(self) -> tuple[TypeDensities, ...]:
+        """Return the densities of each observer."""
+        return tuple(
+            type_densities(observer, self.config, self.prior, self.looks[observer.radius_m])
+            for observer in self.observers
+        )
+
+    @cached_property
+    def looks(self) -> dict[float, tuple[SyntheticLooks, ...]]:
+        """Looks at launches, sources and glides, by the satellite's distance from the Earth's
+        centre, m.
+        """
+        bands = self.observers[0].detection.environment.bands
+        flights, launches = self.prior.flights, self.config.launches
+        plumes = launched_plumes(bands, flights, launches)
+        gliders = [flights[number] for number in gliding_rows(flights)]
+        bodies = launched_plumes(bands, gliders, launches) if gliders else plumes
+        return {
+            radius_m: (
+                synthetic_launches(radius_m, flights, plumes, launches),
+                synthetic_sources(radius_m, bands, 768),
+                *([synthetic_glides(radius_m, gliders, bodies, launches)] if gliders else []),
+            )
+            for radius_m in {observer.radius_m for observer in self.observers}
+        }
 
 
 def type_densities(
-    observer: Observer, config: SpectralConfig, prior: LaunchPrior, looks: LooksByRadius
+    observer: Observer,
+    config: SpectralConfig,
+    prior: LaunchPrior,
+    looks: tuple[SyntheticLooks, ...],
 ) -> TypeDensities:
     """Return a sensor's densities: synthetic looks, as the sensor measures them."""
     spread = _spread(config)
@@ -358,12 +373,12 @@ def _spread(config: SpectralConfig) -> tuple[float, float]:
 
 
 def _samples(
-    observer: Observer, spread: tuple[float, float], looks: LooksByRadius
+    observer: Observer, spread: tuple[float, float], looks: tuple[SyntheticLooks, ...]
 ) -> tuple[_Samples, _Samples, _Samples | None]:
     """Return a sensor's measurements of launches, of hot sources with their mean counts, and of
     glides.
     """
-    flown, shining, *gliding = looks(observer.radius_m)
+    flown, shining, *gliding = looks
     factors = brightness(len(flown.targets.type_code), observer.width, *spread)
     launches = _measured(observer, flown, factors)
     sources = _measured(observer, shining, np.ones((1, len(shining.targets.type_code), 1)))
