@@ -49,6 +49,7 @@ def test_a_mutant_is_caught_by_the_named_test(mutant: tuple[str, str], test: str
 RAISING = {
     "afraid-of-the-empty",
     "closes-once",
+    "replaces-its-file",
     "trips-over-nothing",
     "writes-to-its-input",
 }
