@@ -187,6 +187,10 @@ class Sensor:
             self, ("setting", "value"), list(self.settings.items()), len(self.settings)
         )
 
+    def spans_until_s(self, end_s: float) -> Spans:
+        """Return the spans in which it looks of a scene that ends at a time."""
+        return ((0.0, end_s),) if self.watched_s is None else self.watched_s
+
     def watched_until_s(self, time_s: FloatArray) -> FloatArray:
         """Return for how long (n,), s, it has looked from the scene's start to times (n,)."""
         if self.watched_s is None:

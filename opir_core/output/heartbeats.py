@@ -60,8 +60,7 @@ class Heartbeats:
     def _beats(self, start_s: float, end_s: float) -> Iterator[Heartbeat]:
         """Yield the heartbeats of an interval."""
         for sensor in self._sensors:
-            spans = ((start_s, end_s),) if sensor.watched_s is None else sensor.watched_s
-            for from_s, to_s in spans:
+            for from_s, to_s in sensor.spans_until_s(end_s):
                 span_s = np.array([max(from_s, start_s), min(to_s, end_s)])
                 if span_s[0] < span_s[1]:
                     times_us = np.rint(span_s * 1e6).astype(np.int64) + self._epoch_us

@@ -1,13 +1,13 @@
 """The faults of a plan's sensors: what they look at, and by how much their measurements are off."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.sensors import Sensor, Spans
+from opir_core.interfaces.sensors import Spans
 from opir_core.planning.sensor_states import turned
 from opir_core.random_streams.philox import failure_spans_s, stream_key
 from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, SensorFault
@@ -23,10 +23,25 @@ class SensorFaults(NamedTuple):
     faults: tuple[tuple[int, SensorFault], ...]
 
     @classmethod
-    def of(cls, faults: Iterable[SensorFault], ids: Sequence[str]) -> "SensorFaults | None":
-        """Return the faults of sensors by their ids; None without any."""
-        numbered = tuple((ids.index(fault.sensor), fault) for fault in faults)
-        return cls(numbered) if numbered else None
+    def of(cls, scene: Scene) -> "SensorFaults":
+        """Return the faults of a scene; of each that comes at random the times that its seed draws."""
+        ids = [choice.id for choice in scene.sensors]
+        return cls(
+            tuple(
+                (ids.index(fault.sensor), each)
+                for number, fault in enumerate(scene.faults)
+                for each in _drawn(scene, number, fault)
+            )
+        )
+
+    def watched_s(self, sensor: str, spans: Spans | None, duration_s: float) -> Spans | None:
+        """Return the spans in which the sensor of an id looks while it is not down, of those in
+        which its scene has it look; None for throughout.
+        """
+        for _, fault in self.faults:
+            if fault.sensor == sensor and fault.fault == DOWN:
+                spans = _without(((0.0, duration_s),) if spans is None else spans, fault)
+        return spans
 
     def is_blind(self, sensor: IndexArray, time_s: FloatArray) -> BoolArray:
         """Return which sensors (n,) see nothing at times (n,)."""
@@ -79,13 +94,6 @@ class SensorFaults(NamedTuple):
                 yield fault, np.flatnonzero((sensor == number) & is_late)
 
 
-def drawn_faults(scene: Scene) -> tuple[SensorFault, ...]:
-    """Return the faults of a scene; of each that comes at random the times that its seed draws."""
-    return tuple(
-        each for number, fault in enumerate(scene.faults) for each in _drawn(scene, number, fault)
-    )
-
-
 def _drawn(scene: Scene, number: int, fault: SensorFault) -> list[SensorFault]:
     if fault.mtbf_s is None or fault.mttr_s is None:
         return [fault]
@@ -102,15 +110,6 @@ def _drawn(scene: Scene, number: int, fault: SensorFault) -> list[SensorFault]:
         for start_s, until_s in spans_s.tolist()
         if start_s < until_s
     ]
-
-
-def watching(sensor: Sensor, scene: Scene, faults: Iterable[SensorFault]) -> Sensor:
-    """Return a sensor with the spans in which it looks by its scene, where it does not throughout."""
-    watched_s = scene.watched_s.get(sensor.id, sensor.watched_s)
-    for fault in faults:
-        if fault.sensor == sensor.id and fault.fault == DOWN:
-            watched_s = _without(watched_s or ((0.0, scene.duration_s),), fault)
-    return sensor if watched_s is None else evolve(sensor, watched_s=watched_s)
 
 
 def _without(spans: Spans, fault: SensorFault) -> Spans:

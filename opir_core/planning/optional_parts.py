@@ -9,7 +9,17 @@ from opir_core.scene.scene import Scene
 
 if TYPE_CHECKING:
     from opir_core.interfaces.directors import Director
+    from opir_core.planning.faults import SensorFaults
     from opir_core.planning.links import Network
+
+
+def faults_of(scene: Scene) -> "SensorFaults | None":
+    """Return the faults of a scene's sensors; None without any."""
+    if not scene.faults:
+        return None
+    from opir_core.planning.faults import SensorFaults
+
+    return SensorFaults.of(scene)
 
 
 def network(scene: Scene, sensors: tuple[Sensor, ...]) -> "Network | None":

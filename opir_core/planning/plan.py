@@ -37,9 +37,8 @@ from opir_core.planning.built_parts import (
     tracker_fault,
     trajectories_fault,
 )
-from opir_core.planning.faults import SensorFaults, drawn_faults, watching
 from opir_core.planning.looks import LookGeometry
-from opir_core.planning.optional_parts import director_maker_of, network
+from opir_core.planning.optional_parts import director_maker_of, faults_of, network
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import (
     offered_hypotheses,
@@ -62,6 +61,7 @@ if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
     from opir_core.interfaces.directors import Director
     from opir_core.interfaces.radiometric_models import Sources
+    from opir_core.planning.faults import SensorFaults
     from opir_core.planning.links import Network
 
 
@@ -88,7 +88,7 @@ class PlanParts:
     #: Returns a new director; None for a scene without one.
     make_director: "Callable[[], Director] | None" = None
     #: The faults of the sensors; None without any.
-    faults: SensorFaults | None = None
+    faults: "SensorFaults | None" = None
     #: The links by which reports get to the ground; None without any.
     links: "Network | None" = None
     #: The built `sources` of the scene; their emitters follow the launches in `targets`.
@@ -308,7 +308,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     Raises `SceneError` with the problems of all sensors, sources and targets.
     """
     problems = BuildProblems()
-    faults = drawn_faults(scene)
+    faults = faults_of(scene)
     built_sensors = list[Sensor]()
     for choice in scene.sensors:
         with problems.of(choice.model.path):
@@ -319,7 +319,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
                 duration_s=scene.duration_s,
             )
             sensor = _sensor(host, choice.model, context)
-            built_sensors.append(watching(sensor, scene, faults))
+            built_sensors.append(_watching(sensor, scene, faults))
     sensors = tuple(built_sensors)
     launches = _launches(scene, host, sensors, problems)
     sources = tuple["Sources", ...]()
@@ -343,7 +343,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         bias=drawn_bias(scene.seed, sensors),
         end_ns=round(scene.duration_s * 1e9),
         make_director=director_maker_of(scene, host, sensors),
-        faults=SensorFaults.of(faults, [sensor.id for sensor in sensors]),
+        faults=faults,
         links=network(scene, sensors),
         sources=sources,
         reported_types=reported_types(scene, host),
@@ -391,6 +391,14 @@ def _sensor(host: Host, choice: Choice, context: SensorContext) -> Sensor:
     if fault:
         raise ModelError(f"{owner_text(host, choice)}: build made {fault}; {hint}")
     return sensor
+
+
+def _watching(sensor: Sensor, scene: Scene, faults: "SensorFaults | None") -> Sensor:
+    """Return a sensor with the spans in which it looks by its scene, where it does not throughout."""
+    watched_s = scene.watched_s.get(sensor.id, sensor.watched_s)
+    if faults is not None:
+        watched_s = faults.watched_s(sensor.id, watched_s, scene.duration_s)
+    return sensor if watched_s is None else evolve(sensor, watched_s=watched_s)
 
 
 def _models(

@@ -2,7 +2,7 @@
 hits.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
@@ -11,7 +11,6 @@ from opir_core.arrays import ByteArray, FloatArray, IntArray, WordArray
 from opir_core.interfaces.columns import Filling
 from opir_core.interfaces.detection_models import DetectionProbability, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
-from opir_core.planning.faults import SensorFaults
 from opir_core.planning.looks import LookGeometry, blocks
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
@@ -23,6 +22,9 @@ from opir_core.simulation.measurement import (
 )
 from opir_core.simulation.observation import Hits, Observation
 from opir_core.simulation.output_checks import checked_measured, checked_types
+
+if TYPE_CHECKING:
+    from opir_core.planning.faults import SensorFaults
 
 
 @frozen(eq=False, kw_only=True, repr=False)
@@ -41,7 +43,7 @@ class BuildDetections:
     pair_type: ByteArray | None
     id_keys: WordArray
     band_totals: IntArray
-    faults: SensorFaults | None
+    faults: "SensorFaults | None"
 
     @classmethod
     def of(cls, plan: Plan, geometry: LookGeometry, streams: PairStreams) -> "BuildDetections":

@@ -9,13 +9,13 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.interfaces.detection_models import DetectionProbability
-from opir_core.planning.faults import SensorFaults
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_s
 from opir_core.planning.plan import Plan
 from opir_core.simulation.observation import Observation
 from opir_core.simulation.output_checks import checked_probability
 
 if TYPE_CHECKING:
+    from opir_core.planning.faults import SensorFaults
     from opir_core.simulation.interpolation import ProbabilityInterpolant
     from opir_core.simulation.pointing import PointedFields
 
@@ -111,7 +111,7 @@ class WatchTest:
         if self.plan.faults is not None:
             window.probability *= self._is_seen(self.plan.faults, looks)
 
-    def _is_seen(self, faults: SensorFaults, looks: Looks) -> BoolArray:
+    def _is_seen(self, faults: "SensorFaults", looks: Looks) -> BoolArray:
         """Return which looks (l,) are of sensors that see and, by their true times, of targets that
         shine.
         """
