@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_s
 from opir_core.planning.plan import Plan
@@ -99,29 +99,33 @@ class WatchTest:
         return cls(plan) if is_needed else None
 
     def __call__(self, window: Observation) -> None:
-        """Test the looks of sensors that do not look throughout."""
-        looks = window.looks
+        """Test the looks of sensors that do not look throughout, or fail."""
+        window.probability *= self.is_made(window.looks.pair, window.looks.scan)
+
+    def is_made(self, pair: IntArray, scan: IntArray) -> BoolArray:
+        """Return which looks (l,) are made by a sensor that sees, at what shines."""
         pairs = self.plan.pairs
-        sensor = pairs.sensor[looks.pair]
+        sensor = pairs.sensor[pair]
+        stated_s = look_times_s(pairs, pair, scan)
+        is_made = np.ones(len(pair), dtype=np.bool_)
         for number, each in enumerate(self.plan.sensors):
             if each.watched_s is not None:
                 rows = np.flatnonzero(sensor == number)
-                time_s = look_times_s(pairs, looks.pair[rows], looks.scan[rows])
-                window.probability[rows] *= each.is_watching(time_s)
+                is_made[rows] = each.is_watching(stated_s[rows])
         if self.plan.faults is not None:
-            window.probability *= self._is_seen(self.plan.faults, looks)
+            is_made &= self._is_seen(self.plan.faults, pair, stated_s)
+        return is_made
 
-    def _is_seen(self, faults: "SensorFaults", looks: Looks) -> BoolArray:
-        """Return which looks (l,) are of sensors that see and, by their true times, of targets that
-        shine.
+    def _is_seen(self, faults: "SensorFaults", pair: IntArray, stated_s: FloatArray) -> BoolArray:
+        """Return which looks (l,) at stated times are of sensors that see and, by their true times,
+        of targets that shine.
         """
         pairs = self.plan.pairs
-        sensor = pairs.sensor[looks.pair]
-        stated_s = look_times_s(pairs, looks.pair, looks.scan)
+        sensor = pairs.sensor[pair]
         clock_s = faults.clock_s(sensor, stated_s)
         true_s = stated_s - clock_s
-        ignition_s = self.plan.targets.ignition_s[pairs.target[looks.pair]]
-        shines = (true_s >= ignition_s) & (true_s <= pairs.until_s[looks.pair])
+        ignition_s = self.plan.targets.ignition_s[pairs.target[pair]]
+        shines = (true_s >= ignition_s) & (true_s <= pairs.until_s[pair])
         return ((clock_s == 0.0) | shines) & ~faults.is_blind(sensor, stated_s)
 
 

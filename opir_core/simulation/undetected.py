@@ -6,6 +6,7 @@ from opir_core.arrays import IntArray
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
+from opir_core.simulation.probability import WatchTest
 
 _REASONS = {
     Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
@@ -49,9 +50,16 @@ def undetected_text(plan: Plan, target: int) -> str:
     if not len(looking):
         return " or ".join(sorted({blocked_text(plan, row) for row in pairs.tolist()}))
     pair, scan, exposures = few_looks(plan, looking)
-    looks = exposures.take(np.flatnonzero(plan.look_geometry().visible(pair, scan)))
-    if not len(looks):
+    is_visible = plan.look_geometry().visible(pair, scan)
+    if not is_visible.any():
         return "hidden or dark in almost all looks"
+    watch = WatchTest.of(plan)
+    if watch is not None:
+        is_visible &= watch.is_made(pair, scan)
+    if not is_visible.any():
+        ids = sorted({plan.sensors[number].id for number in plan.pairs.sensor[looking].tolist()})
+        return f"not looked at while it shone: {', '.join(ids)} did not look, or failed"
+    looks = exposures.take(np.flatnonzero(is_visible))
     chances = plan.detection.probability(looks)
     best = int(chances.argmax())
     where = f"by {plan.sensors[looks.sensor[best]].id} at {looks.time_s[best]:.1f} s"

@@ -10,6 +10,7 @@ from two_sensor_scene import two_sensor_scene
 import opir_core as opir
 from opir_core.reading import scene_hash, scene_mapping
 from opir_core.simulation.explanation import explained
+from opir_core.simulation.undetected import undetected_text
 
 WEST, EAST = 0, 1
 
@@ -19,8 +20,8 @@ def scene(*faults: dict[str, Any], **changes: Any) -> opir.Scene:
     return opir.scene_from_mapping(two_sensor_scene(**settings))
 
 
-def fault(name: str, at_s: float = 40.0, until_s: float | None = 70.0, **settings: float) -> Any:
-    end = {} if until_s is None else {"until_s": until_s}
+def fault(name: str, at_s: float = 40.0, until_s: float | None = 70.0, **settings: Any) -> Any:
+    end: dict[str, Any] = {} if until_s is None else {"until_s": until_s}
     return {"sensor": "WEST", "fault": name, "at_s": at_s, **end, **settings}
 
 
@@ -58,6 +59,17 @@ def test_a_sensor_that_is_down_throughout_looks_no_more_for_a_second_fault() -> 
     run = opir.simulate(scene(*down))
     assert run.manifest["watched_s"]["WEST"] == []
     assert len(rows(run, WEST)) == 0
+
+
+@pytest.mark.parametrize("name", ["down", "blind"])
+def test_what_no_sensor_looked_at_is_said_to_be_unobserved(name: str) -> None:
+    plan = opir.compile_plan(
+        scene(*(fault(name, 0.0, None, sensor=id_) for id_ in ("WEST", "EAST")))
+    )
+    assert undetected_text(plan, 0) == (
+        "not looked at while it shone: EAST, WEST did not look, or failed"
+    )
+    assert "P_d at most" in undetected_text(opir.compile_plan(scene()), 0)
 
 
 def test_noise_multiplies_the_errors_and_states_the_same_sigma() -> None:
