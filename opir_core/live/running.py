@@ -563,6 +563,7 @@ class LiveRun:
             is_spooled = choice.spool is not None
             sink.replace(
                 partial(opened_sink, plan, choice),
+                self._stopping,
                 is_spooled=is_spooled,
                 count=counter_of(plan, choice),
             )
