@@ -104,6 +104,20 @@ def test_a_cluster_that_dies_ends_with_words(cluster, dies, message):
         assert time.monotonic() - began_s < 60.0
 
 
+def test_a_worker_that_dies_with_results_ends_with_words(cluster):
+    address, _, worker = cluster
+    with closing(DaskExecutor(address, None, 30.0)) as dask:
+        results = dask.results(slept, [0.0, 1.0, 1.0, 1.0])
+        next(results)
+        time.sleep(6.0)  # the others end, and none is fetched
+        next(results)
+        dask._timeout_s = 3.0
+        worker.kill()
+        worker.wait(30.0)
+        with pytest.raises(OpirError, match="has had no worker for 3 s"):
+            list(results)
+
+
 @pytest.mark.parametrize("workers", [1, 2, 4])
 def test_the_bytes_are_those_of_serial(tmp_path, workers):
     varied = {"scene": SCENE, "vary": {PERIOD: [100, 400]}, "runs": 10}
