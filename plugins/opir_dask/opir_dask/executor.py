@@ -8,7 +8,6 @@ from itertools import islice
 from typing import Any
 
 from distributed import Client, Future, LocalCluster, wait
-from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from opir_studies import LostTasksError
 
@@ -67,14 +66,16 @@ class DaskExecutor:
         if lost:
             raise LostTasksError(sorted(lost))
 
-    def _outcome(self, future: Future) -> Sequence[Any] | None:
+    def _outcome(self, future: Future) -> Any:
         """Return the result of a task that has ended, alone; nothing if the task is lost, None if
-        its worker died with the result, so that it runs again.
+        its worker died with the result, so that it runs again, or the scheduler.
         """
         try:
             error = future.exception(self._timeout_s)
             result = None if error else future.result(self._timeout_s)
-        except TimeoutError:
+        except (CancelledError, OSError):
+            return None
+        if future.cancelled():
             return None
         if error and not isinstance(error, KilledWorker):
             raise error
@@ -95,7 +96,7 @@ class DaskExecutor:
                 seen_s = time.monotonic() if is_alive else seen_s
                 if time.monotonic() - seen_s > self._timeout_s:
                     raise self._failure(client) from None
-            except (CancelledError, CommClosedError, OSError) as error:
+            except (CancelledError, OSError) as error:
                 raise self._failure(client) from error
             else:
                 if any(future.cancelled() for future in ended):
