@@ -126,8 +126,8 @@ def _repeated(arguments: argparse.Namespace) -> int:
         with _ended_by_signals():
             repeated.join()
         status = repeated.stop(CALL_S)
-    if repeated.error is not None:
-        raise ModelError(f"the run failed: {repeated.error}")
+    if status.error is not None:
+        raise ModelError(f"the run failed: {status.error}")
     if failures := [f"{sink.path}: {sink.error}" for sink in status.sinks if sink.error]:
         raise SinkError("\n".join(failures))
     if not arguments.quiet:

@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from attrs import field, frozen
+from attrs.converters import optional
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.geometry.vectors import floats
@@ -28,6 +30,11 @@ class Command:
     reason: str = ""
 
 
+def _point(values: ArrayLike) -> FloatArray:
+    """Return a point (3,); `ValueError` for another shape."""
+    return floats(values).reshape(3)
+
+
 @frozen(eq=False, kw_only=True)
 class SensorTask:
     """What an operator has a sensor do, given by its id, in place of the director's commands.
@@ -36,7 +43,7 @@ class SensorTask:
     """
 
     sensor: str
-    position_ecef_m: FloatArray | None = None
+    position_ecef_m: FloatArray | None = field(default=None, converter=optional(_point))
     track: int = -1
 
 

@@ -180,10 +180,10 @@ class Change:
 
     engine: Engine
     lap: int
+    record: Mapping[str, Any]
     not_after_ns: int | None = None
     reopened: tuple[Choice, ...] = ()
     base: Scene | None = None
-    record: Mapping[str, Any] | None = None
 
 
 class ChangeQueue:
@@ -272,8 +272,8 @@ def launch_change(plan: Plan, block: Mapping[str, Any], time_ns: int, lap: int) 
     changed_plan = with_added_targets(without_finished_targets(plan, time_ns), added)
     changed_plan.workload.require_run()
     engine = Engine(changed_plan)
-    record = {"launch": dict(block)}
-    return Change(engine, lap, int(added.targets.ignition_s.min() * 1e9), record=record)
+    latest_ns = int(added.targets.ignition_s.min() * 1e9)
+    return Change(engine, lap, {"launch": dict(block)}, latest_ns)
 
 
 def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first_scene: Scene) -> Change:
@@ -304,7 +304,7 @@ def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first_scen
     outputs = zip(plan.scene.outputs, read.outputs, strict=True)
     reopened = tuple(output for former_output, output in outputs if output != former_output)
     record = {"settings": dict(mapping)}
-    return Change(Engine(changed), lap, reopened=reopened, base=base, record=record)
+    return Change(Engine(changed), lap, record, reopened=reopened, base=base)
 
 
 def require_plausible(scene: Scene, former: Scene, source: str) -> None:

@@ -1,5 +1,5 @@
-"""What changed a live run, in a file with which `opir run` repeats it: its scene, each launch and
-each setting with the scene time at which it was applied, and its end.
+"""What changed a live run, in a file with which `opir run` repeats it: its scene, each launch,
+setting and task of a sensor with the scene time at which it was applied, and its end.
 """
 
 import json
@@ -8,10 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from attrs import frozen
 
 from opir_core.errors import Problem, SceneError, unwritable
 from opir_core.host.host import Host
+from opir_core.interfaces.directors import SensorTask
 from opir_core.live.changes import Change, launch_change, settings_change
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.reading import scene_from_mapping, scene_mapping
@@ -45,7 +47,7 @@ class ChangesFile:
 
     def _write(self, line: Mapping[str, Any]) -> None:
         try:
-            self._file.write(json.dumps(line).encode() + b"\n")
+            self._file.write(json.dumps(line, default=np.ndarray.tolist).encode() + b"\n")
         except OSError as error:
             raise unwritable("the changes file", self._path, error) from error
 
@@ -81,7 +83,7 @@ def recorded_run(path: Path) -> RecordedRun:
     head, *others = rows
     for number, row in enumerate(others, start=2):
         if "end_ns" not in row and not _is_change(row):
-            raise _invalid(path, number, "neither a launch nor settings, with lap and time_ns")
+            raise _invalid(path, number, "no launch, settings or task with lap and time_ns")
     end_ns = next((int(row["end_ns"]) for row in others if "end_ns" in row), None)
     changes = tuple(row for row in others if "end_ns" not in row)
     return RecordedRun(path, head["scene"], head.get("loop") is True, changes, end_ns)
@@ -89,7 +91,9 @@ def recorded_run(path: Path) -> RecordedRun:
 
 def _is_change(row: Mapping[str, Any]) -> bool:
     has_place = all(type(row.get(key)) is int for key in ("lap", "time_ns"))
-    return has_place and any(isinstance(row.get(key), dict) for key in ("launch", "settings"))
+    return has_place and any(
+        isinstance(row.get(key), dict) for key in ("launch", "settings", "task")
+    )
 
 
 def _invalid(path: Path, number: int, words: str) -> SceneError:
@@ -116,11 +120,6 @@ class RepeatedRun(LiveRun):
         while self._thread.is_alive():
             self._thread.join(0.5)
 
-    @property
-    def error(self) -> str | None:
-        """Why the run failed, or None."""
-        return self._error
-
     def _cycle(self) -> bool:
         return self._counts.time_ns < self._end_ns and super()._cycle()
 
@@ -130,10 +129,12 @@ class RepeatedRun(LiveRun):
             position = self._position
             if (row["lap"], row["time_ns"]) != (position.lap, position.engine.time_ns):
                 return
-            self._apply(self._change(row), position)
+            self._apply(self._change(row))
             self._remaining.pop(0)
 
-    def _change(self, row: Mapping[str, Any]) -> Change:
+    def _change(self, row: Mapping[str, Any]) -> Change | SensorTask:
+        if "task" in row:
+            return SensorTask(**row["task"])
         position = self._position
         plan = position.engine.plan
         if "launch" in row:

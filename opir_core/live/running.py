@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol
 
-from attrs import evolve, frozen
+from attrs import asdict, evolve, frozen
 
 from opir_core.errors import OpirError, Problem, SceneError, number_of
 from opir_core.host.error_messages import described_error
@@ -531,27 +531,27 @@ class LiveRun:
     def _apply_changes(self) -> None:
         """Apply the changes queued since the last window."""
         for change, answer in self._changes.pending():
-            position = self._position
-            if isinstance(change, SensorTask):
-                answer.set_result(position.task(change))
-                continue
-            is_late = (
-                change.not_after_ns is not None and change.not_after_ns < position.engine.time_ns
-            )
-            if is_late or change.lap != position.lap:
-                answer.set_exception(past_error(self.time_ns))
-                continue
             try:
-                self._apply(change, position)
+                answer.set_result(self._apply(change))
+            except PastError as error:
+                answer.set_exception(error)
             except BaseException as error:  # who asked must not wait for ever
                 answer.set_exception(RefusedError(f"the run has failed: {described_error(error)}"))
                 raise
-            answer.set_result(self._counts.cycle)
 
-    def _apply(self, change: Change, position: RunPosition) -> None:
-        """Replace the engine, the laps to come and the outputs that change."""
-        if self.changes_file is not None and change.record is not None:
-            self.changes_file.change(position.lap, position.engine.time_ns, change.record)
+    def _apply(self, change: Change | SensorTask) -> Any:
+        """Have a sensor do a task and return what became of it; or replace the engine, the laps to
+        come and the outputs that change, and return the cycle.
+        """
+        position = self._position
+        if isinstance(change, SensorTask):
+            self._record({"task": asdict(change)})
+            return position.task(change)
+        latest_ns = change.not_after_ns
+        is_late = latest_ns is not None and latest_ns < position.engine.time_ns
+        if is_late or change.lap != position.lap:
+            raise past_error(self.time_ns)
+        self._record(change.record)
         change.engine.take_over(position.engine)
         self._reports.use(change.engine.plan)
         self._position = evolve(position, engine=change.engine)
@@ -563,6 +563,14 @@ class LiveRun:
             is_spooled = choice.spool is not None
             sink.replace(
                 partial(opened_sink, plan, choice),
+                self._stopping,
                 is_spooled=is_spooled,
                 count=counter_of(plan, choice),
             )
+        return self._counts.cycle
+
+    def _record(self, record: Mapping[str, Any]) -> None:
+        """Write what is applied now into the file of changes, if there is one."""
+        if self.changes_file is not None:
+            position = self._position
+            self.changes_file.change(position.lap, position.engine.time_ns, record)

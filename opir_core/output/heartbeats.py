@@ -34,22 +34,22 @@ class Heartbeats:
         self._sensors = sensors
         self._epoch_us = epoch_us
         self._every_s = every_s
-        self._told = 0
+        self._complete = 0
         self._end_s = 0.0
 
     def until(self, end_s: float) -> bytes:
-        """Return the lines of the intervals that are over at a time of the scene, s, and were not
-        told before.
+        """Return the lines of the intervals that are complete at a time of the scene, s, and were
+        not returned before.
         """
         self._end_s = max(self._end_s, end_s)
-        over = int(np.floor(self._end_s / self._every_s + 1e-9))
-        edges_s = np.arange(self._told, over + 1) * self._every_s
-        self._told = max(self._told, over)
+        complete = int(np.floor(self._end_s / self._every_s + 1e-9))
+        edges_s = np.arange(self._complete, complete + 1) * self._every_s
+        self._complete = complete
         return self._lines(edges_s)
 
     def rest(self) -> bytes:
         """Return the lines of the interval in which the run ended."""
-        return self._lines(np.unique([self._told * self._every_s, self._end_s]))
+        return self._lines(np.array([self._complete * self._every_s, self._end_s]))
 
     def _lines(self, edges_s: np.ndarray) -> bytes:
         """Return the lines of intervals between edges (n,), s."""
@@ -62,6 +62,6 @@ class Heartbeats:
         for sensor in self._sensors:
             for from_s, to_s in sensor.spans_until_s(end_s):
                 span_s = np.array([max(from_s, start_s), min(to_s, end_s)])
-                if span_s[0] < span_s[1]:
-                    times_us = np.rint(span_s * 1e6).astype(np.int64) + self._epoch_us
+                times_us = np.rint(span_s * 1e6).astype(np.int64) + self._epoch_us
+                if times_us[0] < times_us[1]:
                     yield Heartbeat(VERSION, "heartbeat", sensor.id, *timestamp_text(times_us))

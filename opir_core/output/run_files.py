@@ -6,6 +6,7 @@ for noise alone. The tracks file is in `opir_core.output.tracks_file`.
 """
 
 import json
+import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -47,8 +48,10 @@ class LinesFile:
         self._path = path
         self._encoder = msgspec.json.Encoder()
         try:
-            self._file = path.open("wb")
-            self._growing = GrowingFile(self._file.fileno())
+            # Always at the end: what another process cuts off shows, as nothing fills the hole.
+            opening = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+            self._descriptor = os.open(path, opening, 0o666)
+            self._growing = GrowingFile(self._descriptor)
         except OSError as error:
             raise unwritable(self._kind, path, error) from error
 
@@ -56,12 +59,15 @@ class LinesFile:
         return self
 
     def __exit__(
-        self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None
+        self, _kind: type[BaseException] | None, raised: object, _trace: TracebackType | None
     ) -> None:
+        fault = self._growing.fault()
         try:
-            self._file.close()
+            os.close(self._descriptor)
         except OSError as error:
             raise unwritable(self._kind, self._path, error) from error
+        if raised is None:
+            self._require(fault)
 
     def _write(self, lines: Sequence[object]) -> None:
         self.write_bytes(self._encoder.encode_lines(list(lines)))  # msgspec writes nan as null
@@ -69,12 +75,19 @@ class LinesFile:
     def write_bytes(self, lines: bytes | memoryview) -> None:
         """Write encoded lines."""
         try:
-            self._growing.size = self._file.raw.tell()
-            if fault := self._growing.fault():
-                raise SinkError(f"{self._kind} {self._path}: {fault}; run again")
-            self._file.write(lines)
+            self._require(self._growing.fault())
+            remaining = memoryview(lines)
+            while remaining:
+                count = os.write(self._descriptor, remaining)
+                self._growing.size += count
+                remaining = remaining[count:]
         except OSError as error:
             raise unwritable(self._kind, self._path, error) from error
+
+    def _require(self, fault: str) -> None:
+        """Raise `SinkError` if something became of the file."""
+        if fault:
+            raise SinkError(f"{self._kind} {self._path}: {fault}; run again")
 
 
 def truth_records(plan: Plan) -> list[Mapping[str, Any]]:

@@ -246,9 +246,10 @@ class SinkThread(OpenSink):
         if self.is_spooled:
             # Written in the caller's thread; if this fails, the sink's own thread closes it.
             with self._replacement_done:
-                self._replacement_done.wait_for(
-                    lambda: not self._replacements or self.error is not None
-                )
+                while self._replacements and self.error is None and not stopping.is_set():
+                    self._replacement_done.wait(_POLL_S)
+            if self._replacements:
+                self._fail("the run was stopped before it was opened anew")
             if self.error is None and not self._try(lambda: self._pass(window)):
                 self._queue.put(None)
             self._given += self._count(window)
@@ -259,18 +260,19 @@ class SinkThread(OpenSink):
     def replace(
         self,
         make: Callable[[], Sink],
+        stopping: threading.Event,
         *,
         is_spooled: bool = False,
         count: Counter = detection_count,
     ) -> None:
-        """Close the sink after its queued windows, and continue with the one that `make`
-        returns.
+        """Close the sink after its queued windows, and continue with the one that `make` returns;
+        waits as `write` does.
         """
         with self._replacement_done:
             self._replacements += 1
         self.is_spooled = is_spooled
         self._count = count
-        self._queue.put(_Replacement(make, count))
+        self._queue_up(_Replacement(make, count), stopping)
 
     def close_by(self, deadline_s: float) -> None:
         """Set the time of the monotonic clock by which the sink must be closed."""
@@ -328,11 +330,11 @@ class SinkThread(OpenSink):
             error=self.error or (None if self.is_closed else self.parked or self._sink.trouble),
         )
 
-    def _queue_up(self, window: Window, stopping: threading.Event) -> None:
+    def _queue_up(self, item: Window | _Replacement, stopping: threading.Event) -> None:
         waited = False
         while self.error is None:
             with suppress(queue.Full):
-                self._queue.put(window, timeout=_POLL_S)
+                self._queue.put(item, timeout=_POLL_S)
                 return
             self._waits += not waited
             waited = True

@@ -107,9 +107,9 @@ class Network:
         return LinkQueues(self, sensors)
 
     @property
-    def quickest_ns(self) -> int:
-        """The time, ns, in which a report gets through its sensor's slowest path, without a queue
-        and a wait for a contact.
+    def slowest_ns(self) -> int:
+        """The time, ns, in which a report gets through the slowest path of any sensor, without a
+        queue and a wait for a contact; 0 without a path.
         """
         slowest_ns = [
             transmitter.service_ns

@@ -265,7 +265,7 @@ def tracking_lag_ns(plan: Plan) -> int:
     """Return the lag, ns, between a tick and its step in the order of report."""
     if plan.scene.tracking_lag_s is not None:
         return round(plan.scene.tracking_lag_s * 1e9)
-    link_ns = 0 if plan.links is None else plan.links.quickest_ns
+    link_ns = 0 if plan.links is None else plan.links.slowest_ns
     if not any(sensor.reporting for sensor in plan.sensors):
         return link_ns
     from opir_core.simulation.reporting import release_lag_ns

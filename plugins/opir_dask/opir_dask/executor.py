@@ -4,10 +4,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from itertools import islice
 from typing import Any
 
 from distributed import Client, Future, LocalCluster, wait
-from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from opir_studies import LostTasksError
 
@@ -44,27 +44,42 @@ class DaskExecutor:
         lost = []
         waiting = iter(range(len(tasks)))
         number: dict[Future, int] = {}
-        submitted = _AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
 
-        def submit() -> None:
-            index = next(waiting, None)
-            if index is not None:
+        def submit(count: int) -> None:
+            for index in islice(waiting, count):
                 # Not pure: the same task of two studies is not the same result to Dask.
                 future = client.submit(function, tasks[index], pure=False)
                 number[future] = index
 
-        for _ in range(submitted):
-            submit()
+        submit(_AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"])))
         while number:
             for future in self._ended(client, set(number)):
+                outcome = self._outcome(future)
+                if outcome is None:
+                    break
                 index = number.pop(future)
-                if isinstance(future.exception(), KilledWorker):
-                    lost.append(index)
+                if outcome:
+                    yield index, outcome[0]
                 else:
-                    yield index, future.result()
-                submit()
+                    lost.append(index)
+                submit(1)
         if lost:
             raise LostTasksError(sorted(lost))
+
+    def _outcome(self, future: Future) -> Any:
+        """Return the result of a task that has ended, alone; nothing if the task is lost, None if
+        its worker died with the result, so that it runs again, or the scheduler.
+        """
+        try:
+            error = future.exception(self._timeout_s)
+            result = None if error else future.result(self._timeout_s)
+        except (CancelledError, OSError):
+            return None
+        if future.cancelled():
+            return None
+        if error and not isinstance(error, KilledWorker):
+            raise error
+        return () if error else (result,)
 
     def _ended(self, client: Client, running: set[Future]) -> set[Future]:
         """Return tasks that have ended, at least one; raises `OpirError` if the scheduler ends, or
@@ -81,7 +96,7 @@ class DaskExecutor:
                 seen_s = time.monotonic() if is_alive else seen_s
                 if time.monotonic() - seen_s > self._timeout_s:
                     raise self._failure(client) from None
-            except (CancelledError, CommClosedError, OSError) as error:
+            except (CancelledError, OSError) as error:
                 raise self._failure(client) from error
             else:
                 if any(future.cancelled() for future in ended):

@@ -139,7 +139,8 @@ class Feed:
     """Encodes a run's windows without delaying it; `status` returns the document sent to viewers
     each second.
 
-    With `heartbeat_s` viewers are told at this interval of the scene which sensors watched.
+    With `heartbeat_s`, s of scene time, it sends heartbeats to viewers at this interval: which
+    sensors watched.
     """
 
     def __init__(

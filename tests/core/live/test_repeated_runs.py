@@ -1,4 +1,4 @@
-"""A live run is repeated from its changes, byte for byte: launches, settings, laps, kills."""
+"""A live run is repeated from its changes, byte for byte: launches, settings, tasks, laps, kills."""
 
 import json
 import random
@@ -11,7 +11,7 @@ from waiting import until
 
 from opir_core.cli.main import main
 from opir_core.errors import OpirError, SceneError
-from opir_core.live import ChangesFile, LiveRun, LiveSettings, repeated_run
+from opir_core.live import ChangesFile, LiveRun, LiveSettings, SensorTask, repeated_run
 from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
 
@@ -57,6 +57,13 @@ def changed_at_random(run: LiveRun, launches: int, settings: int) -> None:
                 run.configure(mapping)
         except OpirError:
             continue
+
+
+def pointed_run(folder: Path, host: Host, **more: Any) -> LiveRun:
+    """Return a run with the sensor SPOT, which only an operator points."""
+    spot = {"model": "generic-pointed", "id": "SPOT", "orbital_slot_deg": -100.0}
+    more = {"director": "operator", "sensors": [spot], **more}
+    return live_run(folder, host, LiveSettings(speed=20.0, late_after_s=60.0), **more)
 
 
 def repeated_events(folder: Path) -> bytes:
@@ -111,11 +118,42 @@ def test_a_killed_run_is_repeated_as_far_as_it_came(host: Host, tmp_path: Path) 
     assert repeated_events(tmp_path) == events
 
 
+def test_tasks_of_sensors_are_repeated(host: Host, tmp_path: Path) -> None:
+    place = {"lat_deg": 34.73, "lon_deg": -120.57}
+    launch = {**place, "time_s": 1.0}
+    target = {
+        "id": "T",
+        "type": "ICBM",
+        "launch": launch,
+        "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+    }
+    run = pointed_run(tmp_path, host, targets=[target])
+    run.start()
+    launch_point_m = [-2669e3, -4519e3, 3613e3]
+    assert not run.task(SensorTask(sensor="SPOT", position_ecef_m=launch_point_m)).refusal
+    until(lambda: run.state == "ended", within_s=60.0)
+    run.stop()
+    events = (tmp_path / "e.jsonl").read_bytes()
+    assert events.count(b"SPOT") > 5
+    assert repeated_events(tmp_path) == events
+
+
+def test_who_gives_a_task_that_fails_is_answered(
+    host: Host, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("opir_core.simulation.engine.Engine.task", lambda *_: 1 / 0)
+    run = pointed_run(tmp_path, host)
+    run.start()
+    with pytest.raises(OpirError, match="the run has failed: ZeroDivisionError"):
+        run.task(SensorTask(sensor="SPOT"))
+    assert run.stop().state == "failed"
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ('{"lap":0}', "line 2: neither a launch nor settings, with lap and time_ns"),
-        ('{"lap":0,"time_ns":"1","launch":{}}', "line 2: neither a launch nor settings"),
+        ('{"lap":0}', "line 2: no launch, settings or task with lap and time_ns"),
+        ('{"lap":0,"time_ns":"1","launch":{}}', "line 2: no launch, settings or task"),
         ("[1]", "line 2: not a change"),
         ("{", "line 2: not a change"),
     ],

@@ -182,6 +182,33 @@ def test_a_sink_that_hangs_does_not_keep_the_run_from_stopping(scene: Scene, hos
     assert hanging.status().error == "it did not close before the deadline"
 
 
+def test_a_failed_output_with_a_full_queue_does_not_hold_up_its_replacement(
+    scene: Scene, host: Host
+) -> None:
+    gate = threading.Event()
+    stopping = threading.Event()
+    failing = SinkThread("outputs[0]", "failing", Slow(gate, "no room"))
+    window = some_window(scene, host)
+    for _ in range(QUEUED_WINDOWS + 1):
+        failing.write(window, stopping)
+    gate.set()
+    until(lambda: failing.is_closed)
+    failing.replace(lambda: Slow(gate), stopping)
+    assert failing.status().error == "no room"
+
+
+def test_a_stop_does_not_wait_for_an_output_that_is_replaced(scene: Scene, host: Host) -> None:
+    gate = threading.Event()
+    stopping = threading.Event()
+    hanging = SinkThread("outputs[0]", "hanging", Slow(gate))
+    hanging.write(some_window(scene, host), stopping)
+    hanging.replace(lambda: Slow(gate), stopping, is_spooled=True)
+    stopping.set()
+    hanging.write(some_window(scene, host), stopping)
+    gate.set()
+    assert hanging.status().error == "the run was stopped before it was opened anew"
+
+
 def test_changed_outputs_are_opened_anew_and_counts_go_on(tmp_path: Any, host: Host) -> None:
     run = run_into(host, 20.0, {"jsonl": {"path": str(tmp_path / "one.jsonl")}})
     run.start()

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from opir_core.cli.main import main
 from opir_core.errors import SinkError
 from opir_core.live import LiveRun, LiveSettings
 from opir_core.output import deliver
+from opir_core.output.run_files import CommandsFile
 from opir_core.output.spool import Journal
 from opir_core.output.temporary_files import GrowingFile
 from opir_core.plugin import Host
@@ -247,3 +249,31 @@ def test_a_write_of_another_thread_during_a_look_is_no_cut(
             patched.setattr("opir_core.output.temporary_files.os.fstat", late)
             fault = growing.fault()
     assert fault == ""
+
+
+def test_a_cut_between_a_look_and_a_write_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "e.commands.jsonl"
+    write = os.write
+
+    def late(descriptor: int, lines: Any) -> int:
+        cut(path)
+        return write(descriptor, lines)
+
+    file = CommandsFile(path)
+    file.write_bytes(b"line\n" * 4)
+    monkeypatch.setattr("opir_core.output.run_files.os.write", late)
+    file.write_bytes(b"line\n")
+    with pytest.raises(SinkError, match="cut it off at 15 of 25"), file:
+        pass
+
+
+def test_lines_go_through_a_pipe(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor() as pool:
+        content = pool.submit(pipe.read_bytes)
+        with CommandsFile(pipe) as file:
+            file.write_bytes(b"line\n")
+        assert content.result() == b"line\n"

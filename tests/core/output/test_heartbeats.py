@@ -62,9 +62,16 @@ def sensors() -> tuple[Sensor, ...]:
     return opir.compile_plan(opir.scene_from_mapping(SCENE)).sensors
 
 
+def test_a_run_of_whole_intervals_has_no_rest() -> None:
+    for interval_s, end_s in ((0.1, 0.3), (0.3, 0.9), (2.3, 13.8)):
+        heartbeats = Heartbeats((stub_sensor(),), EPOCH_US, interval_s)
+        heartbeats.until(end_s)
+        assert heartbeats.rest() == b""
+
+
 def test_heartbeats_are_spans_of_a_grid_in_which_a_sensor_watched() -> None:
-    told = Heartbeats(sensors(), EPOCH_US, 5.0)
-    lines = told.until(12.5) + told.rest()
+    heartbeats = Heartbeats(sensors(), EPOCH_US, 5.0)
+    lines = heartbeats.until(12.5) + heartbeats.rest()
     west = [beat[1:] for beat in beats(lines) if beat[0] == "WEST"]
     east = [beat[1:] for beat in beats(lines) if beat[0] == "EAST"]
     assert west == [(0.0, 4.25), (7.5, 10.0), (10.0, 12.5)]

@@ -134,7 +134,7 @@ def test_a_failing_file_keeps_the_earlier_run(good: Path, monkeypatch: pytest.Mo
         return write(descriptor, data[: len(data) // 2])
 
     with monkeypatch.context() as patch:
-        patch.setattr("opir_core.builtin.sinks.os.write", full)
+        patch.setattr("opir_core.builtin.sinks._written", full)
         outcome = run_into(good, 2, "null")
     with pytest.raises(
         SinkError,

@@ -72,8 +72,12 @@ def cluster(tmp_path):
     )
     yield address, scheduler, worker
     for process in (worker, scheduler):
-        process.kill()
-        process.wait(30.0)
+        end(process)
+
+
+def end(process):
+    process.kill()
+    process.wait(30.0)
 
 
 def free_port():
@@ -82,26 +86,41 @@ def free_port():
         return listening.getsockname()[1]
 
 
-@pytest.mark.parametrize(
+DEATHS = pytest.mark.parametrize(
     ("dies", "message"),
     [
         ("worker", r"has had no worker for 3 s; start it and its workers, and run the study again"),
         ("scheduler", r"has ended or been restarted; start it"),
     ],
 )
+
+
+@DEATHS
 def test_a_cluster_that_dies_ends_with_words(cluster, dies, message):
     address, scheduler, worker = cluster
     with closing(DaskExecutor(address, None, 30.0)) as dask:
         results = dask.results(slept, [0.0, 60.0])
         assert next(results) == (0, 0.0)
         dask._timeout_s = 3.0
-        process = {"worker": worker, "scheduler": scheduler}[dies]
-        process.kill()
-        process.wait(30.0)
+        end({"worker": worker, "scheduler": scheduler}[dies])
         began_s = time.monotonic()
         with pytest.raises(OpirError, match=message):
             list(results)
         assert time.monotonic() - began_s < 60.0
+
+
+@DEATHS
+def test_a_cluster_that_dies_with_results_ends_with_words(cluster, dies, message):
+    address, scheduler, worker = cluster
+    with closing(DaskExecutor(address, None, 30.0)) as dask:
+        results = dask.results(slept, [0.0, 1.0, 1.0, 1.0])
+        next(results)
+        time.sleep(6.0)  # the others end, and none is fetched
+        next(results)
+        dask._timeout_s = 3.0
+        end({"worker": worker, "scheduler": scheduler}[dies])
+        with pytest.raises(OpirError, match=message):
+            list(results)
 
 
 @pytest.mark.parametrize("workers", [1, 2, 4])
