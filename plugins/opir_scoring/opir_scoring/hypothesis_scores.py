@@ -11,7 +11,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import Columns
 from opir_core.planning import Targets
-from opir_core.plugin import EMITTER_TYPES, LAUNCH_GROUPS
+from opir_core.plugin import EMITTER_TYPES
 from opir_scoring.containments import mean, share
 from opir_scoring.evidence import Ownership, RunEvidence
 from opir_scoring.proper_scores import (
@@ -43,8 +43,8 @@ class HypothesisScores(Columns):
     `age` are numbers into `AGES`, `truth` and `best` the true and the most probable hypothesis by
     number, `confidence` the probability of the latter. `is_unknown` marks tracks whose truth is
     "none of these", of which `none` is the probability; `known` is the greatest probability of any
-    other hypothesis, and `is_known_right` whether it is the truth. `launch` is the probability of a
-    launch, `is_launch` the truth of it.
+    other hypothesis, and `is_known_right` whether it is the truth. `launch` is the probability of
+    anything that was launched, `is_launch` the truth of it.
     """
 
     age: IntArray
@@ -114,7 +114,6 @@ def hypothesis_scores(
     best = probability.argmax(axis=1)
     none = len(groups) - 1
     of_classes = probability[:, :none]
-    is_launch = np.isin(groups, LAUNCH_GROUPS)
     return HypothesisScores(
         age=age,
         truth=truth,
@@ -126,7 +125,7 @@ def hypothesis_scores(
         is_unknown=truth == none,
         known=of_classes.max(axis=1),
         is_known_right=of_classes.argmax(axis=1) == truth,
-        launch=probability[:, is_launch].sum(axis=1),
+        launch=tracks.probability_launch[rows],
         is_launch=owners.target[owner] >= 0,
     )
 
