@@ -110,3 +110,12 @@ def test_delays_and_losses_of_reports():
         "reports_late": 0.0,
         "reports_lost": 0.0,
     }
+
+
+def test_all_reports_may_be_lost():
+    station = {"id": "EQ", "lat_deg": 0.0, "lon_deg": -90.0}
+    links = {"stations": [station], "downlinks": [{"rate_bytes_s": 1e6, "loss": 1.0}]}
+    run = opir_core.simulate(opir_core.scene_from_mapping({**SCENE, "links": links}))
+    figures = figures_of("links", run)
+    assert figures["reports_lost"] == 1.0
+    assert np.isnan(figures["report_delay_s"])

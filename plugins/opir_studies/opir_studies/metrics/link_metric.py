@@ -28,24 +28,25 @@ class LinksMetric:
 
     def values(self, run: Run) -> Mapping[str, float]:
         """Return mean and 95 % quantile of the delay, and both shares; nan without reports."""
+        figures = {**dict.fromkeys(self.units, np.nan), "reports_lost": _lost_share(run)}
         delay_s = (run.detections.reported_ns - run.detections.time_ns) * 1e-9
         if not len(delay_s):
-            return dict.fromkeys(self.units, np.nan)
-        return {
+            return figures
+        return figures | {
             "report_delay_s": float(delay_s.mean()),
             "report_delay_p95_s": float(np.quantile(delay_s, 0.95, method="inverted_cdf")),
             "reports_late": float((delay_s > self.late_s).mean()),
-            "reports_lost": _lost_share(run),
         }
 
 
 def _lost_share(run: Run) -> float:
+    arrived = len(run.detections)
     if run.plan.links is None:
-        return 0.0
+        return 0.0 if arrived else np.nan
     if run.lost is None:
         return np.nan
     lost = int(run.lost.sum())
-    return lost / (lost + len(run.detections))
+    return lost / (lost + arrived) if lost + arrived else np.nan
 
 
 def links_metric(config: LinksConfig, _context: MetricContext) -> LinksMetric:
