@@ -52,6 +52,8 @@ _MOST_NOTES = 3
 #: Metrics whose figures change when a burnout is recognised, and how long after it a scene should
 #: last, s: the phases of `impact_region` end 20 s after it.
 _OF_WHOLE_BURNS = {"impact_region", "warning_time", "milestones"}
+#: Metrics that have no figures, or the worst, without a tracker.
+_OF_TRACKS = {*_OF_WHOLE_BURNS, "accuracy", "cue_delay", "custody", "launch_error", "tracks"}
 AFTER_BURNOUT_S = 30.0
 #: The metric of bounds of quantities over time.
 MILESTONES = "milestones"
@@ -251,13 +253,15 @@ def _ready_designs(
     metrics: Sequence[tuple[str, Mapping[str, Any], str, Sequence[str]]],
     shares: Sequence[ShareRequirement],
 ) -> tuple[tuple[PlannedDesign, ...], list[str]]:
-    """Return the compiled designs, and notes on scenes that end too early; raises `SceneError` with
-    the problems of all designs.
+    """Return the compiled designs, and notes on scenes without a tracker or that end too early.
+
+    Raises `SceneError` with the problems of all designs.
     """
     ready = list[PlannedDesign]()
     problems = list[Problem]()
     notes = dict[str, None]()
-    needs_burns = bool({name for name, *_ in metrics} & _OF_WHOLE_BURNS)
+    names = {name for name, *_ in metrics}
+    scored = " and ".join(sorted(names & _OF_TRACKS))
     for design in designs_of(study) if designs is None else designs:
         try:
             plan = _compiled(study, design, host)
@@ -268,7 +272,10 @@ def _ready_designs(
         facts = launch_facts(plan)
         ready.append(PlannedDesign(design, plan.scene, identity, facts, owners_of(plan)))
         notes |= dict.fromkeys(_late_notes(plan, shares))
-        if needs_burns:
+        if scored and plan.scene.tracker.name == "none":
+            words = f"the scene has no tracker, and so no tracks for {scored}: set tracker=imm"
+            notes[words] = None
+        elif names & _OF_WHOLE_BURNS:
             notes[_end_note(plan)] = None
     if problems:
         more = len(problems) - _MOST_PROBLEMS
