@@ -100,8 +100,11 @@ def _source_hypotheses(targets: Targets, launches: int) -> list[str | None]:
 def hypothesis_scores(
     evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()
 ) -> HypothesisScores:
-    """Return the scores of all tracks of a run by age; no rows where the tracker weighs no
+    """Return the scores of the tracks of a run by age; no rows where the tracker weighs no
     hypotheses.
+
+    Of a track without detections, such as one of a flash between two ticks, nothing is known to be
+    true: it is left out.
     """
     tracks = evidence.tracks
     groups = [hypothesis.group for hypothesis in evidence.plan.hypotheses]
@@ -136,7 +139,8 @@ def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, In
     """
     tracks = evidence.tracks
     order = np.lexsort((tracks.tick_s, tracks.track))
-    order = order[np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
+    is_owned = owners.held[np.searchsorted(owners.track, tracks.track[order])] > 0
+    order = order[is_owned & np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
     if not len(order):
         return order, order
     rows = _newest_rows(tracks.track[order], tracks.tick_s[order])

@@ -135,6 +135,12 @@ def test_a_track_is_scored_at_each_age_that_it_reaches_and_last():
     np.testing.assert_allclose(fire.log_score, -np.log(LEAST_PROBABILITY))
 
 
+def test_nothing_is_true_of_a_track_without_detections():
+    evidence = evidence_of([(20.0, track, stated("noise", 0.5)) for track in (0, 9)])
+    scores = hypothesis_scores(evidence, ownership(evidence))
+    assert set(scores.truth) == {names().index("IRBM")}
+
+
 def test_a_tracker_that_weighs_nothing_has_no_scores():
     evidence = evidence_of([(20.0, 0, stated("IRBM", 0.9))])
     silent = evolve(evidence, tracks=stub_estimates(1, tick_s=20.0))
