@@ -34,7 +34,10 @@ def run_page(run: Run) -> ReportPage:
     version = run.manifest["versions"]["opir-core"]
     scene = run.plan.scene
     names = ("sensors", "targets", "detections", "looks", "tracks")
-    totals = ", ".join(f"{grouped(counts[name])} {name}" for name in names)
+    totals = ", ".join(
+        f"{grouped(counts[name])} {name.removesuffix('s') if counts[name] == 1 else name}"
+        for name in names
+    )
     subtitle = f"{totals}; {scene.duration_s:g} s, seed {scene.seed}"
     return ReportPage(
         title=f"Run of {scene.name}",
