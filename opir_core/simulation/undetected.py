@@ -26,6 +26,8 @@ _CHANCE = 0.01
 def blocked_text(plan: Plan, row: int) -> str:
     """Return why a pair has no looks."""
     phase = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
+    if plan.pairs.target[row] >= len(plan.scene.targets):
+        phase = "time of its light"
     return _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=phase)
 
 

@@ -70,6 +70,9 @@ def test_where_nothing_looks_the_obstacle_is_named() -> None:
     )
     late = plan_of(target={"launch": {"lat_deg": 35.0, "lon_deg": -110.0, "time_s": 59.99}})
     assert undetected_text(late, 0) == "no scan falls into the burn before the scene ends"
+    bolide = {"id": "B", "model": "bolides", "at": [{"lat_deg": 35.0, "lon_deg": 60.0}]}
+    hidden = undetected_text(plan_of(sources=[bolide]), 1)
+    assert hidden == "the Earth is in the way throughout the time of its light"
     narrow = plan_of(sensor={"field_of_regard_half_angle_deg": 2.0})
     assert undetected_text(narrow, 0) == "outside the field of regard throughout the burn"
 
