@@ -154,8 +154,10 @@ def test_a_tracker_that_weighs_nothing_has_no_scores():
 def test_the_stated_probability_of_a_launch_has_those_of_unknown_classes():
     evidence = evidence_of([(20.0, 0, stated("none of these", 0.5))])
     tracks = evolve(evidence.tracks, probability_launch=np.array([0.99]))
-    figures = scorecard([evolve(evidence, tracks=tracks)]).figures["hypotheses"]
-    (reliable,) = (bin_ for bin_ in figures["launch_reliability"] if bin_["samples"])
+    card = scorecard([evolve(evidence, tracks=tracks)])
+    assert repr(card).startswith("<Scorecard: 1 run, ")
+    reliability_bins = card.figures["hypotheses"]["launch_reliability"]
+    (reliable,) = (bin_ for bin_ in reliability_bins if bin_["samples"])
     assert reliable["stated_mean"] == pytest.approx(0.99)
 
 
