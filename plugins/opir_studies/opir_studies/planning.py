@@ -261,7 +261,6 @@ def _ready_designs(
     problems = list[Problem]()
     notes = dict[str, None]()
     names = {name for name, *_ in metrics}
-    scored = " and ".join(sorted(names & _OF_TRACKS))
     for design in designs_of(study) if designs is None else designs:
         try:
             plan = _compiled(study, design, host)
@@ -272,9 +271,8 @@ def _ready_designs(
         facts = launch_facts(plan)
         ready.append(PlannedDesign(design, plan.scene, identity, facts, owners_of(plan)))
         notes |= dict.fromkeys(_late_notes(plan, shares))
-        if scored and plan.scene.tracker.name == "none":
-            words = f"the scene has no tracker, and so no tracks for {scored}: set tracker=imm"
-            notes[words] = None
+        if names & _OF_TRACKS and plan.scene.tracker.name == "none":
+            notes["the scene has no tracker, which its metrics need: set tracker=imm"] = None
         elif names & _OF_WHOLE_BURNS:
             notes[_end_note(plan)] = None
     if problems:
@@ -327,12 +325,11 @@ def _end_note(plan: Plan) -> str:
     after_s = plan.scene.duration_s - float(plan.targets.burnout_s[target])
     if after_s >= AFTER_BURNOUT_S:
         return ""
-    where = f"{-after_s:.0f} s before" if after_s < 0.0 else f"{after_s:.0f} s after"
+    side = "before" if after_s < 0.0 else "after"
     return (
-        f"the scene ends at {plan.scene.duration_s:g} s, {where} the burnout of"
-        f" {plan.targets.ids[target]}:"
-        f" impact regions shrink when a burnout is recognised; let it last {AFTER_BURNOUT_S:.0f} s"
-        f" longer than the burn"
+        f"the scene ends at {plan.scene.duration_s:g} s, {abs(after_s):.0f} s {side} the burnout of"
+        f" {plan.targets.ids[target]}: impact regions shrink when a burnout is recognised; let it"
+        f" last {AFTER_BURNOUT_S:.0f} s longer than the burn"
     )
 
 

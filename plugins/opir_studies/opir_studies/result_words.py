@@ -119,7 +119,7 @@ def _verdict_text(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> str
     if conditions:
         worst = min(conditions, key=lambda row: row["share"])
         parts.append(f"worst condition {worst['condition']}: {_share_text(worst)}")
-    if verdict == NOT_SHOWN and overall["launches"]:
+    if verdict == NOT_SHOWN:
         verdict = f"{verdict} either way"
         runs = overall["deciding_runs"]
         parts.append(

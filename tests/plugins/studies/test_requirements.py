@@ -76,10 +76,8 @@ def test_a_scene_that_ends_with_the_burn_has_a_note() -> None:
 
 
 def test_metrics_of_tracks_without_a_tracker_have_a_note() -> None:
-    *_, note = notes(SCENE, metrics=("tracks", "custody", "latency"))
-    assert (
-        note == "the scene has no tracker, and so no tracks for custody and tracks: set tracker=imm"
-    )
+    *_, note = notes(SCENE, metrics=("custody",))
+    assert note == "the scene has no tracker, which its metrics need: set tracker=imm"
 
 
 def test_a_study_names_the_detection_chosen_and_differences() -> None:

@@ -31,7 +31,7 @@ def run_page(run: Run) -> ReportPage:
     """Return the page of a run."""
     plots = RunPlots(run)
     counts = run.summary["counts"]
-    version = run.manifest["versions"]["opir-core"]
+    versions = run.manifest["versions"]
     scene = run.plan.scene
     names = ("sensors", "targets", "detections", "looks", "tracks")
     totals = ", ".join(
@@ -44,7 +44,7 @@ def run_page(run: Run) -> ReportPage:
         subtitle=subtitle,
         summary=answers(run.summary),
         sections=[
-            with_provenance(section, f"One run, seed {scene.seed}; opir {version}.")
+            with_provenance(section, f"One run, seed {scene.seed}; opir {versions['opir-core']}.")
             for make in SECTIONS
             if (section := make(plots)) is not None
         ],

@@ -633,11 +633,10 @@ def test_false_source_probability_holds(share: float) -> None:
     assert taken <= binom.isf(0.001, len(first), share)
 
 
-@pytest.mark.parametrize("elevation_deg", [83.0, 90.0])
-def test_a_sensor_that_sees_hardly_any_ground_is_refused_in_words(elevation_deg: float) -> None:
+def test_a_sensor_that_sees_hardly_any_ground_is_refused_in_words() -> None:
     scene = opir.scene_from_mapping(
         bench_scene(detection="snr", classification={"model": "spectral", "launches": 8}),
-        overrides=[f"sensors[0].minimum_elevation_deg={elevation_deg}"],
+        overrides=["sensors[0].minimum_elevation_deg=83"],
     )
     with pytest.raises(ModelError, match=r"classification: spectral.* the sensor BENCH-1, .*paper"):
         opir.simulate(scene)
