@@ -236,7 +236,8 @@ def jet(
     """Return starts of pieces, m, wavelengths, µm, and intensities (pieces, waves), W/sr/m/µm."""
     air_k, pressure = air(height_m)
     air_kg_m3 = pressure * AIR_KG_MOL / GAS_J_MOL_K / air_k
-    flow = first_flow = 2.0 * power_w / exhaust.sea_level_m_s**2
+    first_flow = 2.0 * power_w / exhaust.sea_level_m_s**2
+    flow = first_flow
     vehicle_m_s = float(np.interp(height_m / 1e3, *ASCENT))
     lost_w = 0.0
     starts = np.concatenate([[0.0], np.geomspace(1.0, REACH_M, 200)])

@@ -34,6 +34,10 @@ class LatestTracks:
         self._latest = Tracks.empty()
         self._first_s: dict[int, float] = {}
 
+    def __len__(self) -> int:
+        """The number of tracks that were reported: trackers may leave out numbers."""
+        return len(self._first_s)
+
     def take(self, tracks: Tracks) -> None:
         """Add the rows (n,) of a window, sorted by tick."""
         if not len(tracks):

@@ -71,7 +71,7 @@ class Run:
     def __repr__(self) -> str:
         """Return the scene with the counts, in one line."""
         scene = self.plan.scene
-        tracks = int(self.tracks.track.max(initial=-1)) + 1
+        tracks = len(np.unique(self.tracks.track))
         return (
             f"<Run of {scene.name}: {number_of('detection', len(self.detections))}"
             f" of {number_of('target', len(self.sightings))} by"

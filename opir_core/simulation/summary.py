@@ -54,7 +54,6 @@ class Tally:
         self._looks_of_sensor = np.bincount(pairs.sensor, pairs.looks, minlength=len(sensors))
         shape = len(sensors), len(targets.ids)
         self._looks = 0
-        self._tracks = 0
         self._hypotheses = plan.hypothesis_names
         self._latest: LatestTracks | None = None
         #: Detections by target and track.
@@ -97,7 +96,6 @@ class Tally:
     def count_sightings(self, window: Window) -> None:
         """Count a window but for its types and confidences, which are not computed for this."""
         self._looks += window.looks
-        self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         if window.health is not None:
             self.health = window.health.documents()
         if len(window.tracks):
@@ -176,7 +174,7 @@ class Tally:
             "looks": self._looks,
             "detections": int(self._detections.sum() + self._noise.sum()),
             "noise_detections": int(self._noise.sum()),
-            "tracks": self._tracks,
+            "tracks": len(self._latest) if self._latest else 0,
             **({} if self.lost is None else {"lost_reports": int(self.lost.sum())}),
         }
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from opir_core.arrays import IntArray
+from opir_core.errors import number_of
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
@@ -27,6 +28,8 @@ _CHANCE = 0.01
 def blocked_text(plan: Plan, row: int) -> str:
     """Return why a pair has no looks."""
     phase = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
+    if plan.pairs.target[row] >= len(plan.scene.targets):
+        phase = "time of its light"
     return _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=phase)
 
 
@@ -68,9 +71,8 @@ def undetected_text(plan: Plan, target: int) -> str:
     if chances[best] > 0.0 and (rare := _too_rare(plan, looking)):
         return rare
     why = "by chance, in" if chances[best] > 0.0 else "in"
-    return (
-        f"{why} {plan.pairs.looks[looking].sum()} looks: P_d at most {chances[best]:.2g}, {where}"
-    )
+    count = number_of("look", int(plan.pairs.looks[looking].sum()))
+    return f"{why} {count}: P_d at most {chances[best]:.2g}, {where}"
 
 
 def _too_rare(plan: Plan, pair: IntArray) -> str:

@@ -11,7 +11,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces import Columns
 from opir_core.planning import Targets
-from opir_core.plugin import EMITTER_TYPES, LAUNCH_GROUPS
+from opir_core.plugin import EMITTER_TYPES
 from opir_scoring.containments import mean, share
 from opir_scoring.evidence import Ownership, RunEvidence
 from opir_scoring.proper_scores import (
@@ -43,8 +43,8 @@ class HypothesisScores(Columns):
     `age` are numbers into `AGES`, `truth` and `best` the true and the most probable hypothesis by
     number, `confidence` the probability of the latter. `is_unknown` marks tracks whose truth is
     "none of these", of which `none` is the probability; `known` is the greatest probability of any
-    other hypothesis, and `is_known_right` whether it is the truth. `launch` is the probability of a
-    launch, `is_launch` the truth of it.
+    other hypothesis, and `is_known_right` whether it is the truth. `launch` is the probability of
+    anything that was launched, `is_launch` the truth of it.
     """
 
     age: IntArray
@@ -100,8 +100,11 @@ def _source_hypotheses(targets: Targets, launches: int) -> list[str | None]:
 def hypothesis_scores(
     evidence: RunEvidence, owners: Ownership, unknown: Collection[str] = ()
 ) -> HypothesisScores:
-    """Return the scores of all tracks of a run by age; no rows where the tracker weighs no
+    """Return the scores of the tracks of a run by age; no rows where the tracker weighs no
     hypotheses.
+
+    Of a track without detections, such as one of a flash between two ticks, nothing is known to be
+    true: it is left out.
     """
     tracks = evidence.tracks
     groups = [hypothesis.group for hypothesis in evidence.plan.hypotheses]
@@ -114,7 +117,6 @@ def hypothesis_scores(
     best = probability.argmax(axis=1)
     none = len(groups) - 1
     of_classes = probability[:, :none]
-    is_launch = np.isin(groups, LAUNCH_GROUPS)
     return HypothesisScores(
         age=age,
         truth=truth,
@@ -126,7 +128,7 @@ def hypothesis_scores(
         is_unknown=truth == none,
         known=of_classes.max(axis=1),
         is_known_right=of_classes.argmax(axis=1) == truth,
-        launch=probability[:, is_launch].sum(axis=1),
+        launch=tracks.probability_launch[rows],
         is_launch=owners.target[owner] >= 0,
     )
 
@@ -137,7 +139,8 @@ def _rows_by_age(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, In
     """
     tracks = evidence.tracks
     order = np.lexsort((tracks.tick_s, tracks.track))
-    order = order[np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
+    is_owned = owners.held[np.searchsorted(owners.track, tracks.track[order])] > 0
+    order = order[is_owned & np.isfinite(tracks.hypothesis_probability[order]).all(axis=1)]
     if not len(order):
         return order, order
     rows = _newest_rows(tracks.track[order], tracks.tick_s[order])

@@ -10,6 +10,7 @@ from attrs import frozen
 
 from opir_core import Plan, Run
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.errors import number_of
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, TargetClass
 from opir_scoring.containments import (
     FARTHEST_M,
@@ -74,7 +75,8 @@ class Scorecard:
 
     def __repr__(self) -> str:
         """Return the number of runs and figures, in one line."""
-        return f"<Scorecard: {self.figures.get('runs', 0)} runs, {len(self.figures)} figures>"
+        runs = number_of("run", self.figures.get("runs", 0))
+        return f"<Scorecard: {runs}, {len(self.figures)} figures>"
 
     def _repr_html_(self) -> str:
         """Return the scores as a notebook shows them."""

@@ -155,5 +155,7 @@ class StudyRuns:
         for number, table in self.finished.rows(design, [column], range(len(is_there))):
             rows = table[column].combine_chunks()
             plain = rows.flatten() if shape else rows
-            values[place[number]] = plain.to_numpy(zero_copy_only=False).reshape(-1, *shape)
+            values[place[number]] = plain.to_numpy(zero_copy_only=False).reshape(
+                len(number), *shape
+            )
         return values

@@ -52,6 +52,8 @@ _MOST_NOTES = 3
 #: Metrics whose figures change when a burnout is recognised, and how long after it a scene should
 #: last, s: the phases of `impact_region` end 20 s after it.
 _OF_WHOLE_BURNS = {"impact_region", "warning_time", "milestones"}
+#: Metrics that have no figures, or the worst, without a tracker.
+_OF_TRACKS = {*_OF_WHOLE_BURNS, "accuracy", "cue_delay", "custody", "launch_error", "tracks"}
 AFTER_BURNOUT_S = 30.0
 #: The metric of bounds of quantities over time.
 MILESTONES = "milestones"
@@ -251,13 +253,14 @@ def _ready_designs(
     metrics: Sequence[tuple[str, Mapping[str, Any], str, Sequence[str]]],
     shares: Sequence[ShareRequirement],
 ) -> tuple[tuple[PlannedDesign, ...], list[str]]:
-    """Return the compiled designs, and notes on scenes that end too early; raises `SceneError` with
-    the problems of all designs.
+    """Return the compiled designs, and notes on scenes without a tracker or that end too early.
+
+    Raises `SceneError` with the problems of all designs.
     """
     ready = list[PlannedDesign]()
     problems = list[Problem]()
     notes = dict[str, None]()
-    needs_burns = bool({name for name, *_ in metrics} & _OF_WHOLE_BURNS)
+    names = {name for name, *_ in metrics}
     for design in designs_of(study) if designs is None else designs:
         try:
             plan = _compiled(study, design, host)
@@ -268,7 +271,9 @@ def _ready_designs(
         facts = launch_facts(plan)
         ready.append(PlannedDesign(design, plan.scene, identity, facts, owners_of(plan)))
         notes |= dict.fromkeys(_late_notes(plan, shares))
-        if needs_burns:
+        if names & _OF_TRACKS and plan.scene.tracker.name == "none":
+            notes["the scene has no tracker, which its metrics need: set tracker=imm"] = None
+        elif names & _OF_WHOLE_BURNS:
             notes[_end_note(plan)] = None
     if problems:
         more = len(problems) - _MOST_PROBLEMS
@@ -320,12 +325,11 @@ def _end_note(plan: Plan) -> str:
     after_s = plan.scene.duration_s - float(plan.targets.burnout_s[target])
     if after_s >= AFTER_BURNOUT_S:
         return ""
-    where = f"{-after_s:.0f} s before" if after_s < 0.0 else f"{after_s:.0f} s after"
+    side = "before" if after_s < 0.0 else "after"
     return (
-        f"the scene ends at {plan.scene.duration_s:g} s, {where} the burnout of"
-        f" {plan.targets.ids[target]}:"
-        f" impact regions shrink when a burnout is recognised; let it last {AFTER_BURNOUT_S:.0f} s"
-        f" longer than the burn"
+        f"the scene ends at {plan.scene.duration_s:g} s, {abs(after_s):.0f} s {side} the burnout of"
+        f" {plan.targets.ids[target]}: impact regions shrink when a burnout is recognised; let it"
+        f" last {AFTER_BURNOUT_S:.0f} s longer than the burn"
     )
 
 

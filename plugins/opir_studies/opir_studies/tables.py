@@ -246,9 +246,9 @@ def _labels_of(
 
 def _labels_of_one_kind(levels: Sequence[Level]) -> list[Any]:
     """Return labels as numbers if all are, else as text."""
-    labels = [level.label for level in levels]
+    labels: list[Any] = [level.label for level in levels]
     if all(isinstance(label, int | float) and not isinstance(label, bool) for label in labels):
-        return [float(label) for label in labels if label is not None]
+        return [float(label) for label in labels]
     return [
         label if isinstance(label, str) else level.text
         for label, level in zip(labels, levels, strict=True)

@@ -34,6 +34,12 @@ def summary_of(tracks: Tracks) -> tuple[dict[str, Any], str]:
     return row["impact"], track_cells(row, weighs=False)[-1]
 
 
+def test_numbers_of_tracks_may_have_gaps() -> None:
+    latest = LatestTracks()
+    latest.take(evolve(TRACK, track=np.array([4])))
+    assert len(latest) == 1
+
+
 def test_an_impact_has_an_axis_until_there_are_regions() -> None:
     impact, text = summary_of(TRACK)
     assert impact["semi_major_95_km"] == pytest.approx(30.0 * np.sqrt(-2.0 * np.log(0.05)))

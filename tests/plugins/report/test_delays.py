@@ -32,6 +32,7 @@ def test_delays_are_those_of_the_reports(tmp_path: Path) -> None:
     page = write_run_report(run, tmp_path / "report.html")[0].read_text(encoding="utf-8")
     assert "When reports arrive" in page
     assert "lost" in page
+    assert "2 sensors, 1 target, " in page
 
 
 def test_a_run_without_latency_has_no_delays() -> None:

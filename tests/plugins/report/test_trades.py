@@ -173,6 +173,9 @@ def test_names_are_words_with_units() -> None:
         "",
     )
     assert setting_words("sensors[0]") == ("sensors 0", "")
+    assert level_words("sensors[2].pointing.slew_deg_s", "0.2") == "slew 0.2 °/s"
+    assert level_words("links.downlinks[1].rate_bytes_s", "4000") == "rate 4000 bytes/s"
+    assert setting_words("growth_per_s") == ("growth", "per s")
     assert figure_words("position_rmse_m", "m") == "position RMSE"
     assert figure_words("false_events_a_day", "1/day") == "false events"
     assert level_words("sensors[*].orbital_slot_deg", "-135") == "orbital slot -135°"

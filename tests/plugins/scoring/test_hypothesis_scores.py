@@ -135,6 +135,12 @@ def test_a_track_is_scored_at_each_age_that_it_reaches_and_last():
     np.testing.assert_allclose(fire.log_score, -np.log(LEAST_PROBABILITY))
 
 
+def test_nothing_is_true_of_a_track_without_detections():
+    evidence = evidence_of([(20.0, track, stated("noise", 0.5)) for track in (0, 9)])
+    scores = hypothesis_scores(evidence, ownership(evidence))
+    assert set(scores.truth) == {names().index("IRBM")}
+
+
 def test_a_tracker_that_weighs_nothing_has_no_scores():
     evidence = evidence_of([(20.0, 0, stated("IRBM", 0.9))])
     silent = evolve(evidence, tracks=stub_estimates(1, tick_s=20.0))
@@ -143,6 +149,16 @@ def test_a_tracker_that_weighs_nothing_has_no_scores():
     assert np.isnan(result["false_launches_an_hour"]["value"])
     assert np.isnan(result["launches_recognised"]["value"])
     assert "by age of the track" not in scorecard_text({"silent": scorecard([silent])})
+
+
+def test_the_stated_probability_of_a_launch_has_those_of_unknown_classes():
+    evidence = evidence_of([(20.0, 0, stated("none of these", 0.5))])
+    tracks = evolve(evidence.tracks, probability_launch=np.array([0.99]))
+    card = scorecard([evolve(evidence, tracks=tracks)])
+    assert repr(card).startswith("<Scorecard: 1 run, ")
+    reliability_bins = card.figures["hypotheses"]["launch_reliability"]
+    (reliable,) = (bin_ for bin_ in reliability_bins if bin_["samples"])
+    assert reliable["stated_mean"] == pytest.approx(0.99)
 
 
 def test_launches_are_recognised_and_false_ones_counted():

@@ -101,6 +101,9 @@ def test_delays_and_losses_of_reports():
     assert figures["reports_late"] == pytest.approx(np.count_nonzero(delay_s > 2.0) / len(delay_s))
     assert 0.05 < figures["reports_late"] < 0.25
     assert np.mean(delay_s <= figures["report_delay_p95_s"] + 1e-6) == pytest.approx(0.95, abs=0.01)
+    links["downlinks"][0]["loss"] = 1.0
+    silent = opir_core.simulate(opir_core.scene_from_mapping({**SCENE, "links": links}))
+    assert figures_of("links", silent)["reports_lost"] == 1.0
     perfect = opir_core.simulate(opir_core.scene_from_mapping(SCENE))
     lost = 1.0 - len(run.detections) / len(perfect.detections)
     assert figures["reports_lost"] == pytest.approx(lost)

@@ -211,6 +211,12 @@ def test_a_required_mean_over_some_launches_is_noted_before_a_run(tmp_path):
     assert any("require a share of launches instead" in note for note in notes)
 
 
+def test_shares_of_no_launches_are_not_shown(tmp_path):
+    study = Study(scene={**SCENE, "targets": []}, runs=2, requirements=("detected in 90 %",))
+    text = as_text(sweep(study, tmp_path, workers=1))
+    assert "not shown either way: - of 0 launches with 0 seeds" in text
+
+
 def test_a_study_stops_when_its_shares_are_decided(tmp_path):
     """With P_d 1 and a scan each second all launches are detected within 3 s: that is soon shown
     for 60 %, and the exact interval of n of n runs says when.

@@ -68,11 +68,16 @@ def test_the_table_says_who_meets_them_and_what_never_changes(tmp_path) -> None:
 
 
 def test_a_scene_that_ends_with_the_burn_has_a_note() -> None:
-    scene = {**SCENE, "detection": "constant"}
+    scene = {**SCENE, "detection": "constant", "tracker": "imm"}
     (note,) = notes(scene, metrics=("warning_time",))
     assert note.startswith("the scene ends at 20 s, 231 s before the burnout of T1")
     assert notes(scene, metrics=("latency",)) == ()
     assert notes({**scene, "duration_s": 285.0}, metrics=("warning_time",)) == ()
+
+
+def test_metrics_of_tracks_without_a_tracker_have_a_note() -> None:
+    *_, note = notes(SCENE, metrics=("custody",))
+    assert note == "the scene has no tracker, which its metrics need: set tracker=imm"
 
 
 def test_a_study_names_the_detection_chosen_and_differences() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.errors import ModelError
 from opir_core.interfaces import names_of
 from opir_core.planning import visible_now
 from opir_core.plugin import Response, Sensor
@@ -302,7 +303,10 @@ def type_densities(
     prior: LaunchPrior,
     looks: tuple[SyntheticLooks, ...],
 ) -> TypeDensities:
-    """Return a sensor's densities: synthetic looks, as the sensor measures them."""
+    """Return a sensor's densities: synthetic looks, as the sensor measures them.
+
+    Raises `ModelError` for a sensor whose field of regard holds no look of a flight, glide or kind.
+    """
     spread = _spread(config)
     launches, sources, glides = _samples(observer, spread, looks)
     log_false = noise_chance(observer.receiver) - log_noise_shares(observer.radius_m)
@@ -310,6 +314,13 @@ def type_densities(
     flights = _by_number(launches, len(prior.flights))
     kinds = _by_number(sources, len(KINDS))
     after = [] if glides is None else _by_number(glides, len(gliding))
+    if not all(len(samples.all_bins.place) for samples in [*flights, *kinds, *after]):
+        raise ModelError(
+            f"classification: spectral has too few synthetic looks of the sensor"
+            f" {observer.sensor.id}, whose field of regard holds hardly any ground: widen it"
+            " (minimum_elevation_deg, field_of_regard_half_angle_deg), raise classification.launches,"
+            " or choose classification: paper"
+        )
     visible_s, chance = (
         np.exp([_log_chance(samples.all_bins) for samples in group])
         for group in (flights + after, kinds)

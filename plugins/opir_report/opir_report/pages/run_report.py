@@ -31,17 +31,20 @@ def run_page(run: Run) -> ReportPage:
     """Return the page of a run."""
     plots = RunPlots(run)
     counts = run.summary["counts"]
-    version = run.manifest["versions"]["opir-core"]
+    versions = run.manifest["versions"]
     scene = run.plan.scene
     names = ("sensors", "targets", "detections", "looks", "tracks")
-    totals = ", ".join(f"{grouped(counts[name])} {name}" for name in names)
+    totals = ", ".join(
+        f"{grouped(counts[name])} {name.removesuffix('s') if counts[name] == 1 else name}"
+        for name in names
+    )
     subtitle = f"{totals}; {scene.duration_s:g} s, seed {scene.seed}"
     return ReportPage(
         title=f"Run of {scene.name}",
         subtitle=subtitle,
         summary=answers(run.summary),
         sections=[
-            with_provenance(section, f"One run, seed {scene.seed}; opir {version}.")
+            with_provenance(section, f"One run, seed {scene.seed}; opir {versions['opir-core']}.")
             for make in SECTIONS
             if (section := make(plots)) is not None
         ],

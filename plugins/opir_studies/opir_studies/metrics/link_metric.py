@@ -1,6 +1,7 @@
 """The metric of links: how late reports are, and how many do not arrive."""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 from attrs import frozen
@@ -20,22 +21,25 @@ class LinksMetric:
 
     late_s: float
 
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Return the names of the figures with their units."""
-        delays = ("report_delay_s", "report_delay_p95_s")
-        return {**dict.fromkeys(delays, "s"), "reports_late": "", "reports_lost": ""}
+    units: ClassVar[Mapping[str, str]] = {
+        "report_delay_s": "s",
+        "report_delay_p95_s": "s",
+        "reports_late": "",
+        "reports_lost": "",
+    }
 
     def values(self, run: Run) -> Mapping[str, float]:
-        """Return mean and 95 % quantile of the delay, and both shares; nan without reports."""
+        """Return mean and 95 % quantile of the delay, and both shares; nan without reports,
+        but for lost ones.
+        """
+        lost = {"reports_lost": _lost_share(run)}
         delay_s = (run.detections.reported_ns - run.detections.time_ns) * 1e-9
         if not len(delay_s):
-            return dict.fromkeys(self.units, np.nan)
-        return {
+            return dict.fromkeys(self.units, np.nan) | lost
+        return lost | {
             "report_delay_s": float(delay_s.mean()),
             "report_delay_p95_s": float(np.quantile(delay_s, 0.95, method="inverted_cdf")),
             "reports_late": float((delay_s > self.late_s).mean()),
-            "reports_lost": _lost_share(run),
         }
 
 
@@ -45,7 +49,8 @@ def _lost_share(run: Run) -> float:
     if run.lost is None:
         return np.nan
     lost = int(run.lost.sum())
-    return lost / (lost + len(run.detections))
+    reports = lost + len(run.detections)
+    return lost / reports if reports else np.nan
 
 
 def links_metric(config: LinksConfig, _context: MetricContext) -> LinksMetric:

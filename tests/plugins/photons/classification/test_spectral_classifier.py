@@ -633,6 +633,15 @@ def test_false_source_probability_holds(share: float) -> None:
     assert taken <= binom.isf(0.001, len(first), share)
 
 
+def test_a_sensor_that_sees_hardly_any_ground_is_refused_in_words() -> None:
+    scene = opir.scene_from_mapping(
+        bench_scene(detection="snr", classification={"model": "spectral", "launches": 8}),
+        overrides=["sensors[0].minimum_elevation_deg=83"],
+    )
+    with pytest.raises(ModelError, match=r"classification: spectral.* the sensor BENCH-1, .*paper"):
+        opir.simulate(scene)
+
+
 def test_posteriors_need_a_classifier_with_probabilities() -> None:
     context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
     with pytest.raises(

@@ -70,30 +70,26 @@ def test_where_nothing_looks_the_obstacle_is_named() -> None:
     )
     late = plan_of(target={"launch": {"lat_deg": 35.0, "lon_deg": -110.0, "time_s": 59.99}})
     assert undetected_text(late, 0) == "no scan falls into the burn before the scene ends"
+    bolide = {"id": "B", "model": "bolides", "at": [{"lat_deg": 35.0, "lon_deg": 60.0}]}
+    hidden = undetected_text(plan_of(sources=[bolide]), 1)
+    assert hidden == "the Earth is in the way throughout the time of its light"
     narrow = plan_of(sensor={"field_of_regard_half_angle_deg": 2.0})
     assert undetected_text(narrow, 0) == "outside the field of regard throughout the burn"
 
 
-def test_a_probability_without_signals_is_given_as_it_is() -> None:
-    plan = plan_of(
-        detection="constant",
-        classification="paper",
-        sensor={"detection_probability": {"SRBM": 0.25}},
-    )
-    assert re.fullmatch(
-        r"by chance, in 5\d\d looks: P_d at most 0.25, by S at [\d.]+ s", undetected_text(plan, 0)
-    )
+def constant_text(chance: float, **settings: Any) -> str:
+    sensor = {"detection_probability": {"SRBM": chance}, **settings}
+    return undetected_text(plan_of(detection="constant", classification="paper", sensor=sensor), 0)
+
+
+@pytest.mark.parametrize(("period_ms", "words"), [(100.0, r"5\d\d looks"), (6e4, "1 look")])
+def test_a_probability_without_signals_is_given_as_it_is(period_ms: float, words: str) -> None:
+    text = constant_text(0.25, scan_period_ms=period_ms)
+    assert re.fullmatch(rf"by chance, in {words}: P_d at most 0.25, by S at [\d.]+ s", text)
 
 
 def test_no_chance_at_all_is_not_called_chance() -> None:
-    never = plan_of(
-        detection="constant",
-        classification="paper",
-        sensor={"detection_probability": {"SRBM": 0.0}},
-    )
-    assert re.fullmatch(
-        r"in 5\d\d looks: P_d at most 0, by S at [\d.]+ s", undetected_text(never, 0)
-    )
+    assert re.fullmatch(r"in 5\d\d looks: P_d at most 0, by S at [\d.]+ s", constant_text(0.0))
     assert undetected_text(plan_of(1e-9), 0).startswith(
         "more than 110 times below the threshold of 5.5 sigma, by S at"
     )
