@@ -109,7 +109,8 @@ def watching(sensor: Sensor, scene: Scene, faults: Iterable[SensorFault]) -> Sen
     watched_s = scene.watched_s.get(sensor.id, sensor.watched_s)
     for fault in faults:
         if fault.sensor == sensor.id and fault.fault == DOWN:
-            watched_s = _without(watched_s or ((0.0, scene.duration_s),), fault)
+            before_s = ((0.0, scene.duration_s),) if watched_s is None else watched_s
+            watched_s = _without(before_s, fault)
     return sensor if watched_s is None else evolve(sensor, watched_s=watched_s)
 
 

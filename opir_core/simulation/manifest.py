@@ -38,7 +38,9 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
         ],
         "sensors": [] if plan.bias is None else plan.bias.by_sensor(plan.sensors),
         "watched_s": {
-            sensor.id: [list(span) for span in sensor.watched_s or ((0.0, plan.end_ns / 1e9),)]
+            sensor.id: [[0.0, plan.end_ns / 1e9]]
+            if sensor.watched_s is None
+            else [list(span) for span in sensor.watched_s]
             for sensor in plan.sensors
         },
         "counts": dict(counts),

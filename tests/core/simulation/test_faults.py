@@ -53,6 +53,13 @@ def test_only_of_a_sensor_that_is_down_it_is_known_that_it_does_not_look() -> No
     assert opir.simulate(watched).manifest["watched_s"]["WEST"] == [[10.0, 40.0], [70.0, 90.0]]
 
 
+def test_a_sensor_that_is_down_throughout_never_looks_however_often_it_fails() -> None:
+    for more in ((), (fault("down"),)):
+        run = opir.simulate(scene(fault("down", 0.0, None), *more))
+        assert run.manifest["watched_s"] == {"WEST": [], "EAST": [[0.0, 90.0]]}
+        assert not len(rows(run, WEST))
+
+
 def test_noise_multiplies_the_errors_and_states_the_same_sigma() -> None:
     whole, noisy = opir.simulate(scene()), opir.simulate(scene(fault("noise", factor=3.0)))
     exact = opir.simulate(scene(fault("noise", 0.0, None, factor=1e-4)))
