@@ -10,11 +10,10 @@ from math import ceil
 
 import numpy as np
 from attrs import frozen
-from opir_estimation import LinesOfSight, Registration
+from opir_estimation import LinesOfSight, Registration, air_velocity, dot
 from opir_forecast import grounds, hypothesis_log_likelihood
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers.configs import ImmConfig
@@ -220,9 +219,6 @@ def _slice_ends(start_s: float, end_s: float, slice_s: float) -> list[float]:
 
 def _move_as_rockets(state: FloatArray) -> BoolArray:
     """Return which states (n, 6), inertial, climb faster over the ground than aircraft fly."""
-    position_m = state[:, :3]
-    velocity_m_s = state[:, 3:6].copy()
-    velocity_m_s[:, 0] += EARTH_ROTATION_RAD_S * position_m[:, 1]
-    velocity_m_s[:, 1] -= EARTH_ROTATION_RAD_S * position_m[:, 0]
-    is_climbing = np.sum(position_m * velocity_m_s, axis=1) > 0.0
-    return is_climbing & (np.sum(velocity_m_s**2, axis=1) > FASTEST_AIRCRAFT_M_S**2)
+    velocity_m_s = air_velocity(state)
+    is_climbing = dot(state[:, :3], velocity_m_s) > 0.0
+    return is_climbing & (dot(velocity_m_s, velocity_m_s) > FASTEST_AIRCRAFT_M_S**2)
