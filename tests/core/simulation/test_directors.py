@@ -318,7 +318,7 @@ def test_a_director_that_raises_is_named() -> None:
 
 
 @pytest.mark.slow
-def test_silence_after_a_field_turned_away_is_that_of_the_scanner_alone() -> None:
+def test_silence_after_a_field_turned_away_is_that_of_the_scanner() -> None:
     """Eight looks a second, then one in 12 s: the burn goes on until these fail to come."""
 
     def follow_for_a_while(situation: Situation) -> Sequence[Command]:
