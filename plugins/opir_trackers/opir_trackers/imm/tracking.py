@@ -23,7 +23,7 @@ from opir_trackers.imm.initiate import initiate
 from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
-from opir_trackers.imm.prune import prune
+from opir_trackers.imm.prune import FLASH, prune
 from opir_trackers.imm.report import ReportedTracks, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
@@ -175,13 +175,13 @@ class ImmTracking:
         return hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
 
     def are_brief(self, ended: EndedTracks, time_s: float) -> BoolArray:
-        """Return which tracks (n,) went out, or are silent for too long, before their looks could
+        """Return which tracks (n,) went out, or go on silent for too long, before their looks could
         tell a launch.
         """
         table = ended.table
         silent_s = self.models.silent_s(table, time_s)
         silent = silent_s > self.models.longest(self.models.silence_limit_s, table)
-        are_over = (ended.end > 0) | silent
+        are_over = np.where(ended.end > 0, ended.end >= FLASH, silent)
         if True not in are_over:
             return are_over
         return are_over & are_brief(table.motion, table.first_s, table.seen_s)
