@@ -172,7 +172,7 @@ class TrackingModels:
         """Return for how long (n,), s, tracks were looked at in vain before times."""
         if self.watch is None:
             return time_s - table.seen_s
-        times_s = np.broadcast_to(time_s, table.seen_s.shape)
+        times_s = np.full_like(table.seen_s, time_s)
         return self.watch.silent_s(times_s, table.seen_s, table.seen)
 
     def watched(
@@ -185,7 +185,7 @@ class TrackingModels:
             return None
         has_look = np.zeros_like(seen)
         has_look[looks.pairs.track, looks.sensor] = True
-        return self.watch.in_slice(end_s - span_s, end_s, seen, has_look)
+        return self.watch.in_slice(end_s, span_s, seen, has_look)
 
     def path(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
         """Return the predictions of estimates about their time."""

@@ -205,7 +205,7 @@ class SingleSensor:
 
         Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
-        is_single = np.count_nonzero(table.seen, axis=1) == 1
+        is_single = table.seen.sum(axis=1) == 1
         if True not in is_single:
             return is_single
         motion = table.motion

@@ -200,7 +200,10 @@ def _with_outliers(
         fractions.take(suspects),
     )
     outliers[suspects] = weighted.outliers
-    return posterior.put(suspects, weighted.estimates), fractions.after(outliers).log
+    # Doubted lines were detected all the same, in the time that was watched.
+    estimates = posterior.put(suspects, weighted.estimates)
+    log = fractions.after(outliers).log
+    return evolve(estimates, detection_rate=posterior.detection_rate), log
 
 
 def _suspects(association: Association, share: FloatArray) -> IntArray:
