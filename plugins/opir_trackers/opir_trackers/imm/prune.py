@@ -276,8 +276,8 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
         row, neighbour = neighbour_pairs(tree, position[wide], reach_m[wide])
         pairs = np.sort(np.stack([wide[row], neighbour], axis=1), axis=1)
-        close = np.unique(np.concatenate([close, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
-    return close[np.lexsort((close[:, 1], close[:, 0]))]
+        close = np.concatenate([close, pairs[pairs[:, 0] < pairs[:, 1]]])
+    return np.unique(close, axis=0)
 
 
 def _never_seen_together(

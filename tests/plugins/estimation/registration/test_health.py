@@ -101,9 +101,9 @@ def test_targets_that_share_lines_are_seen_but_not_compared() -> None:
     scene = SCENE | {"sensors": sensors, "targets": [target, beside]}
     run = opir.simulate(opir.scene_from_mapping(scene))
     assert {(0, 0), (1, 0)} <= set(zip(run.detections.sensor, run.truth.target, strict=True))
-    said = "bias assumed to be 0: no target was compared between two sensors"
+    words = "bias assumed to be 0: no target was compared between two sensors"
     for sensor in run.summary["sensors"]:
-        assert sensor["health"]["text"].startswith(said)
+        assert sensor["health"]["text"].startswith(words)
 
 
 @pytest.mark.slow

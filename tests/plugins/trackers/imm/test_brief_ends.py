@@ -24,9 +24,9 @@ def test_the_lesser_of_two_tracks_of_one_light_is_lost_and_not_brief() -> None:
     state = tracking.stepped(tracking.start(), float(YOUNG_S), detections.take(slice(cut)))
     table = state.table
     twin = table.changed(number=table.number + 1, hits=table.hits - 1)
-    both = state._replace(table=TrackTable.concatenate([table, twin]), next_number=2)
-    after = tracking.stepped(both, float(OLDER_S), detections.take(slice(cut, end)))
-    reported = tracking.reported_tracks(after)
+    doubled = state._replace(table=TrackTable.concatenate([table, twin]), next_number=2)
+    state = tracking.stepped(doubled, float(OLDER_S), detections.take(slice(cut, end)))
+    reported = tracking.reported_tracks(state)
     assert reported.table.number.tolist() == [0, 1]
     assert [TRACK_ENDS[code] for code in reported.end] == ["", "lost"]
     assert not reported.is_brief.any()

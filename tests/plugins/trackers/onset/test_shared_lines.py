@@ -114,14 +114,14 @@ def test_a_round_of_a_young_group_is_over_after_its_lines():
 
 def test_what_has_begun_anew_is_no_noise_until_its_next_line():
     posterior = GroupPosterior.of(HypothesesConfig(), np.full(1, 1e-9), np.full(1, 0.9))
-    fresh = MotionStatistics.fresh(places_m(1e3)[:1], 0.0, np.zeros(1), posterior.prior)
+    blank = MotionStatistics.fresh(places_m(1e3)[:1], 0.0, np.zeros(1), posterior.prior)
     lines = lines_to(np.repeat(places_m(1e3)[:1], 3, axis=0))
-    seen = fresh.with_lines(np.zeros(3, dtype=np.int64), lines, posterior.log_clutter)
-    after = seen.restarted(np.zeros(1, dtype=np.int64), 2.0, adds_up=False)
+    statistics = blank.with_lines(np.zeros(3, dtype=np.int64), lines, posterior.log_clutter)
+    begun = statistics.restarted(np.zeros(1, dtype=np.int64), 2.0, adds_up=False)
     for time_s in (2.0, 9.0):
         times = np.zeros(1), np.array([1.9]), np.array([10.0])
-        assessed = posterior.assessed(after, time_s, *times)
-        assert assessed.probability.tolist() == after.probability.tolist()
+        assessed = posterior.assessed(begun, time_s, *times)
+        assert assessed.probability.tolist() == begun.probability.tolist()
 
 
 def test_launches_side_by_side_have_tracks_at_each_tick():
