@@ -23,6 +23,9 @@ from opir_forecast.vehicles import LAW as STAGE_LAW
 
 LAW = law_parameters("opir_forecast", "gliding")
 
+#: Odds of what is sure: those of a long glide would become infinite, and its probability unknown.
+MOST_ODDS = 1e100
+
 
 @frozen(eq=False, repr=False)
 class GlideWatch(Columns):
@@ -77,6 +80,7 @@ class GlideWatch(Columns):
         ratio = _likelihood_ratios(state, force, np.hypot(sigma, LAW.least_force_m_s2))
         odds = self.odds[rows]
         odds = np.where(np.isnan(ratio), odds, (odds + _begun_odds(outcomes, state)) * ratio)
+        odds = np.minimum(odds, MOST_ODDS)
         return GlideWatch(
             self.number,
             _replaced(self.since_s, rows, time_s),

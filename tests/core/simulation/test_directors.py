@@ -315,3 +315,24 @@ def test_a_director_that_returns_something_else_is_named(returned: Any, words: s
 def test_a_director_that_raises_is_named() -> None:
     with pytest.raises(opir.ModelError, match=r"the director 'script' of .* raised TypeError"):
         run(lambda situation: situation.tracks["state"])
+
+
+@pytest.mark.slow
+def test_silence_after_a_field_turned_away_is_that_of_the_scanner() -> None:
+    """Eight looks a second, then one in 12 s: the burn goes on until these fail to come."""
+
+    def follow_for_a_while(situation: Situation) -> Sequence[Command]:
+        target_m = {0.0: LAUNCH_M, 70.0: ELSEWHERE_M}.get(situation.time_s)
+        return [] if target_m is None else point_at(target_m, situation.time_s)(situation)
+
+    wide = {"model": "generic-scanner", "id": "WIDE", "orbital_slot_deg": -150.0}
+    sensors = [
+        wide | {"scan_period_ms": 10_000.0},
+        {"model": "SPOT", "id": "SPOT", "orbital_slot_deg": -100.0},
+    ]
+    of = run(follow_for_a_while, duration_s=300.0, tracker="imm", sensors=sensors)
+    assert 71.0 < spot_times_s(of).max() < 73.0
+    chance = dict(zip(of.tracks.tick_s.tolist(), of.tracks.probability_burning, strict=True))
+    assert all(chance[time_s] > 0.7 for time_s in np.arange(60.0, 150.0).tolist())
+    assert of.plan.targets.burnout_s[0] == 250.0
+    assert chance[300.0] < 0.3

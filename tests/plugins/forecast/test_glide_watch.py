@@ -13,19 +13,21 @@ from pyproj import Geod
 import opir_core as opir
 
 HGV = NAMES.index("HGV")
-SIGMA = np.repeat([100.0, 30.0, 2.0, 0.01], [3, 3, 3, 1])
 
 
-def seen(height_m: float, speed_m_s: float, silent_s: float = 0.1) -> BoostEstimates:
+def seen(
+    height_m: float, speed_m_s: float, silent_s: float = 0.1, sigma_m_s: float = 30.0
+) -> BoostEstimates:
     """Return the estimate of one target that flies level over the equator, through the air."""
     place = np.array([RADIUS_M + height_m, 0.0, 0.0])
     velocity = np.array([0.0, speed_m_s, 0.0]) + np.cross(SPIN, place)
     mean = np.concatenate([place, velocity, np.zeros(4)])[None]
+    sigma = np.repeat([100.0, sigma_m_s, 2.0, 0.01], [3, 3, 3, 1])
     times_s = np.array([1.0])
     return BoostEstimates.of_moments(
         np.zeros(1, dtype=np.int64),
         mean,
-        np.diag(SIGMA**2)[None],
+        np.diag(sigma**2)[None],
         times_s,
         np.array([silent_s]),
         times_s,
@@ -45,6 +47,15 @@ def watched(force_m_s2: float, height_m: float = 55e3, silent_s: Any = lambda _:
 def test_what_slows_down_as_a_glider_does_glides():
     weight = MU / (RADIUS_M + 55e3) ** 2 - 5450.0**2 / (RADIUS_M + 55e3)
     assert watched(-weight / 2.6) > 0.95
+
+
+def test_what_has_glided_for_long_is_sure_to_glide():
+    """Known to 3 m/s for ten minutes: each window multiplies the odds by 1e20 and more."""
+    watch = GlideWatch.begun(np.zeros(1, dtype=np.int64))
+    for time_s in range(0, 600, 20):
+        estimates = seen(55e3, 5000.0 - 2.3 * time_s, sigma_m_s=3.0)
+        watch = watch.updated(estimates, OUTCOMES, float(time_s))
+    assert watch.probability[0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("force_m_s2", [5.0, 20.0])

@@ -95,22 +95,29 @@ def burn_end(
     reference: FloatArray,
     prior: "BurnPrior",
 ) -> BurnEnd | None:
-    """Return the state at the last of the looks (n,) of one target in a burn; None of a short burn.
+    """Return the state at the last of the looks (n,) of one target in a burn; None of a short burn,
+    or where sensors contradict one another in most of the looks.
 
     `reference` (m, 9) are states at ascending times (m,), about which the path is linearised.
     """
     first_s = max(prior.ignition_s, looks.time_s.max(initial=-np.inf) - LAW.memory_s)
     looks = looks.take((looks.time_s >= first_s).nonzero()[0])
-    if len(looks) < LAW.least_looks or np.ptp(looks.time_s) < LAW.least_s:
+    if not _are_enough(looks):
         return None
     grid = _Grid.over(looks.time_s)
     path = _Path.through(grid, reference_s, reference, prior.motion)
     path = _Fit.of(path, _Bins.of(path, looks), prior).path
     likely = looks.take(_likely(path, looks))
-    if len(likely) < len(looks):
+    if _are_enough(likely) and len(likely) < len(looks):
         # The first fit has been drawn towards the outliers.
         path = _Fit.of(path, _Bins.of(path, likely), prior).path
-    return _Fit.of(path, _Bins.of(path, looks.take(_likely(path, looks))), prior).end
+        likely = looks.take(_likely(path, looks))
+    return _Fit.of(path, _Bins.of(path, likely), prior).end if _are_enough(likely) else None
+
+
+def _are_enough(looks: AngleMeasurements) -> bool:
+    """Return whether looks tell the end of a burn."""
+    return len(looks) >= LAW.least_looks and bool(np.ptp(looks.time_s) >= LAW.least_s)
 
 
 def _likely(path: "_Path", looks: AngleMeasurements) -> IntArray:

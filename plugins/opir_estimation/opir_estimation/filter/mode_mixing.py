@@ -327,14 +327,15 @@ def _detection_rate(
 
     A burning target with r detections per second stays undetected for t with probability exp(-r t);
     a burnt-out one is never detected. Slices without a scan between two detections count as
-    observed time.
+    observed time, in the share of the sensors that look at the second one.
     """
     where = functions.where
     count, spell, silence_s = detection_rate
     is_seen = hits > 0.0
     fade = functions.exp(-step_s / memory_s)
     pause = functions.least(silence_s, pause_s)
-    observed = where(pause > step_s, expected_s + pause - silent_s, expected_s)
+    share = expected_s / max(step_s, 1e-300)
+    observed = where(pause > step_s, share * (step_s + pause - silent_s), expected_s)
     missed = -count / functions.greatest(functions.greatest(spell, step_s), 1e-300) * expected_s
     return [
         where(is_seen, 0.0, missed),

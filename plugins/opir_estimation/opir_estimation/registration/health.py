@@ -126,7 +126,7 @@ def _sentence(sensor: _SensorRow) -> Iterator[str]:
     if not figures["bias_sigma_rad"].max() < LAW.small_rad:
         yield _bias(sensor) + _unseen(sensor, _NAMES[:2])
     elif not sensor.is_compared:
-        yield "bias assumed to be 0: no target is seen by two sensors"
+        yield "bias assumed to be 0: no target was compared between two sensors"
     elif sensor.looks == 0.0:
         yield "not judged: no look of it was compared with a track"
     else:
@@ -198,7 +198,7 @@ def _unseen(sensor: _SensorRow, errors: tuple[str, ...]) -> str:
     if not len(combinations):
         return ""
     if not sensor.is_compared:
-        return " (as stated: no target is seen by two sensors)"
+        return " (as stated: no target was compared between two sensors)"
     words = "; ".join(_combination(weights, sensor) for weights in combinations)
     return f" (not observable: {words})"
 

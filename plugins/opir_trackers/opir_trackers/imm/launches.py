@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
-from opir_estimation import SPIN, PredictedMeasurements, earth_rotated, emission_s
+from opir_estimation import PredictedMeasurements, emission_s
 from opir_forecast import (
     BEFORE_S,
     FirstMotion,
@@ -24,6 +24,7 @@ from opir_forecast import (
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.imm.models import TrackingModels
+from opir_trackers.imm.report import to_earth
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.onset.motion_statistics import LAUNCH, MotionStatistics
 from opir_trackers.track_priors import first_motion
@@ -250,13 +251,7 @@ def _by_filter(models: TrackingModels, young: _Young) -> tuple[FloatArray, Float
     noise = models.config.thrust.launch_noise_m_s2
     when_s = young.middle_s
     position, velocity, covariance = path_moments(young.path, when_s, noise, young.biased)
-    changes = np.array([_to_earth(time_s) for time_s in when_s.tolist()])
+    changes = np.array([to_earth(time_s) for time_s in when_s.tolist()])
     states = changes @ np.concatenate([position, velocity]).T[:, :, None]
     spread = covariance.transpose(2, 0, 1)
     return states[:, :, 0], changes @ spread @ changes.transpose(0, 2, 1)
-
-
-def _to_earth(time_s: float) -> FloatArray:
-    """Return the matrix (6, 6) that takes an inertial state to ECEF, velocity over the ground."""
-    turn = earth_rotated(np.eye(3), np.full(3, -time_s)).T
-    return np.block([[turn, np.zeros((3, 3))], [-turn @ SPIN, turn]])

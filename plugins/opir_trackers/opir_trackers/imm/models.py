@@ -31,7 +31,15 @@ from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState, TrackTable, sighting_memory_s
 from opir_trackers.imm.watch import LookSpans
 from opir_trackers.onset.posterior import GroupPosterior
-from opir_trackers.parts import Associator, Initiator, PartContext, Pruner, made_part, maker_of
+from opir_trackers.parts import (
+    Association,
+    Associator,
+    Initiator,
+    PartContext,
+    Pruner,
+    made_part,
+    maker_of,
+)
 from opir_trackers.sensors import (
     Biases,
     clutter_per_sr,
@@ -164,14 +172,20 @@ class TrackingModels:
         """Return for how long (n,), s, tracks were looked at in vain before times."""
         if self.watch is None:
             return np.maximum(time_s - table.seen_s, 0.0)
-        times_s = np.broadcast_to(time_s, table.seen_s.shape)
-        return self.watch.silent_s(times_s, table.seen_s, table.reports >= 0)
+        times_s = np.full_like(table.seen_s, time_s)
+        return self.watch.silent_s(times_s, table.seen_s, table.seen)
 
-    def watched(self, table: TrackTable, end_s: float, span_s: float) -> LookTimes | None:
-        """Return how long tracks (n,) were looked at in a slice, None for throughout."""
+    def watched(
+        self, seen: BoolArray, end_s: float, span_s: float, looks: Association
+    ) -> LookTimes | None:
+        """Return how long tracks (n,) of sensors `seen` (n, sensors) were looked at in a slice with
+        looks, None for throughout.
+        """
         if self.watch is None:
             return None
-        return self.watch.in_slice(end_s - span_s, end_s, table.reports >= 0)
+        has_look = np.zeros_like(seen)
+        has_look[looks.pairs.track, looks.sensor] = True
+        return self.watch.in_slice(end_s, span_s, seen, has_look)
 
     def path(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
         """Return the predictions of estimates about their time."""

@@ -25,9 +25,10 @@ class SlicePrediction(NamedTuple):
     """Estimates and predicted measurements at the end of a slice, s, and its length, s; `lines` are
     those in the slice, `pairs` those within gates.
 
-    `watched` is how long tracks were looked at in it, None for throughout; `registration` is that
-    with which the lines were corrected. `nearest` is the assignment of the lines, and of those of
-    each instant, where it is unambiguous. Without tracks or lines no measurements are predicted.
+    `registration` is that with which the lines were corrected. `nearest` is the assignment of the
+    lines, and of those of each instant, where it is unambiguous. `watched` is how long tracks were
+    looked at in the slice, once its lines are associated, None for throughout. Without tracks or
+    lines no measurements are predicted.
     """
 
     estimates: ModeEstimates
@@ -36,9 +37,9 @@ class SlicePrediction(NamedTuple):
     lines: LinesOfSight
     end_s: float
     span_s: float
-    watched: LookTimes | None
     registration: Registration
     nearest: NearestLines | None = None
+    watched: LookTimes | None = None
 
 
 def predict(
@@ -61,8 +62,7 @@ def _predicted(
 ) -> SlicePrediction:
     span_s = end_s - start_s
     estimates = models.memo.of("moved", models.filter.predicted_open, table.estimates, span_s)
-    watched = models.watched(table, end_s, span_s)
-    times = end_s, span_s, watched, registration
+    times = end_s, span_s, registration
     if not table.number.size or not lines.scan.size:
         return SlicePrediction(estimates, _NO_PATH, GatedPairs.empty(), lines, *times)
     path = models.path(estimates, end_s)

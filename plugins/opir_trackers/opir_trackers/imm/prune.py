@@ -80,21 +80,22 @@ class UnlikelyPruner(Pruner):
         drop |= motion.is_decided & motion.are_noise
         if tracks.existence is not None:
             drop |= tracks.existence < LAW.least_existence
-        uncertain = are_uncertain(tracks.covariance, self.settings.lost_sigma_m)
-        below_ground = are_below_ground(tracks.mean[:, :3])
-        fallen = below_ground
-        if True in (uncertain | below_ground | (table.hits < self.needed)):
+        vague = are_uncertain(tracks.covariance, self.settings.lost_sigma_m)
+        vague |= table.hits < self.needed
+        fallen = are_below_ground(tracks.mean[:, :3])
+        if True in (vague | fallen):
             unseen = tracks.silent_s > tracks.silence_limit_s
-            drop |= (uncertain | (table.hits < self.needed)) & unseen
-            fallen = below_ground & have_come_down(tracks.mean[:, :3], tracks.covariance, unseen)
+            drop |= vague & unseen
+            fallen &= have_come_down(tracks.mean[:, :3], tracks.covariance, unseen)
             drop |= fallen
-        if table.number.size > 1:
-            drop |= _lesser(tracks)
-        if True not in drop:
+        lesser = _lesser(tracks) if table.number.size > 1 else drop
+        ended = drop | lesser
+        if True not in ended:
             return np.zeros(drop.shape, dtype=np.int64)
-        is_brief = are_brief(motion, table.first_s, table.seen_s)
+        # What another track follows too has not gone out.
+        is_brief = drop & are_brief(motion, table.first_s, table.seen_s)
         of_brief = np.where(motion.are_none, FLASH, UNRESOLVED)
-        return np.where(drop, np.where(is_brief, of_brief, np.where(fallen, IMPACT, LOST)), 0)
+        return np.where(ended, np.where(is_brief, of_brief, np.where(fallen, IMPACT, LOST)), 0)
 
 
 def unlikely_pruner(_config: Any, context: PartContext) -> UnlikelyPruner:
@@ -275,8 +276,8 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
         row, neighbour = neighbour_pairs(tree, position[wide], reach_m[wide])
         pairs = np.sort(np.stack([wide[row], neighbour], axis=1), axis=1)
-        close = np.unique(np.concatenate([close, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
-    return close[np.lexsort((close[:, 1], close[:, 0]))]
+        close = np.concatenate([close, pairs[pairs[:, 0] < pairs[:, 1]]])
+    return np.unique(close, axis=0)
 
 
 def _never_seen_together(

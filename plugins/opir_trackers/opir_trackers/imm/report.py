@@ -163,12 +163,19 @@ def earth_fixed(
     """Return inertial states (n, 6) and covariances (n, 6, 6) in ECEF, velocities relative to the
     rotating Earth.
     """
+    change = to_earth(time_s)
+    moved = change @ covariance @ change.T
+    return state @ change.T, 0.5 * (moved + moved.transpose(0, 2, 1))
+
+
+def to_earth(time_s: float) -> FloatArray:
+    """Return the matrix (6, 6) that takes an inertial state to ECEF, velocity over the ground."""
     turned_rad = EARTH_ROTATION_RAD_S * time_s
     sine = sin(turned_rad)
     cosine = cos(turned_rad)
     fast = EARTH_ROTATION_RAD_S * cosine
     slow = EARTH_ROTATION_RAD_S * sine
-    change = np.array(
+    return np.array(
         (
             (cosine, sine, 0.0, 0.0, 0.0, 0.0),
             (-sine, cosine, 0.0, 0.0, 0.0, 0.0),
@@ -178,5 +185,3 @@ def earth_fixed(
             (0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
         )
     )
-    moved = change @ covariance @ change.T
-    return state @ change.T, 0.5 * (moved + moved.transpose(0, 2, 1))

@@ -205,7 +205,7 @@ class SingleSensor:
 
         Ascents are compared with the first motion: statistics that have begun anew do not have it.
         """
-        is_single = np.count_nonzero(table.reports >= 0, axis=1) == 1
+        is_single = table.seen.sum(axis=1) == 1
         if True not in is_single:
             return is_single
         motion = table.motion
@@ -223,7 +223,7 @@ class SingleSensor:
         origin = np.concatenate(
             [sensor.orbit.position_ecef_m(when) for sensor in self.biases.sensors]
         )
-        number = np.argmax(table.reports[rows] >= 0, axis=1)
+        number = np.argmax(table.seen[rows], axis=1)
         place = table.motion.reference_m[rows]
         line = origin[number] - place
         sine = dot(line, place) / np.sqrt(dot(line, line) * dot(place, place))
@@ -232,7 +232,7 @@ class SingleSensor:
     def _view(self, table: TrackTable, row: int, target: _Motion) -> _View:
         """Return what the sensor of a track sees of a motion."""
         motion = table.motion
-        sensor = int((table.reports[row] >= 0).nonzero()[0][0])
+        sensor = int(np.argmax(table.seen[row]))
         first_s = float(table.first_s[row])
         time_s = target.time_s
         times_s = np.array([first_s, time_s - 0.5, time_s, time_s + 0.5])

@@ -10,11 +10,10 @@ from math import ceil
 
 import numpy as np
 from attrs import frozen
-from opir_estimation import LinesOfSight, Registration
+from opir_estimation import LinesOfSight, Registration, air_velocity, dot
 from opir_forecast import grounds, hypothesis_log_likelihood
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight import Forces, forces_of
 from opir_core.plugin import TARGET_TYPES, Detections, Hypothesis, TrackerContext
 from opir_trackers.configs import ImmConfig
@@ -24,7 +23,7 @@ from opir_trackers.imm.initiate import initiate
 from opir_trackers.imm.launches import with_launch_points
 from opir_trackers.imm.models import TrackingModels
 from opir_trackers.imm.predict import predict
-from opir_trackers.imm.prune import prune
+from opir_trackers.imm.prune import FLASH, prune
 from opir_trackers.imm.report import ReportedTracks, type_evidence, type_log_likelihoods
 from opir_trackers.imm.state import EndedTracks, TrackerState
 from opir_trackers.imm.update import update
@@ -176,13 +175,13 @@ class ImmTracking:
         return hypothesis_log_likelihood(types, self.hypotheses, TARGET_TYPES)
 
     def are_brief(self, ended: EndedTracks, time_s: float) -> BoolArray:
-        """Return which tracks (n,) went out, or are silent for too long, before their looks could
+        """Return which tracks (n,) went out, or go on silent for too long, before their looks could
         tell a launch.
         """
         table = ended.table
         silent_s = self.models.silent_s(table, time_s)
         silent = silent_s > self.models.longest(self.models.silence_limit_s, table)
-        are_over = (ended.end > 0) | silent
+        are_over = np.where(ended.end > 0, ended.end >= FLASH, silent)
         if True not in are_over:
             return are_over
         return are_over & are_brief(table.motion, table.first_s, table.seen_s)
@@ -220,9 +219,6 @@ def _slice_ends(start_s: float, end_s: float, slice_s: float) -> list[float]:
 
 def _move_as_rockets(state: FloatArray) -> BoolArray:
     """Return which states (n, 6), inertial, climb faster over the ground than aircraft fly."""
-    position_m = state[:, :3]
-    velocity_m_s = state[:, 3:6].copy()
-    velocity_m_s[:, 0] += EARTH_ROTATION_RAD_S * position_m[:, 1]
-    velocity_m_s[:, 1] -= EARTH_ROTATION_RAD_S * position_m[:, 0]
-    is_climbing = np.sum(position_m * velocity_m_s, axis=1) > 0.0
-    return is_climbing & (np.sum(velocity_m_s**2, axis=1) > FASTEST_AIRCRAFT_M_S**2)
+    velocity_m_s = air_velocity(state)
+    is_climbing = dot(state[:, :3], velocity_m_s) > 0.0
+    return is_climbing & (dot(velocity_m_s, velocity_m_s) > FASTEST_AIRCRAFT_M_S**2)

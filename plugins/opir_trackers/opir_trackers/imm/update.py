@@ -51,6 +51,8 @@ def update(
     if not table.number.size:
         return state._replace(time_s=prediction.end_s)
     lines = prediction.lines
+    times = prediction.end_s, prediction.span_s
+    prediction = prediction._replace(watched=models.watched(table.seen, *times, association))
     looks = _measurements(prediction, association)
     estimates, outliers = _updated_estimates(models, prediction, association, looks, table.outliers)
     estimates = models.filter.with_open_coast(
@@ -198,7 +200,10 @@ def _with_outliers(
         fractions.take(suspects),
     )
     outliers[suspects] = weighted.outliers
-    return posterior.put(suspects, weighted.estimates), fractions.after(outliers).log
+    # Doubted lines were detected all the same, in the time that was watched.
+    estimates = posterior.put(suspects, weighted.estimates)
+    log = fractions.after(outliers).log
+    return evolve(estimates, detection_rate=posterior.detection_rate), log
 
 
 def _suspects(association: Association, share: FloatArray) -> IntArray:

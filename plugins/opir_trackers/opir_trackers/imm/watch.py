@@ -28,20 +28,21 @@ class LookSpans:
             return None
         return cls(tuple(sensors), detection_probability / period_s)
 
-    def in_slice(self, start_s: float, end_s: float, visible: BoolArray) -> LookTimes:
-        """Return how long the tracks (n,) of sensors `visible` (n, sensors) were looked at in a
-        slice.
+    def in_slice(
+        self, end_s: float, span_s: float, visible: BoolArray, has_look: BoolArray
+    ) -> LookTimes:
+        """Return how long tracks (n,) were looked at in a slice of a length; of the sensors
+        `visible` (n, sensors) of each, one at least, those that saw it, `has_look` (n, sensors),
+        looked whatever they say.
+
+        Else the looks of a sensor that never says where it looks would be those of the others.
         """
-        start, end = self._until_s(np.array([start_s, end_s]))
+        start, end = self._until_s(np.array([end_s - span_s, end_s]))
         looked_s = np.where(visible, end - start, 0.0)
+        looked_s[has_look & (looked_s == 0.0)] = span_s
         rate = np.where(visible, self.rate, 0.0)
-        total = np.sum(rate, axis=1)
-        expected_s = np.sum(looked_s * rate, axis=1) / np.where(total > 0.0, total, 1.0)
-        span_s = end_s - start_s
-        return LookTimes(
-            np.where(total > 0.0, expected_s, span_s),
-            np.where(total > 0.0, looked_s.max(axis=1, initial=0.0), span_s),
-        )
+        expected_s = np.sum(looked_s * rate, axis=1) / np.sum(rate, axis=1)
+        return LookTimes(expected_s, looked_s.max(axis=1, initial=0.0))
 
     def silent_s(self, time_s: FloatArray, seen_s: FloatArray, visible: BoolArray) -> FloatArray:
         """Return for how long (n,), s, a sensor looked between times `seen_s` and `time_s` (n,):

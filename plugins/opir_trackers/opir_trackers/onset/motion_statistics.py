@@ -11,7 +11,7 @@ still; a constant pointing bias moves none.
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from attrs import evolve, frozen
@@ -298,10 +298,19 @@ class MotionStatistics(Columns):
             position_m[rows], time_s, self.epoch_s[rows], self.probability[0]
         )
         known = {
-            name: getattr(self, name)[rows]
-            for name in (*_LABEL_PLACES, "carried", "probability", "has_shared")
+            name: getattr(self, name)[rows] for name in ("carried", "probability", "has_shared")
         }
-        return self.with_rows(rows, evolve(anew, **known))
+        return self.with_rows(rows, evolve(anew, **known, **self.take(rows)._labels_about(anew)))
+
+    def _labels_about(self, other: "MotionStatistics") -> dict[str, Any]:
+        """Return the columns of places of lines before the statistics began anew, about the points
+        of others (n,).
+        """
+        turn = other.axes @ self.axes.transpose(0, 2, 1)
+        shift = _components(other.axes, self.reference_m - other.reference_m)
+        information = turn @ self.label_information @ turn.transpose(0, 2, 1)
+        pull = _components(turn, self.label_pull) + _components(information, shift)
+        return {"label_information": information, "label_pull": pull}
 
     def are_unlike_any_motion(self) -> BoolArray:
         """Return which tracks (n,) have lines that no cubic explains: some of them are of something

@@ -146,7 +146,8 @@ class GroupPosterior:
         `first_s` and `seen_s` (n,) are the times of the first and the last detection, `pause_s`
         (n,) the longest scan period of the sensors that see the track, `silent_s` (n,) for how long
         they looked since the last detection, by default throughout. What has been seen for long,
-        still is, and is less probably a launch than before the first line is assessed now and then.
+        still is, and is less probably a launch than before the first line is assessed now and then,
+        and what has begun anew since the last detection with its next one: no line is no noise.
         Lines that are not of one motion say nothing of it: these statistics begin anew. So do those
         of a source that is still seen and likeliest stands, but may be a launch.
         """
@@ -156,6 +157,7 @@ class GroupPosterior:
         again = _asked_again(statistics, time_s, step_s) & is_seen
         if is_rocket is not None:
             again &= ~is_rocket
+        waits |= statistics.epoch_s > seen_s
         rows = ((~statistics.is_decided & ~waits) | again).nonzero()[0]
         if not len(rows):
             return statistics

@@ -194,6 +194,16 @@ def test_a_short_burn_stays_as_the_filter_has_it(ignition_s):
     assert burn_end(looks, *reference_of(time_s, states, rng), prior) is None
 
 
+def test_sensors_that_contradict_one_another_do_not_tell_the_end():
+    """One of them points 60 standard deviations beside the target: no path is near any look."""
+    rng = np.random.default_rng(6)
+    time_s, states = flown([(0.0, 80.0, 22.0, 3.0)])
+    looks = looks_of(time_s, states, rng)
+    looks.measured[looks.origin_m[:, 1] > 0.0] += 60.0 * SIGMA_RAD
+    prior = BurnPrior(MOTION, STAGE, 0.0)
+    assert burn_end(looks, *reference_of(time_s, states, rng), prior) is None
+
+
 def filter_and_estimates():
     """Return a filter, and two tracks that have coasted for 2 s since their last looks."""
     forces = Forces(zonal=())

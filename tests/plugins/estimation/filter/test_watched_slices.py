@@ -1,6 +1,7 @@
 """Slices in which only some sensors looked, or none: silence counts as far as somebody looked."""
 
 import numpy as np
+from attrs import evolve
 from opir_estimation import (
     COAST,
     ImmFilter,
@@ -10,6 +11,7 @@ from opir_estimation import (
     Thrust,
     no_measurements,
 )
+from opir_estimation.filter.mode_mixing import mode_update
 from opir_estimation.filter.thrust import THRUST
 
 from opir_core.flight.forces import Forces
@@ -62,3 +64,15 @@ def test_a_slice_is_watched_throughout_unless_it_is_said() -> None:
     said = after(LookTimes(np.ones(COUNT), np.ones(COUNT)))
     np.testing.assert_array_equal(plain.weight, said.weight)
     np.testing.assert_array_equal(plain.detection_rate, said.detection_rate)
+
+
+def test_pauses_count_by_the_share_of_the_sensors_that_look() -> None:
+    """A look after 9 s in which sensors of a hundredth of the detections looked."""
+    share = np.full(COUNT, 0.01)
+    estimates = evolve(burning(), detection_rate=np.tile([HITS, SPELL_S, 9.0], (COUNT, 1)))
+    watched = LookTimes(share, np.ones(COUNT))
+    looks = np.ones(COUNT), np.full(COUNT, 0.5), np.zeros((COUNT, 2))
+    _, rate = mode_update(estimates, *looks, 1.0, 20.0, 40.0, watched)
+    faded = np.exp(-1.0 / 20.0)
+    np.testing.assert_allclose(rate[:, 0], faded * HITS + 1.0)
+    np.testing.assert_allclose(rate[:, 1], faded * SPELL_S + 0.01 * (1.0 + 9.0 - 0.5))

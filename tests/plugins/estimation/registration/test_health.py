@@ -93,6 +93,19 @@ def test_a_sensor_without_compared_looks_is_not_judged() -> None:
     assert texts[2].startswith("not judged: no look of it was compared with a track")
 
 
+def test_targets_that_share_lines_are_seen_but_not_compared() -> None:
+    """Two launches side by side, each seen by both sensors."""
+    target = SCENE["targets"][0]
+    beside = target | {"id": "B", "launch": target["launch"] | {"lat_deg": 10.001}}
+    sensors = [sensor | {"line_of_sight_bias_sigma_urad": 0.0} for sensor in SCENE["sensors"]]
+    scene = SCENE | {"sensors": sensors, "targets": [target, beside]}
+    run = opir.simulate(opir.scene_from_mapping(scene))
+    assert {(0, 0), (1, 0)} <= set(zip(run.detections.sensor, run.truth.target, strict=True))
+    words = "bias assumed to be 0: no target was compared between two sensors"
+    for sensor in run.summary["sensors"]:
+        assert sensor["health"]["text"].startswith(words)
+
+
 @pytest.mark.slow
 def test_summary_manifest_saved_run_explain_and_score(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -112,6 +112,33 @@ def test_a_round_of_a_young_group_is_over_after_its_lines():
     assert np.array_equal(old.lines, statistics.lines)
 
 
+def test_what_has_begun_anew_is_no_noise_until_its_next_line():
+    posterior = GroupPosterior.of(HypothesesConfig(), np.full(1, 1e-9), np.full(1, 0.9))
+    blank = MotionStatistics.fresh(places_m(1e3)[:1], 0.0, np.zeros(1), posterior.prior)
+    lines = lines_to(np.repeat(places_m(1e3)[:1], 3, axis=0))
+    statistics = blank.with_lines(np.zeros(3, dtype=np.int64), lines, posterior.log_clutter)
+    begun = statistics.restarted(np.zeros(1, dtype=np.int64), 2.0, adds_up=False)
+    for time_s in (2.0, 9.0):
+        times = np.zeros(1), np.array([1.9]), np.array([10.0])
+        assessed = posterior.assessed(begun, time_s, *times)
+        assert assessed.probability.tolist() == begun.probability.tolist()
+
+
+def test_launches_side_by_side_have_tracks_at_each_tick():
+    targets = [
+        {
+            "id": f"T{number}",
+            "type": "SRBM",
+            "launch": {"lat_deg": 10.0 + 0.003 * number, "lon_deg": 45.0, "time_s": 1.0},
+            "aim": {"lat_deg": 12.5, "lon_deg": 46.0},
+        }
+        for number in range(2)
+    ]
+    tracks = opir.simulate(scene_of([], targets, 15.0, 1)).tracks
+    for number in np.unique(tracks.track):
+        assert set(np.diff(tracks.tick_s[tracks.track == number])) == {1.0}
+
+
 def scene_of(flares, targets, duration_s, seed):
     """Return a scene of flares and targets before two sensors."""
     return opir.scene_from_mapping(
@@ -127,7 +154,7 @@ def scene_of(flares, targets, duration_s, seed):
             "targets": targets,
             "detection": "snr",
             "tracker": "imm",
-            "sources": [{"id": "flares", "model": "flares", "at": flares}],
+            "sources": [{"id": "flares", "model": "flares", "at": flares}] if flares else [],
         }
     )
 
