@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from attrs import asdict, evolve, frozen
 
-from opir_core.errors import OpirError, Problem, SceneError, number_of
+from opir_core.errors import OpirError, Problem, SceneError, SinkError, number_of
 from opir_core.host.error_messages import described_error
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
@@ -438,7 +438,10 @@ class LiveRun:
         for _, answer in self._changes.pending():
             answer.set_exception(RefusedError(f"the run has {self._state}"))
         if self.changes_file is not None:
-            self.changes_file.end(self._counts.time_ns)
+            try:
+                self.changes_file.end(self._counts.time_ns)
+            except SinkError as error:
+                warn(f"{error}; the end of the run is not in it")
 
     def _cycle(self) -> bool:
         """Run one cycle; return whether there is another."""

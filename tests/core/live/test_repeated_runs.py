@@ -197,3 +197,17 @@ def test_an_end_without_a_newline_is_read(host: Host, tmp_path: Path) -> None:
     ChangesFile(path, scene_from_mapping(SCENE, host=host), loop=True).end(5)
     path.write_bytes(path.read_bytes().rstrip())
     assert repeated_run(path, [], host).scene.name == "repeated"
+
+
+def test_an_end_that_the_disk_does_not_take_is_a_warning(
+    host: Host, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = live_run(tmp_path, host, LiveSettings(speed=None))
+    with Path("/dev/full").open("wb", buffering=0) as full:
+        changes: Any = run.changes_file
+        changes._file.close()
+        changes._file = full
+        run.start()
+        until(lambda: caplog.records)
+    assert "the end of the run is not in it" in caplog.text
+    assert run.stop().state == "stopped"
