@@ -226,9 +226,11 @@ class ChangeQueue:
         answer: Future[Any] = Future()
         self._queue.put_nowait((change, answer))
         while not wait([answer], _POLL_S).done:
-            if self._stopping.is_set() and answer.cancel():
+            is_late = time.monotonic() >= give_up_s
+            # One that the run is applying is waited for, unless the run does not come to its end.
+            if self._stopping.is_set() and (answer.cancel() or is_late):
                 raise RefusedError("the run is being stopped")
-            if time.monotonic() >= give_up_s and answer.cancel():
+            if is_late and answer.cancel():
                 raise BusyError(
                     "the run is behind: it computes slower than its clock, or waits for a sink whose"
                     " queue is full; try again"

@@ -5,6 +5,7 @@ setting and task of a sensor with the scene time at which it was applied, and it
 import json
 import math
 from collections.abc import Mapping
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from opir_core.host.host import Host
 from opir_core.interfaces.directors import SensorTask
 from opir_core.live.changes import Change, launch_change, settings_change
 from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.output.temporary_files import write_all
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.reading.format_versions import CHANGE_FORMAT, CHANGES_KEY
 from opir_core.scene.scene import Scene
@@ -47,7 +49,8 @@ class ChangesFile:
 
     def _write(self, line: Mapping[str, Any]) -> None:
         try:
-            self._file.write(json.dumps(line, default=np.ndarray.tolist).encode() + b"\n")
+            text = json.dumps(line, default=np.ndarray.tolist)
+            write_all(self._file.fileno(), text.encode() + b"\n")
         except OSError as error:
             raise unwritable("the changes file", self._path, error) from error
 
@@ -66,14 +69,16 @@ class RecordedRun:
 def recorded_run(path: Path) -> RecordedRun:
     """Return the run of a file; `SceneError` with its line if it is invalid.
 
-    A line that a kill left incomplete is the last, and is left out.
+    An incomplete last line, as a kill leaves it, is left out.
     """
     rows = list[dict[str, Any]]()
     lines = path.read_bytes().split(b"\n")
-    for number, line in enumerate(lines[:-1], start=1):
+    for number, line in enumerate(lines, start=1):
         try:
             rows.append(dict(json.loads(line)))
         except (ValueError, TypeError, RecursionError) as error:
+            if number == len(lines):
+                break
             raise _invalid(path, number, f"not a change: {error}") from error
         if number == 1:
             version = rows[0].get(CHANGES_KEY)
@@ -82,15 +87,19 @@ def recorded_run(path: Path) -> RecordedRun:
         raise _invalid(path, 1, "a scene is missing")
     head, *others = rows
     for number, row in enumerate(others, start=2):
-        if "end_ns" not in row and not _is_change(row):
-            raise _invalid(path, number, "no launch, settings or task with lap and time_ns")
-    end_ns = next((int(row["end_ns"]) for row in others if "end_ns" in row), None)
-    changes = tuple(row for row in others if "end_ns" not in row)
-    return RecordedRun(path, head["scene"], head.get("loop") is True, changes, end_ns)
+        if type(row.get("end_ns")) is not int and not _is_change(row):
+            words = "no launch, settings or task with lap and time_ns, and no end_ns"
+            raise _invalid(path, number, words)
+    end_ns = next((row["end_ns"] for row in others if "end_ns" in row), None)
+    changes = [row for row in others if "end_ns" not in row]
+    if changes != sorted(changes, key=itemgetter("lap", "time_ns")):
+        problem = Problem("", "its changes are not in the order of lap and time_ns")
+        raise SceneError([problem], source=str(path))
+    return RecordedRun(path, head["scene"], head.get("loop") is True, tuple(changes), end_ns)
 
 
 def _is_change(row: Mapping[str, Any]) -> bool:
-    has_place = all(type(row.get(key)) is int for key in ("lap", "time_ns"))
+    has_place = all(type(row.get(key)) is int and row[key] >= 0 for key in ("lap", "time_ns"))
     return has_place and any(
         isinstance(row.get(key), dict) for key in ("launch", "settings", "task")
     )

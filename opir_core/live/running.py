@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from attrs import asdict, evolve, frozen
 
-from opir_core.errors import OpirError, Problem, SceneError, number_of
+from opir_core.errors import OpirError, Problem, SceneError, SinkError, number_of
 from opir_core.host.error_messages import described_error
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
@@ -147,12 +147,14 @@ class LiveRun:
         sinks = list[SinkThread]()
         try:
             for choice in plan.scene.outputs:
-                is_spooled = choice.spool is not None
-                opened = opened_sink(plan, choice)
-                count = counter_of(plan, choice)
-                sinks.append(
-                    SinkThread(choice.path, choice.name, opened, is_spooled=is_spooled, count=count)
+                sink = SinkThread(
+                    choice.path,
+                    choice.name,
+                    opened_sink(plan, choice),
+                    is_spooled=choice.spool is not None,
+                    count=counter_of(plan, choice),
                 )
+                sinks.append(sink)
         except BaseException:
             for sink in sinks:
                 sink.close(time.monotonic() + 1.0)
@@ -433,10 +435,13 @@ class LiveRun:
         ) as error:  # also SystemExit of a plugin; reported by status, health and exit code
             self._error = str(error) if isinstance(error, OpirError) else described_error(error)
             self._state = "failed"
-        if self.changes_file is not None:
-            self.changes_file.end(self._counts.time_ns)
         for _, answer in self._changes.pending():
             answer.set_exception(RefusedError(f"the run has {self._state}"))
+        if self.changes_file is not None:
+            try:
+                self.changes_file.end(self._counts.time_ns)
+            except SinkError as error:
+                warn(f"{error}; the end of the run is not in it")
 
     def _cycle(self) -> bool:
         """Run one cycle; return whether there is another."""
@@ -560,11 +565,10 @@ class LiveRun:
         for choice in change.reopened:
             sink = next(sink for sink in self._sinks if sink.path == choice.path)
             plan = change.engine.plan
-            is_spooled = choice.spool is not None
             sink.replace(
                 partial(opened_sink, plan, choice),
                 self._stopping,
-                is_spooled=is_spooled,
+                is_spooled=choice.spool is not None,
                 count=counter_of(plan, choice),
             )
         return self._counts.cycle

@@ -20,7 +20,7 @@ from opir_core.errors import Problem, SceneError, SinkError, reason_of, unwritab
 from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.rendering import Decimal, Ids, Looked, chosen_renderer
-from opir_core.output.temporary_files import GrowingFile
+from opir_core.output.temporary_files import GrowingFile, write_all
 from opir_core.output.transaction import FILES_KEY
 from opir_core.planning.plan import Plan
 from opir_core.reading.format_versions import MANIFEST_FORMAT, RUN_FORMATS
@@ -76,11 +76,8 @@ class LinesFile:
         """Write encoded lines."""
         try:
             self._require(self._growing.fault())
-            remaining = memoryview(lines)
-            while remaining:
-                count = os.write(self._descriptor, remaining)
-                self._growing.size += count
-                remaining = remaining[count:]
+            write_all(self._descriptor, lines)
+            self._growing.size += len(lines)
         except OSError as error:
             raise unwritable(self._kind, self._path, error) from error
 

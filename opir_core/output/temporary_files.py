@@ -172,6 +172,13 @@ def planted(kind: str, path: Path, obstacle: str) -> SinkError:
     return SinkError(f"{words}; remove it, or give another path")
 
 
+def write_all(descriptor: int, content: bytes | memoryview) -> None:
+    """Write all of a content into a file; raises `OSError`."""
+    remaining = memoryview(content)
+    while remaining:
+        remaining = remaining[os.write(descriptor, remaining) :]
+
+
 def sync_path(path: Path) -> None:
     """Make the content of a file, or the names in a folder, last."""
     descriptor = os.open(path, os.O_RDONLY)

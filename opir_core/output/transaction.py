@@ -32,6 +32,7 @@ from opir_core.output.temporary_files import (
     locked,
     planted,
     sync_path,
+    write_all,
 )
 
 #: What is appended to a path while its file is written.
@@ -239,9 +240,7 @@ class OutputFiles:
                 self._manifest.write_bytes(text)
                 return
             _require_in_place(self._record)
-            remaining = memoryview(text)
-            while remaining:
-                remaining = remaining[os.write(self._record.descriptor, remaining) :]
+            write_all(self._record.descriptor, text)
             os.fsync(self._record.descriptor)
         except OSError as error:
             raise unwritable("the manifest", self._manifest, error) from error

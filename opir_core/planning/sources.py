@@ -66,8 +66,10 @@ def make_sources(
 
 
 def _launched(scene: Scene, launches: Mapping[str, Launch], path: str, name: str) -> Launch:
-    """Return the launch with an id; without a problem where it could not be built, which is told
-    by itself.
+    """Return the launch with an id.
+
+    Raises a `SceneError` without problems for one that could not be built: that is a problem of the
+    target.
     """
     if name in launches:
         return launches[name]

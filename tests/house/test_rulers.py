@@ -15,7 +15,7 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 269_500,
+    "opir_core": 269_700,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_dsp": 500,
@@ -39,7 +39,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 46_100,
     "benchmarks": 98_000,
-    "tests": 795_000,
+    "tests": 797_000,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

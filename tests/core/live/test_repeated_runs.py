@@ -154,6 +154,12 @@ def test_who_gives_a_task_that_fails_is_answered(
     [
         ('{"lap":0}', "line 2: no launch, settings or task with lap and time_ns"),
         ('{"lap":0,"time_ns":"1","launch":{}}', "line 2: no launch, settings or task"),
+        ('{"end_ns":null}', "line 2: no launch, settings or task"),
+        ('{"lap":0,"time_ns":-1,"task":{}}', "line 2: no launch, settings or task"),
+        (
+            '{"lap":1,"time_ns":0,"task":{}}\n{"lap":0,"time_ns":9,"task":{}}',
+            "not in the order of lap",
+        ),
         ("[1]", "line 2: not a change"),
         ("{", "line 2: not a change"),
     ],
@@ -184,3 +190,24 @@ def test_the_command_asks_where_to(
     out = str(tmp_path / "again.jsonl")
     assert main(["run", str(path), "-o", out, "--truth", "t.jsonl"]) == 2
     assert "--truth" in capsys.readouterr().err
+
+
+def test_an_end_without_a_newline_is_read(host: Host, tmp_path: Path) -> None:
+    path = tmp_path / "e.changes.jsonl"
+    ChangesFile(path, scene_from_mapping(SCENE, host=host), loop=True).end(5)
+    path.write_bytes(path.read_bytes().rstrip())
+    assert repeated_run(path, [], host).scene.name == "repeated"
+
+
+def test_an_end_that_the_disk_does_not_take_is_a_warning(
+    host: Host, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = live_run(tmp_path, host, LiveSettings(speed=None))
+    with Path("/dev/full").open("wb", buffering=0) as full:
+        changes: Any = run.changes_file
+        changes._file.close()
+        changes._file = full
+        run.start()
+        until(lambda: caplog.records)
+    assert "the end of the run is not in it" in caplog.text
+    assert run.stop().state == "stopped"

@@ -2,7 +2,9 @@
 runs.
 """
 
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -14,8 +16,8 @@ from waiting import until
 
 from opir_core import Engine, Plan, Scene, compile_plan
 from opir_core.errors import SceneError
-from opir_core.live import BusyError, LiveRun, LiveSettings, RefusedError, running
-from opir_core.live.changes import Change, PastError, launch_change
+from opir_core.live import BusyError, LiveRun, LiveSettings, RefusedError, SensorTask, running
+from opir_core.live.changes import Change, ChangeQueue, PastError, launch_change
 from opir_core.plugin import Host, Tracks
 from opir_core.reading import scene_from_mapping
 from opir_core.simulation.shifting import shifted
@@ -227,3 +229,14 @@ def test_hot_sources_are_no_launches(host: Host) -> None:
     until(lambda: run.status().lap >= 2)
     status = run.stop()
     assert status.targets_launched == 2 * (status.lap + 1)
+
+
+def test_a_stop_does_not_wait_for_a_task_that_does_not_return() -> None:
+    stopping = threading.Event()
+    changes = ChangeQueue(stopping)
+    with ThreadPoolExecutor() as pool:
+        answer = pool.submit(changes.apply, SensorTask(sensor="S"), time.monotonic() + 0.5)
+        until(lambda: list(changes.pending()))  # the run's thread has begun it
+        stopping.set()
+        with pytest.raises(RefusedError, match="being stopped"):
+            answer.result(10.0)

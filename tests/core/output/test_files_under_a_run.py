@@ -263,7 +263,7 @@ def test_a_cut_between_a_look_and_a_write_shows(
 
     file = CommandsFile(path)
     file.write_bytes(b"line\n" * 4)
-    monkeypatch.setattr("opir_core.output.run_files.os.write", late)
+    monkeypatch.setattr("opir_core.output.temporary_files.os.write", late)
     file.write_bytes(b"line\n")
     with pytest.raises(SinkError, match="cut it off at 15 of 25"), file:
         pass
