@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,8 +18,6 @@ FIRST_LIGHT = str(EXAMPLES / "first_light.yaml")
 PACIFIC = str(TEST_SCENES / "pacific_test_range.yaml")
 #: All its three targets burn by then.
 SHORT = (PACIFIC, "--set", "duration_s=80")
-
-Opir = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def process(folder, *words, **environment):
