@@ -6,6 +6,7 @@ import json
 from datetime import datetime, timedelta
 
 import numpy as np
+from json_lines import json_lines
 from opir_readers.detections.times import unix_ns
 from stonesoup.models.measurement.nonlinear import CartesianToElevationBearing
 from stonesoup.types.array import StateVector
@@ -71,9 +72,7 @@ def tracks_of(path, tmp_path):
     scene.write_text(json.dumps({key: value for key, value in SCENE.items() if key != "targets"}))
     out = tmp_path / "tracked.jsonl"
     assert main(["track", str(path), "--sensors", str(scene), "--out", str(out), "-q"]) == 0
-    rows = [
-        json.loads(line) for line in (tmp_path / "tracked.tracks.jsonl").read_text().splitlines()
-    ]
+    rows = json_lines(tmp_path / "tracked.tracks.jsonl")
     return np.array([[row["time_s"], row["track_id"], *row["position_ecef_m"]] for row in rows])
 
 

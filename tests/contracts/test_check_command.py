@@ -18,7 +18,6 @@ from opir_core.host.components import CATALOGUE
 
 pytest_plugins = ["pytester"]
 
-UNEVEN = "test_results_of_others_do_not_change"
 #: No plugin of pytest but that of opir.
 ALONE = ("--disable-plugin-autoload", "-p", "opir", "-p", "no:cacheprovider")
 

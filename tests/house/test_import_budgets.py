@@ -9,8 +9,6 @@ import sys
 import pytest
 from repository import EXAMPLES, TEST_SCENES
 
-PACIFIC = str(TEST_SCENES / "pacific_test_range.yaml")
-
 #: How many modules more than bare Python `opir --version` may import.
 VERSION_BUDGET = 30
 

@@ -5,10 +5,10 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from json_lines import json_lines
 from opir_photons.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from repository import EXAMPLES, TEST_SCENES
 
@@ -19,8 +19,6 @@ FIRST_LIGHT = str(EXAMPLES / "first_light.yaml")
 PACIFIC = str(TEST_SCENES / "pacific_test_range.yaml")
 #: All its three targets burn by then.
 SHORT = (PACIFIC, "--set", "duration_s=80")
-
-Opir = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def process(folder, *words, **environment):
@@ -73,10 +71,6 @@ def pacific(
     return folder, process(folder, "run", *SHORT, PYTHONHASHSEED="42")
 
 
-def lines(path):
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
 @pytest.mark.slow
 def test_a_run_writes_events_truth_and_manifest_and_says_so(
     pacific,
@@ -84,9 +78,9 @@ def test_a_run_writes_events_truth_and_manifest_and_says_so(
     folder, done = pacific
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    events = lines(folder / "events.jsonl")
+    events = json_lines(folder / "events.jsonl")
     manifest = json.loads((folder / "events.manifest.json").read_text(encoding="utf-8"))
-    truth = lines(folder / "events.truth.jsonl")
+    truth = json_lines(folder / "events.truth.jsonl")
     assert manifest["counts"]["detections"] == len(events)
     assert {row["target_id"] for row in truth if row["record"] == "target"} == {"T1", "T2", "T3"}
     assert [row["detection_id"] for row in truth if row["record"] == "detection"] == [
@@ -106,17 +100,17 @@ def test_a_run_says_first_who_saw_what_and_where_it_goes(
     folder, done = pacific
     truth = {
         row["target_id"]: row
-        for row in lines(folder / "events.truth.jsonl")
+        for row in json_lines(folder / "events.truth.jsonl")
         if row["record"] == "target"
     }
     ids = {
         row["detection_id"]: row["target_id"]
-        for row in lines(folder / "events.truth.jsonl")
+        for row in json_lines(folder / "events.truth.jsonl")
         if "detection_id" in row
     }
     answers = dict(line.split(": ", 1) for line in done.stdout.splitlines()[2 : 2 + len(truth)])
     detections = {}
-    for event in lines(folder / "events.jsonl"):
+    for event in json_lines(folder / "events.jsonl"):
         detections.setdefault(ids[event["detection_id"]], event["sensor_id"])
     for name, row in truth.items():
         reported = answers[f"{name} ({row['type']})"]
@@ -180,7 +174,7 @@ def test_a_terminal_sees_progress_and_the_table_stays_clean(tmp_path, pacific):
 def test_events_hold_no_truth(pacific):
     events = pacific[0] / "events.jsonl"
     assert '"T1"' not in events.read_text(encoding="utf-8")
-    assert not {"target_id", "range_m", "probability", "emission_s"} & set(lines(events)[0])
+    assert not {"target_id", "range_m", "probability", "emission_s"} & set(json_lines(events)[0])
 
 
 def test_a_manifest_is_enough_to_repeat_the_run(tmp_path, opir):
@@ -302,7 +296,7 @@ def test_a_run_tells_the_latency_of_its_reports_if_any(opir):
     assert f"after {first_s:.3f} s, reported after {report_s:.3f} s" in delayed.stdout
     assert "reported after" not in prompt.stdout
     assert first_s + 2.0 < report_s < first_s + 2.0 + 5.0 + 4 * 1.5
-    events = lines(Path("events.jsonl"))
+    events = json_lines(Path("events.jsonl"))
     assert len(events) == 750
     reports = [str(event["reported_at"]) for event in events]
     assert reports == sorted(reports)

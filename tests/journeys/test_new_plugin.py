@@ -5,7 +5,6 @@ scene, at once.
 import ast
 import json
 import re
-from collections.abc import Callable
 from importlib import import_module
 
 import pytest
@@ -19,8 +18,6 @@ NAMES = {kind: f"brand-new-{kind}" for kind in KINDS}
 
 #: Kinds that work on files, on finished runs, or on many: no scene chooses one.
 OF_STUDIES = ("reader", "metric", "executor", "exporter", "view")
-
-Opir = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture

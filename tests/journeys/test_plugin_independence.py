@@ -7,7 +7,6 @@ import random
 import sys
 import sysconfig
 import tomllib
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -63,9 +62,6 @@ def opir_trackers():
 """
 
 BROKEN = "raise RuntimeError('broken, as plugins are at times')\n"
-
-
-Choose = Callable[[Sequence[Path]], None]
 
 
 def metadata(folder, name, version, groups):

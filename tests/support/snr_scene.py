@@ -2,6 +2,7 @@
 
 import opir_core as opir
 from opir_core.interfaces.records import Detections, DetectionTruth
+from opir_core.planning import Looks
 from opir_core.simulation.engine import Engine
 
 LAUNCHES = (
@@ -73,6 +74,12 @@ def scene(
 def windows_of(plan, edges_s):
     engine = Engine(plan)
     return [engine.advance(round(edge * 1e9)) for edge in edges_s]
+
+
+def looks_of(plan, step=7):
+    """Return the exposures of every so many looks of a plan."""
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    return plan.look_geometry().exposures(looks.pair[::step], looks.scan[::step])
 
 
 def joined(windows):

@@ -174,3 +174,11 @@ def overfill(sink):
 @cache
 def many_windows():
     return [window(1000, 1000 * number) for number in range(40)]
+
+
+def flip_body(path: Path, *events: int) -> None:
+    """Change one byte in the messages of some of the first 2000 events."""
+    content = bytearray(path.read_bytes())
+    for event in events:
+        content[content.index(ids_of(window(2000))[event].encode())] ^= 1
+    path.write_bytes(content)

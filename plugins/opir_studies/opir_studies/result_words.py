@@ -141,7 +141,7 @@ def _share_text(row: Mapping[str, Any]) -> str:
 
 def _few(names: Sequence[str]) -> list[str]:
     shown = [name for name in names if name]
-    return [*shown[:_MOST_NAMED], *(["…"] if len(shown) > _MOST_NAMED else [])]
+    return shown[:_MOST_NAMED] + ["…"] * (len(shown) > _MOST_NAMED)
 
 
 def _interval_text(row: Mapping[str, Any], mean: str, low: str, high: str) -> str:

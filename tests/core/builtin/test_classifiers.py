@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from attrs import evolve, fields
-from core_components import built
+from core_components import built, context_of
 from hypothesis import given, strategies as st
 from scipy.stats import binom
 
@@ -13,7 +13,6 @@ from opir_core.plugin import (
     TARGET_TYPES,
     ClassifierInputs,
     ClassifierModel,
-    ModelContext,
     ScanningSensorConfig,
     SensorContext,
     scanning_sensor,
@@ -50,11 +49,6 @@ def a_sensor(confusion=MATRIX, name="S", type_name="X"):
         confusion=confusion,
     )
     return scanning_sensor(config, SensorContext(id=name, epoch_us=0), type=type_name)
-
-
-def context_of(sensors, types=TARGET_TYPES):
-    codes = np.array([TARGET_TYPES.index(name) for name in types], dtype=np.uint8)
-    return ModelContext(sensors=tuple(sensors), target_type_code=codes)
 
 
 def sightings_of(sensor, target):

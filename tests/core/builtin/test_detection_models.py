@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 import pytest
 from attrs import evolve, fields
-from core_components import built
+from core_components import built, context_of
 from hypothesis import given, strategies as st
 from scipy.stats import binom
 
@@ -17,7 +17,6 @@ from opir_core.plugin import (
     Band,
     DetectionModel,
     Exposures,
-    ModelContext,
     ScanningSensorConfig,
     SensorContext,
     scanning_sensor,
@@ -52,11 +51,6 @@ def a_sensor(bands=2, name="S", **settings):
         **{"detection_probability": {"ICBM": 0.8, "IRBM": 0.7, "SRBM": 0.5}, **settings},
     )
     return scanning_sensor(config, SensorContext(id=name, epoch_us=0), type="X")
-
-
-def context_of(sensors, types=TARGET_TYPES):
-    codes = np.array([TARGET_TYPES.index(name) for name in types], dtype=np.uint8)
-    return ModelContext(sensors=tuple(sensors), target_type_code=codes)
 
 
 def looks(sensor, target):

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from core_components import HOST
 from file_sinks import encoder, python, sink
+from json_lines import json_lines
 from opir_testing import stub_window
 
 from opir_core.builtin.sinks import LineFile
@@ -88,7 +89,7 @@ def test_a_killed_run_leaves_whole_lines(tmp_path: Path) -> None:
         str(path),
     )
     assert done.returncode == -signal.SIGKILL
-    assert len([json.loads(line) for line in path.read_text().splitlines()]) == 150
+    assert len(json_lines(path)) == 150
 
 
 @pytest.mark.parametrize("torn", ["", '{"detection_id":"04', "words of someone else"])

@@ -12,6 +12,7 @@ from typing import Any
 
 import jsonschema
 import pytest
+from json_lines import json_lines
 from opir_readers.detections.events import event_rows
 from opir_studies import load_study
 from opir_testing import stub_sensor, stub_window
@@ -44,7 +45,7 @@ def greater(kind: Format, by: tuple[int, int]) -> str:
 
 
 def changed_lines(path: Path, change: dict[str, Any]) -> None:
-    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    lines = json_lines(path)
     path.write_text(
         "".join(f"{json.dumps({**line, **change})}\n" for line in lines), encoding="utf-8"
     )

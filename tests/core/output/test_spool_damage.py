@@ -16,7 +16,17 @@ from typing import Any
 import pytest
 from attrs import evolve
 from failing_disk import OPEN, READ, WRITE, WRITING, FailingDisk, can_fail
-from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, filled_spool, ids_of, window
+from spool_transports import (
+    ENCODER,
+    MIB,
+    QUICK,
+    SENSORS,
+    Holding,
+    filled_spool,
+    flip_body,
+    ids_of,
+    window,
+)
 from waiting import until
 
 from opir_core.errors import SinkError
@@ -45,14 +55,6 @@ def sent_from(path: Path) -> tuple[Any, list[str]]:
         damage,
     )
     return sink.close(), list(carrier.ids)
-
-
-def flip_body(path: Path, *events: int) -> None:
-    """Change one byte in the messages of some events."""
-    content = bytearray(path.read_bytes())
-    for event in events:
-        content[content.index(ids_of(window(BATCHES * ROWS))[event].encode())] ^= 1
-    path.write_bytes(content)
 
 
 def test_an_undamaged_spool_is_unchanged(spool: Path) -> None:

@@ -10,6 +10,7 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
+from json_lines import json_lines
 from opir_testing import stub_estimates, stub_regions, stub_window
 from opir_testing.doubles import stub_hypotheses
 from scored_scene import SCENE
@@ -93,7 +94,7 @@ def test_messages_are_lines_of_the_tracks_file(tmp_path: Path) -> None:
     tracks = tracks_of(3, available_s=np.full(3, 61.5))
     with TracksFile(tmp_path / "t.jsonl", HYPOTHESES) as file:
         file.write(tracks)
-    lines = [json.loads(line) for line in (tmp_path / "t.jsonl").read_text().splitlines()]
+    lines = json_lines(tmp_path / "t.jsonl")
     for line, message in zip(lines, messages_of(tracks), strict=True):
         assert message["schema_version"] == ENCODER.schema_version == "tracks-1.0"
         assert (message["timestamp"], message["available_at"]) == (

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, fields
+from json_lines import json_lines
 from opir_testing import stub_estimates, stub_regions
 from opir_testing.doubles import stub_hypotheses
 
@@ -68,7 +69,7 @@ def tracks_of(count: int, **changes: Any) -> Tracks:
 def written(tmp_path: Path, tracks: Tracks) -> list[dict[str, Any]]:
     with TracksFile(tmp_path / "t.jsonl", HYPOTHESES) as file:
         file.write(tracks)
-    return [json.loads(line) for line in (tmp_path / "t.jsonl").read_text().splitlines()]
+    return json_lines(tmp_path / "t.jsonl")
 
 
 def test_a_line_has_keys_with_units(tmp_path: Path) -> None:

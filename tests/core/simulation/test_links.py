@@ -1,6 +1,5 @@
 """Reports on their way to the ground, against what a scene's links say."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from attrs import evolve
+from json_lines import json_lines
 from two_sensor_scene import two_sensor_scene
 from waiting import until
 
@@ -263,7 +263,7 @@ def test_a_changed_plan_goes_on_with_the_queues() -> None:
 def test_events_and_files_have_the_path(tmp_path: Path) -> None:
     run = opir.simulate(scene(links({"sensors": ["EAST"], "paths": [["CO"]]})))
     loaded = opir.load_run(run.save(tmp_path / "events.jsonl"))
-    events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
+    events = json_lines(tmp_path / "events.jsonl")
     jsonschema.Draft202012Validator(detection_schema()).validate(events[0])
     assert {(event["sensor_id"], tuple(event["path"] or ())) for event in events} == {
         ("EAST", ("CO",)),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, frozen
+from json_lines import json_lines
 from opir_testing import (
     CertainDetection,
     VerticalTargets,
@@ -184,7 +185,7 @@ def test_truth_and_manifest_tell_the_bias(tmp_path: Path) -> None:
     plan = evolve(plan, sensors=tuple(sensors), bias=PointingBias.drawn(plan.scene.seed, sensors))
     with TruthFile(tmp_path / "truth.jsonl", plan):
         pass
-    reported = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]
+    reported = json_lines(tmp_path / "truth.jsonl")
     east = {
         row["sensor_id"]: row["line_of_sight_bias_east_rad"]
         for row in reported
@@ -212,6 +213,6 @@ def test_noise_is_counted_apart_and_is_nobody_in_the_truth(tmp_path: Path) -> No
     assert sum(row["detections"] for row in reported["targets"]) == int((target >= 0).sum())
     with TruthFile(tmp_path / "truth.jsonl", plan) as truth:
         truth.write(noisy)
-    rows = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]
+    rows = json_lines(tmp_path / "truth.jsonl")
     named = [row["target_id"] for row in rows if row["record"] == "detection"]
     assert [name is None for name in named] == (target < 0).tolist()

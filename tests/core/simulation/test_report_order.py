@@ -24,11 +24,6 @@ def lines(plan: Plan, window_s: float | None = None, encoder: str = "forge-track
     return b"".join(product.encode(window) for window in plan_windows(plan, window_s))
 
 
-def in_order(detections: Detections) -> Detections:
-    """Return detections sorted by the time of the look, then the id."""
-    return detections.take(np.lexsort((detections.detection_id[:, 0], detections.time_ns)))
-
-
 def differing(actual: Any, expected: Any) -> set[str]:
     """Return the columns in which two records differ."""
     names = (attribute.name for attribute in fields(type(actual)))

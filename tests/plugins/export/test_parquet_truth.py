@@ -12,6 +12,7 @@ import pyarrow as pa
 import pytest
 from command_line import main, run_command
 from exported_runs import SCENE
+from json_lines import json_lines
 from opir_export.parquet_truth import read_truth
 from pyarrow import parquet
 
@@ -146,7 +147,7 @@ def test_ids_and_bands_are_those_of_the_events(tmp_path: Path) -> None:
     )
     settings = ["--set", "duration_s=70", "--set", "tracker=none", "--set", outputs]
     assert main(["run", str(SCENE), "--quiet", *settings]) == 0
-    lines = [json.loads(line) for line in events.read_bytes().splitlines()]
+    lines = json_lines(events)
     read = parquet.read_table(tmp_path / "events.parquet")
     assert read.schema.field("detection_id").type == pa.binary(16)
     assert texts(read["detection_id"]) == [line["detection_id"] for line in lines]

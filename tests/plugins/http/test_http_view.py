@@ -1,6 +1,5 @@
 """`opir view`: a saved run is served as it was, part by part, without a scene running."""
 
-import json
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -10,6 +9,7 @@ from typing import Any
 import jsonschema
 import pytest
 from http_service import SCENE, RunningService
+from json_lines import json_lines
 from opir_http.replay import Replay
 from opir_http.viewing import view_document
 from page_browser import viewing
@@ -50,13 +50,9 @@ def part(stand: RunningService, since: str, until: str, step_s: float = 1.0) -> 
     return answer.json
 
 
-def lines(path: Path) -> list[Any]:
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
 @pytest.mark.slow
 def test_parts_have_every_event_of_the_file_once(stand: RunningService, folder: Path) -> None:
-    saved = lines(folder / "events.jsonl")
+    saved = json_lines(folder / "events.jsonl")
     seconds = [f"2026-04-01T12:{second // 60:02}:{second % 60:02}Z" for second in range(0, 241, 20)]
     events = [
         event
@@ -75,12 +71,12 @@ def test_parts_have_every_event_of_the_file_once(stand: RunningService, folder: 
 def test_counts_and_estimates_are_those_of_the_files(stand: RunningService, folder: Path) -> None:
     answer = part(stand, START, END, 600.0)
     counted = {name: sum(counts) for name, counts in answer["activity"]["sensors"].items()}
-    events = lines(folder / "events.jsonl")
+    events = json_lines(folder / "events.jsonl")
     assert counted == {
         name: sum(event["sensor_id"] == name for event in events) for name in counted
     }
     assert sum(counted.values()) == len(events)
-    estimates = [line for line in lines(folder / "events.tracks.jsonl") if "track_id" in line]
+    estimates = [line for line in json_lines(folder / "events.tracks.jsonl") if "track_id" in line]
     last_s = {
         line["track_id"]: line["time_s"]
         for line in sorted(estimates, key=lambda line: line["time_s"])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from command_line import run_command
-from spool_transports import filled_spool, ids_of, window
+from spool_transports import filled_spool, flip_body
 
 BATCHES = 20
 ROWS = 100
@@ -14,14 +14,6 @@ ROWS = 100
 @pytest.fixture
 def spool(tmp_path: Path) -> Path:
     return filled_spool(tmp_path / "spool", BATCHES, ROWS)
-
-
-def flip_body(path: Path, *events: int) -> None:
-    """Change one byte in the messages of some events."""
-    content = bytearray(path.read_bytes())
-    for event in events:
-        content[content.index(ids_of(window(BATCHES * ROWS))[event].encode())] ^= 1
-    path.write_bytes(content)
 
 
 def test_the_command_checks_and_salvages(spool: Path, capsys: pytest.CaptureFixture[str]) -> None:

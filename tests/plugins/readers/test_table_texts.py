@@ -125,9 +125,6 @@ def test_geodetic_columns_have_the_places_of_proj(unit, factor):
     assert table.notes == ("columns that are not read: 'Total velocity (m/s)'",)
 
 
-HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m"
-
-
 @pytest.mark.parametrize(
     ("text", "columns", "reported"),
     [

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import main, run_command
+from json_lines import json_lines
 from read_files import read, refusal
 
 from opir_core import load_run
@@ -76,7 +77,7 @@ def seconds_between(start, end):
 
 
 def events_of(folder):
-    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+    return json_lines(folder / "events.jsonl")
 
 
 def table_of(rows, names, delimiter=","):

@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib import pyplot
 from opir_report import StudyPlots, write_study_report
 from repository import DATA
 from saved_studies import PERIOD, PERIODS_MS, TRACKER, written_study
@@ -18,13 +17,6 @@ from opir_core.cli.main import main
 from opir_core.errors import SceneError
 
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
-
-
-@pytest.fixture(autouse=True)
-def closed_figures():
-    pyplot.switch_backend("agg")
-    yield
-    pyplot.close("all")
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
+from json_lines import json_lines
 from opir_scoring import (
     RunEvidence,
     ScoreSettings,
@@ -167,7 +168,7 @@ def test_radii_of_ellipses_in_the_tracks_file(tmp_path):
     assert np.array_equal(
         read_tracks(tmp_path / "tracks.jsonl").impact_sigmas, reported.impact_sigmas, equal_nan=True
     )
-    rows = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
+    rows = json_lines(tmp_path / "tracks.jsonl")
     for row in rows:
         del row["impact"]["ellipse_sigmas"]
     old = "".join(json.dumps(row) + "\n" for row in rows)

@@ -19,12 +19,12 @@ from opir_photons.radiometry import (
 )
 from scipy.constants import c, h
 from scipy.special import ndtr
-from snr_scene import DSP, NEXTGEN, SBIRS, joined, scene, windows_of
+from snr_scene import DSP, NEXTGEN, SBIRS, joined, looks_of, scene, windows_of
 
 import opir_core as opir
 from opir_core import Engine
 from opir_core.planning import Looks
-from opir_core.plugin import Exposures, FocalPlaneConfig
+from opir_core.plugin import FocalPlaneConfig
 from opir_core.reading import scene_mapping
 from opir_core.scene.field_rows import named_values
 from opir_core.simulation import ProbabilityInterpolant
@@ -47,12 +47,6 @@ def with_plane(sensor: dict[str, Any], plane: Any = "notional", **changes: Any) 
         **({} if plane == "notional" else {"band_focal_plane": {}}),
         **changes,
     }
-
-
-def looks_of(plan: Any, step: int = 7) -> Exposures:
-    looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed: Exposures = plan.look_geometry().exposures(looks.pair[::step], looks.scan[::step])
-    return exposed
 
 
 def spot_rad(plane: Any, middle_um: float) -> float:

@@ -6,20 +6,13 @@ from typing import Any
 
 import numpy as np
 from opir_photons.radiometry import FilteredSpot, FrameDifference, PointSpread, filter_weights
-from snr_scene import SBIRS, scene
+from snr_scene import SBIRS, looks_of, scene
 
 import opir_core as opir
-from opir_core.planning import Looks
 from opir_core.plugin import Exposures
 
 LAG_S = 10.0
 FIRE = {"model": "fires", "id": "F", "at": [{"lat_deg": 3.0, "lon_deg": -150.0}]}
-
-
-def looks_of(plan: Any, step: int = 5) -> Exposures:
-    looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed: Exposures = plan.look_geometry().exposures(looks.pair[::step], looks.scan[::step])
-    return exposed
 
 
 def signals(temporal: str, **changes: Any) -> tuple[Any, Exposures, np.ndarray]:
@@ -34,7 +27,7 @@ def signals(temporal: str, **changes: Any) -> tuple[Any, Exposures, np.ndarray]:
     }
     sensor = {name: value for name, value in SBIRS.items() if name != "nei_w_m2"}
     plan = opir.compile_plan(scene([{**sensor, "focal_plane": plane}], "IS", **changes))
-    looks = looks_of(plan)
+    looks = looks_of(plan, 5)
     response = plan.detection.response(looks)
     return plan, looks, response.snr * response.noise_w_m2
 
