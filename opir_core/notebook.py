@@ -48,11 +48,10 @@ def progress(*, is_shown: bool) -> Iterator[Callable[[str, float, float], None]]
     if _is_notebook():
         yield _CellBars().update
         return
-    from rich.console import Console
-    from rich.progress import Progress, TaskID
+    from rich import console, progress as bars
 
-    tasks: dict[str, TaskID] = {}
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    tasks: dict[str, bars.TaskID] = {}
+    with bars.Progress(console=console.Console(stderr=True), transient=True) as bar:
 
         def update(name: str, completed: float, total: float) -> None:
             if name not in tasks:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from attrs import evolve
+
 from opir_core.host.host import Host
 from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.scene import Scene
@@ -20,6 +22,14 @@ def faults_of(scene: Scene) -> "SensorFaults | None":
     from opir_core.planning.faults import SensorFaults
 
     return SensorFaults.of(scene)
+
+
+def watching(sensor: Sensor, scene: Scene, faults: "SensorFaults | None") -> Sensor:
+    """Return a sensor with the spans in which it looks by its scene, where it does not throughout."""
+    watched_s = scene.watched_s.get(sensor.id, sensor.watched_s)
+    if faults is not None:
+        watched_s = faults.watched_s(sensor.id, watched_s, scene.duration_s)
+    return sensor if watched_s is None else evolve(sensor, watched_s=watched_s)
 
 
 def network(scene: Scene, sensors: tuple[Sensor, ...]) -> "Network | None":

@@ -38,7 +38,7 @@ from opir_core.planning.built_parts import (
     trajectories_fault,
 )
 from opir_core.planning.looks import LookGeometry
-from opir_core.planning.optional_parts import director_maker_of, faults_of, network
+from opir_core.planning.optional_parts import director_maker_of, faults_of, network, watching
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.reported_types import (
     offered_hypotheses,
@@ -319,7 +319,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
                 duration_s=scene.duration_s,
             )
             sensor = _sensor(host, choice.model, context)
-            built_sensors.append(_watching(sensor, scene, faults))
+            built_sensors.append(watching(sensor, scene, faults))
     sensors = tuple(built_sensors)
     launches = _launches(scene, host, sensors, problems)
     sources = tuple["Sources", ...]()
@@ -391,14 +391,6 @@ def _sensor(host: Host, choice: Choice, context: SensorContext) -> Sensor:
     if fault:
         raise ModelError(f"{owner_text(host, choice)}: build made {fault}; {hint}")
     return sensor
-
-
-def _watching(sensor: Sensor, scene: Scene, faults: "SensorFaults | None") -> Sensor:
-    """Return a sensor with the spans in which it looks by its scene, where it does not throughout."""
-    watched_s = scene.watched_s.get(sensor.id, sensor.watched_s)
-    if faults is not None:
-        watched_s = faults.watched_s(sensor.id, watched_s, scene.duration_s)
-    return sensor if watched_s is None else evolve(sensor, watched_s=watched_s)
 
 
 def _models(
