@@ -58,7 +58,7 @@ class SensorFault:
         help="mean time between failures: between `at_s` and `until_s` the fault comes at random, by"
         " the seed",
         unit="s",
-        above=0.0,
+        minimum=1.0,
         default=None,
         source="choice",
     )

@@ -137,7 +137,7 @@ class LinkOutage:
     mtbf_s: float | None = number(
         default=None,
         unit="s",
-        above=0.0,
+        minimum=1.0,
         help="mean time between failures: from `at_s` to `until_s` it fails at random, by the seed",
         source="choice",
     )

@@ -209,5 +209,7 @@ def test_faults_at_random_last_and_come_as_often_as_their_means_say() -> None:
 def test_a_rate_needs_both_of_its_times() -> None:
     with pytest.raises(opir.SceneError, match="mtbf_s and mttr_s belong together"):
         scene(fault("down", mtbf_s=10.0))
+    with pytest.raises(opir.SceneError, match="outside \\[1, inf"):
+        scene(fault("down", mtbf_s=1e-9, mttr_s=1.0))
     text = str(scene(fault("down", 5.0, None, mtbf_s=8.0, mttr_s=3.0)).faults[0])
     assert text == "WEST: down from 5 s on at random, 3 s every 8 s"
