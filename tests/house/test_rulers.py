@@ -20,7 +20,7 @@ TOKENS: dict[str, int] = {
     "opir_dask": 1_000,
     "opir_dsp": 500,
     "opir_estimation": 46_700,
-    "opir_export": 20_400,
+    "opir_export": 22_800,
     "opir_forecast": 42_100,
     "opir_heo": 400,
     "opir_http": 28_900,

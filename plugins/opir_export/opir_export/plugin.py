@@ -12,6 +12,7 @@ from opir_core.plugin import EventEncoder, ExporterModel, RunView, SinkModel, ho
 from opir_export.settings import (
     ArrowConfig,
     CsvConfig,
+    CuesConfig,
     MapConfig,
     OemConfig,
     ParquetConfig,
@@ -101,6 +102,13 @@ _EXPORTERS: Sequence[tuple[str, type, str, str, str]] = (
         "tdm",
         "TdmFile",
         "measured angles of each sensor, a CCSDS Tracking Data Message (KVN)",
+    ),
+    (
+        "cues",
+        CuesConfig,
+        "cues",
+        "CuesFile",
+        "the volume that another sensor must search for the target of each track, as JSON lines",
     ),
 )
 

@@ -2,7 +2,7 @@
 
 from attrs import frozen
 
-from opir_core.plugin import flag, nested, number, text
+from opir_core.plugin import REPORTED_TYPES, flag, nested, number, text
 
 #: The names of the tables of a run.
 TABLES = ("detections", "truth", "tracks", "regions", "targets", "sensors")
@@ -95,6 +95,48 @@ class TdmConfig:
         default="tracks",
         choices=("tracks", "targets"),
         help="what detections are sorted by: tracks, or true targets",
+    )
+
+
+@frozen(kw_only=True)
+class CuesConfig:
+    """Site of the sensor that searches, and the estimate of each track that it is sent."""
+
+    lat_deg: float = number(
+        unit="deg", minimum=-90.0, maximum=90.0, source="", help="geodetic latitude of the site"
+    )
+    lon_deg: float = number(
+        unit="deg", minimum=-180.0, maximum=360.0, source="", help="east longitude of the site"
+    )
+    height_m: float = number(
+        default=0.0,
+        unit="m",
+        minimum=-500.0,
+        maximum=50_000.0,
+        source="0: on the ellipsoid",
+        help="height of the site above the ellipsoid",
+    )
+    mask_deg: float = number(
+        default=5.0, unit="deg", minimum=-10.0, below=90.0, help="least elevation that it sees"
+    )
+    at: str = text(
+        default="burnout",
+        choices=("first", "burnout", "launch", *REPORTED_TYPES),
+        help=(
+            "estimate that is sent: the first, the first without a burn, or the first in which a"
+            " launch or a type has `probability`"
+        ),
+    )
+    probability: float = number(
+        default=0.9, above=0.0, below=1.0, help="probability of a launch or a type that is exceeded"
+    )
+    horizon_s: float | None = number(
+        default=None,
+        unit="s",
+        minimum=0.0,
+        maximum=86_400.0,
+        source="choice",
+        help="time from the estimate to the volume; none: when the target first is above the mask",
     )
 
 

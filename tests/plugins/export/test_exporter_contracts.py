@@ -1,5 +1,8 @@
 """The encoders, exporters and run views pass the conformance tests of their hooks."""
 
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
 from opir_testing import EncoderContract, ExporterContract, RunViewContract
 
 
@@ -41,6 +44,14 @@ class TestKmlExporter(ExporterContract):
 
 class TestCzmlExporter(ExporterContract):
     name = "czml"
+
+
+class TestCuesExporter(ExporterContract):
+    name = "cues"
+    settings: ClassVar[Mapping[str, Any]] = {"lat_deg": 9.4, "lon_deg": 167.5}
+    expected_failures: ClassVar[Mapping[str, str]] = {
+        "test_every_run_can_be_written": "a run without a tracker has no cues, and says so"
+    }
 
 
 class TestTablesOfARun(RunViewContract):

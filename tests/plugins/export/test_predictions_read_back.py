@@ -199,7 +199,7 @@ def from_table(path: Path) -> Read:
 
 
 def of_truth(_path: Path) -> Read:
-    """CCSDS messages have true states and measured angles, and nothing that is predicted."""
+    """CCSDS messages have true states and measured angles; cues have neither launch nor impact."""
     return iter(())
 
 
@@ -212,6 +212,7 @@ READERS: dict[str, Callable[[Path], Read]] = {
     ".arrow": from_table,
     ".oem": of_truth,
     ".tdm": of_truth,
+    ".cues": of_truth,
 }
 
 
@@ -219,6 +220,7 @@ def files_of(run: opir.Run, name: str, folder: Path) -> list[Path]:
     """Return the files of an exporter, with all predictions where it may leave some out."""
     config = Host.discover().component(ExporterModel, name).config
     settings = ["regions=all"] if "regions" in config.__annotations__ else []
+    settings += ["lat_deg=9.4", "lon_deg=167.5"] if name == "cues" else []
     return exported(run, name, folder / f"run.{name}", *settings)
 
 
