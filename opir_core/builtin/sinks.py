@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from errno import EINVAL
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from opir_core.builtin.configs import JsonlConfig, MemoryConfig
 from opir_core.errors import SinkError, reason_of, way_to_write
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import SinkContext
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink
-from opir_core.interfaces.records import Window
+from opir_core.interfaces.records import LENGTH_BYTES, Window, framed_messages
 from opir_core.output.events.encoder_input import (
     detection_count,
     encoder_blocks,
@@ -202,12 +202,11 @@ class LineFile(Sink):
                 self._growing.size += count
                 written += count
         except OSError as error:
-            lines = bytes(lines)
-            complete = lines.rfind(b"\n", 0, written) + 1
-            self._incomplete += written - complete
+            complete = framed_messages(bytes(lines[:written]))
+            self._incomplete += written - sum(map(len, complete))
             with suppress(OSError):  # else before the next line
                 self._remove_incomplete()
-            self._delivered += lines.count(b"\n", 0, complete)
+            self._delivered += len(complete)
             raise self._failure(error) from error
         self._delivered += events
 
@@ -269,12 +268,25 @@ def _remove_damaged_lines(path: str, descriptor: int) -> None:
     if not stat.S_ISREG(status.st_mode):
         return
     with Path(path).open("rb") as lines:
+        if lines.read(1) == b"\0":
+            os.ftruncate(descriptor, _end_of_binary(lines, status.st_size))
+            return
         lines.seek(max(0, status.st_size - _UNSYNCED))
         end = lines.read()
     complete = end.find(b"\0") if b"\0" in end else len(end)
     complete = end.rfind(b"\n", 0, complete) + 1
     if end[complete : complete + 1] in (b"{", b"\0"):
         os.ftruncate(descriptor, status.st_size - len(end) + complete)
+
+
+def _end_of_binary(messages: BinaryIO, size: int) -> int:
+    """Return where the complete messages of a file of binary ones end; zeros are none."""
+    end = messages.seek(0)
+    while length := int.from_bytes(messages.read(LENGTH_BYTES), "big"):
+        if end + LENGTH_BYTES + length > size:
+            break
+        end = messages.seek(end + LENGTH_BYTES + length)
+    return end
 
 
 def _standard_output() -> int:
@@ -309,6 +321,8 @@ def line_file(config: JsonlConfig, context: SinkContext) -> LineFile:
     if config.heartbeat_s is not None:
         from opir_core.output.heartbeats import Heartbeats  # most runs have none
 
+        if "json" not in encoder.content_type:
+            raise SinkError("jsonl: heartbeat_s needs an encoder of JSON, for heartbeats are JSON")
         beats = Heartbeats(context.origin.sensors, context.origin.epoch_us, config.heartbeat_s)
     is_in_place = context.resumes or config.path in ("", STANDARD_OUTPUT)
     place = None if is_in_place else context.stage(config.path, only_appends=True)

@@ -228,8 +228,8 @@ class EventEncoder(Component):
     """`build(config, context) -> Encoder`: detections to message bytes.
 
     With `encodes_tracks`, which its encoder has too, an output's events are tracks, one per track
-    and tick. `schema()` returns the JSON Schema (draft 2020-12) of a message as text; `opir schema
-    NAME` prints it.
+    and tick. `schema()` returns the JSON Schema (draft 2020-12) of a message as text, or of a binary
+    one its schema in the language of its format; `opir schema NAME` prints it.
     """
 
     hook = "opir_event_encoders"

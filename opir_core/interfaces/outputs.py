@@ -226,7 +226,7 @@ class Encoder(PluginPart):
     @abstractmethod
     def encode(self, window: Window) -> bytes:
         """Return the window's detections, or tracks, as messages, each ended by a newline and none
-        containing one.
+        containing one; binary ones as `opir_core.output.binary_body` returns them.
         """
 
     @optional

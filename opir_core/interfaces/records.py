@@ -3,7 +3,7 @@
 Arrays are read-only in records that leave the engine.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -382,13 +382,44 @@ class Window:
         return f"<div>{html_view(self, (), [])}{self.detections._repr_html_()}</div>"
 
 
+#: Bytes of the length before a binary message; the first is 0, with which no line of text begins.
+LENGTH_BYTES = 4
+
+
+def binary_body(messages: Iterable[bytes]) -> bytes:
+    """Return binary messages, none of them empty, each after its length: four bytes, big endian.
+
+    A message of 16 MiB or more raises `OverflowError`.
+    """
+    return b"".join(
+        b"\0" + len(message).to_bytes(LENGTH_BYTES - 1, "big") + message for message in messages
+    )
+
+
+def framed_messages(body: bytes) -> list[bytes]:
+    """Return the messages of a body, each with its newline or its length; an incomplete last one is
+    left out.
+    """
+    if not body.startswith(b"\0"):
+        return [line + b"\n" for line in body.split(b"\n")[:-1]]
+    messages = []
+    start = 0
+    while size := int.from_bytes(body[start : start + LENGTH_BYTES], "big"):
+        end = start + LENGTH_BYTES + size
+        if end > len(body):
+            break
+        messages.append(body[start:end])
+        start = end
+    return messages
+
+
 @frozen(eq=False, kw_only=True)
 class Batch:
     """Encoded events in the order of their times.
 
-    `body` holds the messages, each ended by a newline; `keys` the sensors' ids, or of track
-    messages the tracks' numbers, and `key_of` (n,) the index of each event's key. `content_type`
-    and `schema_version` are the encoder's.
+    `body` holds the messages, each ended by a newline, or binary ones as `binary_body` returns
+    them; `keys` the sensors' ids, or of track messages the tracks' numbers, and `key_of` (n,) the
+    index of each event's key. `content_type` and `schema_version` are the encoder's.
     """
 
     body: bytes
@@ -402,14 +433,16 @@ class Batch:
         return len(self.key_of)
 
     def messages(self) -> list[bytes]:
-        """Return the messages, without their newlines."""
+        """Return the messages, without their newlines or lengths."""
+        if self.body.startswith(b"\0"):
+            return [message[LENGTH_BYTES:] for message in framed_messages(self.body)]
         return self.body.split(b"\n")[:-1]
 
     def take(self, rows: Sequence[int]) -> "Batch":
         """Return some of the events."""
-        messages = self.messages()
+        messages = framed_messages(self.body)
         return evolve(
             self,
-            body=b"".join(messages[row] + b"\n" for row in rows),
+            body=b"".join(messages[row] for row in rows),
             key_of=self.key_of[list(rows)],
         )

@@ -1,3 +1,7 @@
+from opir_core.interfaces.records import (
+    binary_body as binary_body,
+    framed_messages as framed_messages,
+)
 from opir_core.output.delivery import (
     RunOutcome as RunOutcome,
     deliver as deliver,
@@ -37,7 +41,10 @@ from opir_core.output.events.rendering import (
 from opir_core.output.events.text import (
     DEGREE_DECIMALS as DEGREE_DECIMALS,
     METRE_DECIMALS as METRE_DECIMALS,
+    POINT_DECIMALS as POINT_DECIMALS,
     RATIO_DECIMALS as RATIO_DECIMALS,
+    SHARE_DECIMALS as SHARE_DECIMALS,
+    SNR_DECIMALS as SNR_DECIMALS,
     number_texts as number_texts,
     propagated_positions as propagated_positions,
     rounded as rounded,

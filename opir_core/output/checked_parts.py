@@ -12,7 +12,7 @@ from opir_core.errors import OpirError, SinkError, kind_of
 from opir_core.host.boundary import blamed_call
 from opir_core.host.watchdog import CallThread, OverdueError
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink
-from opir_core.interfaces.records import Window
+from opir_core.interfaces.records import Window, framed_messages
 
 
 class CheckedPart:
@@ -112,7 +112,7 @@ class CheckedSink(CheckedPart, Sink):
 
 
 class CheckedEncoder(CheckedPart, Encoder):
-    """An encoder with checked messages: bytes, one line per event."""
+    """An encoder with checked messages: bytes, one line or binary message per event."""
 
     @property
     def encodes_tracks(self) -> bool:
@@ -135,11 +135,17 @@ class CheckedEncoder(CheckedPart, Encoder):
         events = len(window.tracks) if self.encodes_tracks else len(window.detections)
         if not isinstance(messages, bytes):
             raise self._wrong(f"encode returned {kind_of(messages)}; bytes are required")
-        lines = messages.count(b"\n")
-        if lines != events or (messages and not messages.endswith(b"\n")):
+        if messages.startswith(b"\0"):
+            whole = framed_messages(messages)
+            count = len(whole)
+            is_whole = sum(map(len, whole)) == len(messages)
+        else:
+            count = messages.count(b"\n")
+            is_whole = not messages or messages.endswith(b"\n")
+        if count != events or not is_whole:
             raise self._wrong(
-                f"encode returned {lines} lines for {events} events; each message ends with a"
-                f" newline"
+                f"encode returned {count} lines for {events} events; each message ends with a"
+                f" newline, or follows its length if it is binary"
             )
         return messages
 

@@ -18,7 +18,18 @@ MODULES = {"pyyaml": "yaml", "opir-core": "opir_core"}
 
 #: Imports by those who install an extra, or run tests: the module that asks for each says so
 #: itself.
-ASKED_FOR = {"astropy", "opir_report", "optuna", "pyarrow", "pytest", "sgp4", "shtab", "xarray"}
+ASKED_FOR = {
+    "astropy",
+    "fastavro",
+    "google",
+    "opir_report",
+    "optuna",
+    "pyarrow",
+    "pytest",
+    "sgp4",
+    "shtab",
+    "xarray",
+}
 
 
 def imported(folder):

@@ -24,7 +24,7 @@ TOKENS: dict[str, int] = {
     "opir_forecast": 42_100,
     "opir_heo": 400,
     "opir_http": 28_900,
-    "opir_kafka": 6_800,
+    "opir_kafka": 6_810,
     "opir_leo": 900,
     "opir_nextgen": 500,
     "opir_paper": 4_900,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import ObjectArray
 from opir_core.errors import SinkError
 from opir_core.interfaces.outputs import Encoder, Sink, Transport
-from opir_core.interfaces.records import Batch, Window
+from opir_core.interfaces.records import Batch, Window, framed_messages
 from opir_core.interfaces.sensors import Sensor
 from opir_core.output.events.encoder_input import encoder_blocks, event_counter, only_encodable
 from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
@@ -52,10 +52,10 @@ class EncodedBatcher:
         if len(batch) <= BATCH_EVENTS:
             yield batch
             return
-        messages = batch.messages()
+        messages = framed_messages(lines)
         for start in range(0, len(key), BATCH_EVENTS):
             rows = slice(start, start + BATCH_EVENTS)
-            yield self._batch(b"\n".join([*messages[rows], b""]), key[rows], names)
+            yield self._batch(b"".join(messages[rows]), key[rows], names)
 
     def _batch(self, body: bytes, key: NDArray[Any], names: ObjectArray) -> Batch:
         used_keys, key_of = np.unique(key, return_inverse=True)

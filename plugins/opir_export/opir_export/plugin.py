@@ -115,7 +115,19 @@ _EXPORTERS: Sequence[tuple[str, type, str, str, str]] = (
 
 @hookimpl
 def opir_event_encoders() -> Iterable[EventEncoder]:
-    """Yield the encoders `forge-c2` and `udl`."""
+    """Yield the encoders `avro`, `forge-c2`, `protobuf` and `udl`."""
+    yield EventEncoder(
+        name="avro",
+        summary="the detection event in Avro's single-object encoding; needs the extra avro",
+        build=_encoder("avro", "AvroEncoder"),
+        schema=_called("encoders.avro", "avro_schema_text"),
+    )
+    yield EventEncoder(
+        name="protobuf",
+        summary="the detection event in Protocol Buffers; needs the extra protobuf",
+        build=_encoder("protobuf", "ProtobufEncoder"),
+        schema=_called("encoders.protobuf", "proto_text"),
+    )
     yield EventEncoder(
         name="forge-c2",
         summary="a flat record with or without a position, for command-and-control consumers",

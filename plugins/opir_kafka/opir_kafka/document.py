@@ -64,15 +64,15 @@ def asyncapi_text() -> str:
 
 
 def _messages() -> dict[str, Any]:
-    """Return the messages of the installed encoders with a schema by name, those with the same
+    """Return the messages of the installed encoders with a JSON Schema by name, those with the same
     schema once.
     """
     host = Host.discover()
     texts: dict[str, EventEncoder] = {}
     for name in host.names(EventEncoder):
         encoder = host.component(EventEncoder, name)
-        if encoder.schema is not None:
-            texts.setdefault(encoder.schema(), encoder)
+        if encoder.schema is not None and '"$schema"' in (text := encoder.schema()):
+            texts.setdefault(text, encoder)
     return {
         encoder.name: _message(encoder, _payload(encoder.name, text))
         for text, encoder in texts.items()

@@ -9,7 +9,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core import Plan, plan_windows
-from opir_core.output import event_counter, only_encodable
+from opir_core.output import event_counter, framed_messages, only_encodable
 from opir_core.plugin import (
     Component,
     Encoder,
@@ -149,8 +149,8 @@ class EncoderContract(OutputContract):
         )
 
     def test_each_detection_is_one_line(self) -> None:
-        """Each encodable detection, or track, is one line, ended by its only newline; none of them
-        give no bytes.
+        """Each encodable detection, or track, is one line, ended by its only newline, or one binary
+        message after its length; none of them give no bytes.
         """
         encoder = self.encoder()
         rows = "tracks" if encoder.encodes_tracks else "detections"
@@ -160,13 +160,12 @@ class EncoderContract(OutputContract):
         }.items():
             text: Any = encoder.encode(window)
             expected = event_counter(encoder)(only_encodable(window, encoder))
+            messages = framed_messages(text) if isinstance(text, bytes) else []
             require(
-                isinstance(text, bytes)
-                and text.count(b"\n") == expected
-                and text[-1:] in (b"", b"\n"),
-                f"a window of {expected} {rows} ({name}) gives {text.count(bytes([10]))} lines",
+                b"".join(messages) == text and len(messages) == expected,
+                f"a window of {expected} {rows} ({name}) gives {len(messages)} lines",
                 f"Return bytes: one line for each of the {rows}, ended by a newline, with escapes"
-                f" inside.",
+                f" inside; or opir_core.output.binary_body(messages).",
             )
 
     def test_encoders_of_tracks_are_marked(self) -> None:

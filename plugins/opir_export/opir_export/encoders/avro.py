@@ -1,0 +1,105 @@
+"""The `avro` encoder: the detection event in Avro's single-object encoding, and its schema.
+
+A message is C3 01, the fingerprint of the schema (CRC-64-AVRO), and the record
+(avro.apache.org/docs/1.12.0/specification, Single-object encoding).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+from io import BytesIO
+from typing import Any
+
+from opir_core.plugin import EncoderContext
+from opir_export.encoders.event_fields import (
+    PRECISION,
+    BinaryEncoder,
+    Field,
+    Values,
+    event_fields,
+    event_title,
+    required_library,
+    values_of,
+)
+
+_MARKER = b"\xc3\x01"
+_TYPES: Mapping[str, Any] = {
+    "id": {"type": "fixed", "name": "Uuid", "size": 16},
+    "time": {"type": "long", "logicalType": "timestamp-micros"},
+    "text": "string",
+    "integer": "long",
+    "number": "double",
+}
+
+
+class AvroEncoder(BinaryEncoder):
+    """Detections as Avro messages."""
+
+    content_type = "application/avro"
+
+    def __init__(self, context: EncoderContext) -> None:
+        super().__init__(context)
+        _parts()  # raises without fastavro
+
+    def message(self, event: Mapping[str, Any]) -> bytes:
+        """Return the message of an event, read from JSON."""
+        write, schema, header, values = _parts()
+        stream = BytesIO(header)
+        stream.seek(len(header))
+        write(stream, schema, values(event))
+        return stream.getvalue()
+
+
+def avro_schema_text() -> str:
+    """Return the Avro schema as JSON text."""
+    return json.dumps(avro_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def avro_schema() -> dict[str, Any]:
+    """Return the Avro schema of the detection event."""
+    record = _record("DetectionEvent", event_fields())
+    return {"namespace": "opir", "doc": event_title(), **record}
+
+
+def _record(name: str, fields: Sequence[Field]) -> dict[str, Any]:
+    return {"type": "record", "name": name, "fields": [_field(field) for field in fields]}
+
+
+def _field(field: Field) -> dict[str, Any]:
+    item = _type(field)
+    kind = {"type": "array", "items": item} if field.is_list else item
+    words = {"name": field.name, "doc": field.description}
+    return (
+        {**words, "type": ["null", kind], "default": None}
+        if field.is_nullable
+        else {**words, "type": kind}
+    )
+
+
+def _type(field: Field) -> Any:
+    if field.kind == "record":
+        return _record(field.record, field.members)
+    if field.kind == "decimal":
+        return {
+            "type": "bytes",
+            "logicalType": "decimal",
+            "precision": PRECISION,
+            "scale": field.decimals,
+        }
+    return _TYPES[field.kind]
+
+
+@cache
+def _parts() -> tuple[Any, Any, bytes, Values]:
+    """Return fastavro's writer, its schema, the beginning of messages, and the values of events."""
+    fastavro = required_library("fastavro", "fastavro", "avro")
+    canonical = fastavro.schema.to_parsing_canonical_form(avro_schema())
+    fingerprint = bytes.fromhex(fastavro.schema.fingerprint(canonical, "CRC-64-AVRO"))
+    values = values_of(event_fields(), lambda field: field.name, _decimal_bytes)
+    schema = fastavro.parse_schema(avro_schema())
+    return fastavro.schemaless_writer, schema, _MARKER + fingerprint, values
+
+
+def _decimal_bytes(units: int) -> bytes:
+    """Return an integer in two's complement, big endian, in as few bytes as hold it."""
+    return units.to_bytes(units.bit_length() // 8 + 1, "big", signed=True)
