@@ -15,12 +15,12 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 269_900,
+    "opir_core": 270_200,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_dsp": 500,
     "opir_estimation": 46_700,
-    "opir_export": 22_800,
+    "opir_export": 25_300,
     "opir_forecast": 42_100,
     "opir_heo": 400,
     "opir_http": 28_900,
@@ -39,7 +39,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 46_100,
     "benchmarks": 98_100,
-    "tests": 799_600,
+    "tests": 801_200,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.
