@@ -40,5 +40,9 @@ class TestLeoWide(ConstellationContract):
     name = "LEO-WIDE"
 
 
+class TestLeoNarrow(ConstellationContract):
+    name = "LEO-NARROW"
+
+
 class TestLeoMedium(ConstellationContract):
     name = "LEO-MEDIUM"

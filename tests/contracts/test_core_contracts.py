@@ -157,6 +157,12 @@ class TestGlideTargets(TargetContract):
 
 
 @pytest.mark.slow
+class TestAirLaunchTargets(TargetContract):
+    name = "air-launch"
+    launches = _as_class("SRBM", "id", "launch")
+    settings: ClassVar[Mapping[str, Any]] = {"heading_deg": 80.0}
+
+
 class TestGravityTurnTargets(TargetContract):
     name = "gravity-turn"
     settings: ClassVar[Mapping[str, Any]] = {"loft": 0.2, "early_shutdown_s": 1.0}

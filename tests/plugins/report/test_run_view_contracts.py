@@ -11,3 +11,16 @@ class TestPlots(RunViewContract):
 @pytest.mark.slow
 class TestMap(RunViewContract):
     name = "map"
+
+
+@pytest.mark.slow
+class TestReport(RunViewContract):
+    name = "report"
+
+
+class TestSave(RunViewContract):
+    name = "save"
+
+
+class TestScore(RunViewContract):
+    name = "score"

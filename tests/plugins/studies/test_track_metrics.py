@@ -15,6 +15,10 @@ from study_scene import SCENE as UNTRACKED
 import opir_core
 
 
+class TestMilestones(MetricContract):
+    name = "milestones"
+
+
 class TestTracks(MetricContract):
     name = "tracks"
 
