@@ -11,11 +11,11 @@ from opir_core.scene.scene import Scene
 _PACKAGE = Path(__file__).parent.parent
 
 
-def example(name: str, *, overrides: Sequence[str] = (), host: Host | None = None) -> Scene:
+def example(name: str = "", *, overrides: Sequence[str] = (), host: Host | None = None) -> Scene:
     """Return a scene that comes with opir, by its name or the beginning of it.
 
     `overrides` and `host` are those of `load_scene`. Raises `SceneError` with all names for another
-    one.
+    one, or none.
 
     >>> import opir_core as opir
     >>> opir.example("first").duration_s

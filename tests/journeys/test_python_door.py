@@ -23,7 +23,7 @@ def test_every_example_of_the_folder_is_there_by_the_beginning_of_its_name():
     assert (pacific.name, pacific.duration_s) == ("pacific-test-range", 200.0)
 
 
-@pytest.mark.parametrize("name", ["atlantic", "p"])
+@pytest.mark.parametrize("name", ["", "atlantic", "p"])
 def test_another_name_lists_the_examples(name):
     with pytest.raises(opir.SceneError, match=f"'{name}' is not the name of one; .*first_light"):
         opir.example(name)

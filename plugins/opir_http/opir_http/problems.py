@@ -8,7 +8,7 @@ from litestar import Response
 from litestar.exceptions import HTTPException
 from msgspec import UNSET
 
-from opir_core.errors import OpirError, SceneError
+from opir_core.errors import OpirError, SceneError, number_of
 from opir_core.live import BusyError, RefusedError, RestartError
 from opir_http.answers import Message, ProblemAnswer
 
@@ -72,7 +72,7 @@ def problem_of(error: OpirError) -> ProblemError:
     if isinstance(error, RestartError):
         return ProblemError(409, "some settings need a restart", _pairs(error.problems))
     if isinstance(error, SceneError):
-        return ProblemError(422, f"{len(error.problems)} errors", _pairs(error.problems))
+        return ProblemError(422, number_of("error", len(error.problems)), _pairs(error.problems))
     return ProblemError(422, str(error))
 
 

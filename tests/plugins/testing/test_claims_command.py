@@ -7,7 +7,7 @@ from command_line import run_command
 
 
 def test_words_and_status_select_claims(capsys):
-    run_command("claims glider --status VALIDATED --json")
+    run_command("claims glider --status validated --json")
     rows = json.loads(capsys.readouterr().out)
     assert rows
     assert all(row["status"] == "VALIDATED" for row in rows)

@@ -27,7 +27,9 @@ def claims_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "words", nargs="*", metavar="WORD", help="only claims that contain all of these words"
     )
-    parser.add_argument("--status", choices=STATUSES, help="only claims of this status")
+    parser.add_argument(
+        "--status", type=str.upper, choices=STATUSES, help="only claims of this status"
+    )
     parser.add_argument("--json", action="store_true", help="print plain data")
 
 
