@@ -85,16 +85,20 @@ def mixed(
     least: float,
     modes: BurnModes,
     scan_s: float = 0.0,
+    *,
+    forgets_coasts: bool = True,
 ) -> ModeEstimates:
     """Return the estimates with modes mixed by the probability of a switch during a step.
 
     `boost_s` and `coast_s` are the mean times in each mode, inf for a mode that never ends. Coasts
     less probable than `least` after the step are not mixed, nor the boosts of targets that rest:
-    see `relit`. `scan_s` is the shortest scan period.
+    see `relit`. `scan_s` is the shortest scan period. What burns has not coasted before: where no
+    sensor sees bodies that coast (`forgets_coasts`), its coast begins anew in each step; else looks
+    tell, as in any IMM.
     """
     boost, coast, burns = estimates.boost, estimates.coast, estimates.burns
     leave = _leaving(step_s, boost_s, coast_s)
-    values = _ARITHMETIC.values(partial(_mixing, leave=leave), estimates.weight)
+    values = _ARITHMETIC.values(partial(_mixing, leave=leave, forgets_coasts=forgets_coasts), estimates.weight)
     weight = values[:, :2]
     if values.shape[0] > 1:
         # Sums of products of all rows: to the last bit, not those of a lone track.
@@ -122,11 +126,11 @@ def _leaving(step_s: float, boost_s: float, coast_s: float) -> tuple[float, floa
     return -expm1(-step_s / boost_s), -expm1(-step_s / coast_s)
 
 
-def _mixing(weight: Vector, functions: Functions, leave: tuple[float, float]) -> list[Any]:
+def _mixing(
+    weight: Vector, functions: Functions, leave: tuple[float, float], forgets_coasts: bool
+) -> list[Any]:
     """Return the mode probabilities after a step, and the probabilities that each mode was the
     other one before, given that it is now.
-
-    A burning target has not coasted before: what its coast mode made of the looks is let go.
     """
     boost, coast = weight
     ends = boost * leave[0]
@@ -135,7 +139,7 @@ def _mixing(weight: Vector, functions: Functions, leave: tuple[float, float]) ->
     coasting = coast - begins + ends
     lit = begins / functions.greatest(burning, 1e-300)
     ended = ends / functions.greatest(coasting, 1e-300)
-    if leave[0] > 0.0:
+    if forgets_coasts and leave[0] > 0.0:
         ended = functions.where(boost > 0.5, 1.0, ended)
     return [burning, coasting, lit, ended]
 

@@ -155,7 +155,14 @@ class ImmFilter:
         mixed = estimates
         if self.switches:
             mixed = mode_mixing.mixed(
-                estimates, step_s, self.boost_s, self.coast_s, least, self.burns, self.scan_s
+                estimates,
+                step_s,
+                self.boost_s,
+                self.coast_s,
+                least,
+                self.burns,
+                self.scan_s,
+                forgets_coasts=self.coast_detection < 1.0,
             )
         boost, burns, coast = mixed.boost, mixed.burns, mixed.coast
         burns_used, coasts_used = estimates.are_used
