@@ -50,6 +50,16 @@ def test_cued_fields_follow_better_and_beyond_burnout(seed: int) -> None:
     assert not any(record.refusal for record in cued.commands)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [41, 42])
+def test_a_coast_that_narrow_fields_see_is_no_burn(seed: int) -> None:
+    cued = run(seed, **CUED)
+    since_s = cued.tracks.tick_s - cued.plan.targets.burnout_s[0]
+    burns = cued.tracks.probability_burning
+    assert np.mean(burns[(since_s > -60.0) & (since_s < 0.0)]) > 0.95
+    assert np.mean(burns[since_s > 15.0]) < 0.05
+
+
 def test_nobody_is_seen_by_narrow_fields_without_a_director() -> None:
     unled = run(31, sensors=CUED["sensors"], detection="constant", duration_s=120.0)
     assert len(unled.detections)
