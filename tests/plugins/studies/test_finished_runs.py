@@ -3,6 +3,7 @@ their numbers, whatever wrote them.
 """
 
 import gc
+import itertools
 
 import numpy as np
 import pyarrow as pa
@@ -103,14 +104,13 @@ def test_the_client_keeps_no_run(planned, tmp_path, monkeypatch):
         return TaskResult({}, tuple(record(planned, number) for number in task.replicates))
 
     monkeypatch.setattr("opir_studies.sweeping.result_of", result_of)
-    counts = []
-    sweep(
-        STUDY,
-        tmp_path,
-        on_progress=lambda _runs: counts.append(
-            sum(type(item) is RunRecord for item in gc.get_objects())
-        ),
-    )
+    calls, counts = itertools.count(), []
+
+    def count_now_and_then(_runs):
+        if next(calls) % 16 == 15:
+            counts.append(sum(type(item) is RunRecord for item in gc.get_objects()))
+
+    sweep(STUDY, tmp_path, on_progress=count_now_and_then)
     longest_task = 2 * STUDY.runs // 64
     assert max(counts) <= longest_task
 
