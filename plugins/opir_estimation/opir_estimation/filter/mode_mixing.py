@@ -98,7 +98,9 @@ def mixed(
     """
     boost, coast, burns = estimates.boost, estimates.coast, estimates.burns
     leave = _leaving(step_s, boost_s, coast_s)
-    values = _ARITHMETIC.values(partial(_mixing, leave=leave, forgets_coasts=forgets_coasts), estimates.weight)
+    values = _ARITHMETIC.values(
+        partial(_mixing, leave=leave, forgets_coasts=forgets_coasts), estimates.weight
+    )
     weight = values[:, :2]
     if values.shape[0] > 1:
         # Sums of products of all rows: to the last bit, not those of a lone track.

@@ -171,7 +171,7 @@ class TrackingModels:
     def silent_s(self, table: TrackTable, time_s: float | FloatArray) -> FloatArray:
         """Return for how long (n,), s, tracks were looked at in vain before times."""
         if self.watch is None:
-            return np.maximum(time_s - table.seen_s, 0.0)
+            return time_s - table.seen_s
         times_s = np.full_like(table.seen_s, time_s)
         return self.watch.silent_s(times_s, table.seen_s, table.seen)
 

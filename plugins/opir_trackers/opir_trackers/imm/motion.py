@@ -83,7 +83,8 @@ def _were_dark(models: TrackingModels, table: TrackTable, first_s: FloatArray) -
     than the lines so far, by their rate, leave to chance.
     """
     shines = np.isfinite(first_s)
-    silent_s = np.where(shines, models.silent_s(table, first_s), 0.0)
+    # A clock that is off dates lines before those that were seen.
+    silent_s = np.where(shines, np.maximum(models.silent_s(table, first_s), 0.0), 0.0)
     period_s = models.longest(models.period_s, table)
     lit_s = np.maximum(table.seen_s - table.motion.epoch_s, 0.0) + period_s
     is_surprise = log_silence(table.motion.lines, lit_s, silent_s) < LOG_CHANCE
