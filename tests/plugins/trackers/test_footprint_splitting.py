@@ -66,11 +66,8 @@ def chain(
 @pytest.mark.parametrize("sensors", [TWO, FIVE], ids=["two", "five"])
 @pytest.mark.parametrize("every_s", [0.0, 0.1])
 def test_launches_six_kilometres_apart_have_a_track_each(
-    request: pytest.FixtureRequest, sensors: list[dict[str, Any]], every_s: float
+    sensors: list[dict[str, Any]], every_s: float
 ) -> None:
-    if len(sensors) == 2 and not every_s:
-        reason = "one of thirty at once ends 5.6 km from its launch"
-        request.applymarker(pytest.mark.xfail(reason=reason, strict=True))
     tracks, nearest_m = chain(sensors, (0.05, -0.02), every_s)
     assert tracks == 30
     assert nearest_m.max() < 2e3
