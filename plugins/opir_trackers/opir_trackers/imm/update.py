@@ -51,8 +51,9 @@ def update(
     if not table.number.size:
         return state._replace(time_s=prediction.end_s)
     lines = prediction.lines
-    times = prediction.end_s, prediction.span_s
-    prediction = prediction._replace(watched=models.watched(table.seen, *times, association))
+    if models.watch is not None:
+        times = prediction.end_s, prediction.span_s
+        prediction = prediction._replace(watched=models.watched(table.seen, *times, association))
     looks = _measurements(prediction, association)
     estimates, outliers = _updated_estimates(models, prediction, association, looks, table.outliers)
     estimates = models.filter.with_open_coast(
