@@ -73,7 +73,7 @@ class Volume(msgspec.Struct, frozen=True):
     covariance_m2: list[list[float]]
 
 
-class SentCue(msgspec.Struct, frozen=True):
+class TrackCue(msgspec.Struct, frozen=True):
     """A track, its estimate at the event, and the volume to search; None, with the reason, without
     one.
     """
@@ -88,7 +88,7 @@ class SentCue(msgspec.Struct, frozen=True):
     volume: Volume | None
 
 
-def search_volumes(run: Any, **settings: Any) -> list[SentCue]:
+def search_volumes(run: Any, **settings: Any) -> list[TrackCue]:
     """Return a cue for each track of a run, in the order of their numbers.
 
     `settings` are those of the exporter `cues`. Raises `SceneError` for a run without a tracker,
@@ -97,7 +97,7 @@ def search_volumes(run: Any, **settings: Any) -> list[SentCue]:
     return cues_of(run, CuesConfig(**settings))
 
 
-def cues_of(run: Any, config: CuesConfig) -> list[SentCue]:
+def cues_of(run: Any, config: CuesConfig) -> list[TrackCue]:
     """Return the cues of a run for settings; as `search_volumes`."""
     tracks: Tracks = run.tracks
     scene = run.plan.scene
@@ -116,7 +116,7 @@ def cues_of(run: Any, config: CuesConfig) -> list[SentCue]:
     volumes = dict(zip(flying[seen].tolist(), _volumes(run, places, config), strict=True))
     columns = zip(numbers.tolist(), rows.tolist(), reasons.tolist(), strict=True)
     return [
-        SentCue(track, reason, **_estimate(tracks, row), volume=volumes.get(place))
+        TrackCue(track, reason, **_estimate(tracks, row), volume=volumes.get(place))
         for place, (track, row, reason) in enumerate(columns)
     ]
 
