@@ -178,6 +178,8 @@ class Journal:
     @_raises_ours
     def acknowledge(self, numbers: Iterable[int]) -> None:
         """Remove the batches with these numbers, all or none."""
+        self._files_fault()  # before the log grows, which would fill what was cut off
+        self._files_fault()  # before the log grows, which would fill what was cut off
         events = 0
         cost = 0
         self._database.execute("BEGIN")
@@ -194,7 +196,9 @@ class Journal:
 
     @_raises_ours
     def keep(self, number: int, rows: Sequence[int]) -> None:
+        self._files_fault()
         """Remove the events of a batch but those in `rows`."""
+        self._files_fault()
         row = self._database.execute(_NEXT, (number - 1,)).fetchone()
         if row[0] == number and (batch := batch_of(row)):
             remaining_row = _row_of(batch.take(rows))

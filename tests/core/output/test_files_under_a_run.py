@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from spool_transports import MIB, Holding, spooled, window
+from spool_transports import ENCODER, MIB, SENSORS, Holding, spooled, window
 from waiting import until
 
 from opir_core import compile_plan
@@ -21,6 +21,7 @@ from opir_core.live import LiveRun, LiveSettings
 from opir_core.output import deliver
 from opir_core.output.run_files import CommandsFile
 from opir_core.output.spool import Journal
+from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.temporary_files import GrowingFile
 from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping
@@ -67,14 +68,34 @@ class Once:
         self._harm = harm
         self._path = path
         self._windows = 0
-        self.lines = 0
+        self.events = 0
 
     def __call__(self, window: Any) -> None:
-        self._windows += len(getattr(window, "window", window).detections) > 0
         if self._windows == 3:
-            self._windows += 1
-            self.lines = lines_in(self._path)
+            return
+        events = len(getattr(window, "window", window).detections)
+        self._windows += events > 0
+        self.events += events
+        if self._windows == 3:
             self._harm(self._path)
+
+
+@pytest.fixture
+def acknowledged(monkeypatch: pytest.MonkeyPatch) -> list[Journal]:
+    """Return the journals of the acknowledgements so far."""
+    journals = []
+    take = Journal.acknowledge
+
+    def acknowledge(journal: Journal, numbers: Any) -> None:
+        take(journal, numbers)
+        journals.append(journal)
+
+    monkeypatch.setattr(Journal, "acknowledge", acknowledge)
+    return journals
+
+
+def is_empty(journals: list[Journal]) -> bool:
+    return bool(journals) and journals[-1].waiting == 0
 
 
 def scene_of(output: Mapping[str, Any]) -> Any:
@@ -124,9 +145,18 @@ def test_files_of_a_batch_run(name: str, harm: Any, tmp_path: Path) -> None:
 
 @HARMS
 @pytest.mark.parametrize("name", ["e.jsonl", "e.spool", "e.spool-wal"])
-def test_files_of_a_spooled_batch_run(name: str, harm: Any, tmp_path: Path) -> None:
+def test_files_of_a_spooled_batch_run(
+    name: str, harm: Any, tmp_path: Path, acknowledged: list[Journal]
+) -> None:
     spool = {"path": str(tmp_path / "e.spool"), "survives_power_cut": True}
-    harmed = Once(harm, tmp_path / name)
+    lines = tmp_path / "e.jsonl"
+
+    def harmed_at_rest(path: Path) -> None:
+        """The spool's thread writes the lines, and then the log: a cut between is another case."""
+        until(lambda: lines_in(lines) == harmed.events and is_empty(acknowledged))
+        harm(path)
+
+    harmed = Once(harmed_at_rest, tmp_path / name)
     outcome = batch_run(tmp_path, harmed, spool=spool)
     with pytest.raises(SinkError, match="another process") as ending:
         outcome.raise_for_failures()
@@ -136,9 +166,9 @@ def test_files_of_a_spooled_batch_run(name: str, harm: Any, tmp_path: Path) -> N
     assert delivery.delivered + delivery.spooled + delivery.dropped == taken
     if name == "e.jsonl":
         assert delivery.spooled > 0
-        assert delivery.delivered <= harmed.lines
+        assert delivery.delivered <= harmed.events
     else:
-        assert delivery.delivered == lines_in(tmp_path / "e.jsonl")
+        assert delivery.delivered == lines_in(lines)
         assert delivery.spooled == 0
 
 
@@ -188,6 +218,17 @@ def test_the_file_of_a_live_run(is_spooled: bool, harm: Any, tmp_path: Path) -> 
     assert "another process" in (sink.error or "")
     assert sink.delivered + sink.spooled + sink.dropped == status.detections
     assert sink.spooled > 0 if is_spooled else sink.dropped > 0
+
+
+def test_a_log_cut_off_before_an_acknowledgement(tmp_path: Path) -> None:
+    """What the journal writes next fills the hole: it looks before."""
+    journal = Journal(str(tmp_path / "spool"), MIB, survives_power_cut=True)
+    for first in range(0, 400, 100):
+        journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(100, first))))
+    cut(tmp_path / "spool-wal")
+    journal.acknowledge([1])
+    assert not journal.outlives_the_process
+    journal.close()
 
 
 def test_the_command_ends_with_the_code_of_its_outputs(
