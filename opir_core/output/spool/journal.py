@@ -196,7 +196,6 @@ class Journal:
 
     @_raises_ours
     def keep(self, number: int, rows: Sequence[int]) -> None:
-        self._files_fault()
         """Remove the events of a batch but those in `rows`."""
         self._files_fault()
         row = self._database.execute(_NEXT, (number - 1,)).fetchone()
