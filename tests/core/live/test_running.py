@@ -151,11 +151,11 @@ UNTIMED = {
 @pytest.mark.slow
 def test_a_late_launch_goes_up_in_the_next_lap(host: Host) -> None:
     scene = scene_from_mapping(mapping(duration_s=20, targets=[], outputs=["null"]), host=host)
-    run = LiveRun(scene, host, LiveSettings(speed=20.0, loop=True))
+    run = LiveRun(scene, host, LiveSettings(speed=5.0, loop=True))
     run.start()
     asked_s = list[float]()
     times = list[float]()
-    for _ in range(20):
+    while len(times) < 20 or times[-1] < 20.0:
         asked_s.append(run.time_ns / NS)
         times.append(run.launch(UNTIMED).time_s)
     status = run.stop()
@@ -164,9 +164,8 @@ def test_a_late_launch_goes_up_in_the_next_lap(host: Host) -> None:
     assert all(time_s > before_s for time_s, before_s in zip(times, asked_s, strict=True))
     laps = [time_s // 20.0 for time_s in times]
     assert laps == sorted(laps)
-    assert laps[-1] >= 1
     assert status.lap >= laps[-1]
-    assert status.targets_launched == 20
+    assert status.targets_launched == len(times)
 
 
 @pytest.mark.slow
