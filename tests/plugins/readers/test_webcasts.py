@@ -129,6 +129,21 @@ def test_burns_are_those_of_the_speed_and_those_of_events(ascent):
     np.testing.assert_allclose(reported.burns_s, np.array(BURNS) + 10.0)
 
 
+def test_a_display_of_three_digits_is_smooth_above_a_hundred_kilometres(ascent):
+    """Of its steps of a kilometre no spline makes accelerations that the flight does not have."""
+    times, _, velocity = ascent
+    rows = json.loads(telemetry(ascent, "arrays", is_rounded=False))
+    rows["altitude"] = [round(h, 1 if h < 100.0 else 0) for h in rows["altitude"]]
+    table = flight_of(json.dumps(rows))
+    assert "noise of 28.9 to 289 m" in table.notes[1]
+    late_s = np.arange(220.0, 400.0)
+    flown, read_back = (
+        np.linalg.norm(np.gradient(states[np.searchsorted(moments, late_s)], axis=0), axis=1)
+        for moments, states in ((times, velocity), (table.time_s, table.velocity_m_s))
+    )
+    assert np.abs(read_back - flown).mean() < 3.0
+
+
 def test_what_the_splines_leave_is_reported(ascent):
     table = flight_of(telemetry(ascent))
     assert table.notes[0].startswith("speed smoothed to a noise of 0.0802 m/s of the rounding: 0.0")
@@ -236,7 +251,10 @@ def test_a_smoothing_spline_has_the_noise_that_is_stated():
 def test_noise_of_rounding_is_that_of_its_step():
     """A step over the square root of 12; speeds may be whole km/h in m/s."""
     assert rounding_sigma(np.array([0.1, 0.2, 0.7, 1.2])) == pytest.approx(0.1 / 12**0.5)
-    assert rounding_sigma(np.ones(4)) == 0.0
+    assert rounding_sigma(np.ones(4)) == pytest.approx(0.0)
+    digits = np.array([0.0, 0.4, 0.9, 1.0, 7.3, 12.5, 12.6, 99.9, 101.0, 103.0, 104.0, 170.0])
+    steps = np.where(digits < 100.0, 0.1, 1.0)
+    np.testing.assert_allclose(rounding_sigma(digits), steps / 12**0.5)
     speed_m_s = np.array([0.0, 0.277, 0.555, 7.222])
     assert speed_rounding_sigma(speed_m_s) == pytest.approx(1 / 3.6 / 12**0.5)
 

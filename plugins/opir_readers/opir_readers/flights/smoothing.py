@@ -31,16 +31,17 @@ class Smoothed:
         return splev(time_s, self.spline, der=derivative)
 
 
-def smoothing_spline(time_s: FloatArray, values: FloatArray, sigma: float) -> Smoothed:
-    """Return the spline of values (n,) with a standard deviation; values far off the first fit are
-    left out.
+def smoothing_spline(time_s: FloatArray, values: FloatArray, sigma: FloatArray | float) -> Smoothed:
+    """Return the spline of values (n,) with standard deviations (n,), or one; values far off the
+    first fit are left out.
 
     It has the fewest knots with which the squares of the residuals sum to n sigma² (FITPACK
     `curfit`).
     """
+    sigma = np.broadcast_to(sigma, values.shape)
     is_fitted = ~_spikes(values, sigma)
     for _ in range(2):
-        fit = _fitted(time_s[is_fitted], values[is_fitted], sigma)
+        fit = _fitted(time_s[is_fitted], values[is_fitted], sigma[is_fitted])
         residual = values - fit.at(time_s)
         is_outlier = is_fitted & (np.abs(residual) > _OUTLIER * sigma)
         # A curve that is too stiff for what it is to follow has many large residuals: those are no
@@ -52,20 +53,18 @@ def smoothing_spline(time_s: FloatArray, values: FloatArray, sigma: float) -> Sm
     return Smoothed(fit.spline, rms, int(np.count_nonzero(~is_fitted)))
 
 
-def _fitted(time_s: FloatArray, values: FloatArray, sigma: float) -> Smoothed:
+def _fitted(time_s: FloatArray, values: FloatArray, sigma: FloatArray) -> Smoothed:
     from scipy.interpolate import splrep
 
-    count = len(values)
-    weights = np.full(count, 1.0 / sigma)
     spline, _, code, _ = splrep(
-        time_s, values, w=weights, k=3, s=float(count), full_output=True, quiet=True
+        time_s, values, w=1.0 / sigma, k=3, s=float(len(values)), full_output=True, quiet=True
     )
     if code > 3:
         raise BadFileError("cannot be smoothed; state another noise")
     return Smoothed(spline)
 
 
-def _spikes(values: FloatArray, sigma: float) -> BoolArray:
+def _spikes(values: FloatArray, sigma: FloatArray) -> BoolArray:
     """Return which values (n,) stand apart from two neighbours on either side: misread digits, a
     spline chases them.
     """
@@ -75,16 +74,29 @@ def _spikes(values: FloatArray, sigma: float) -> BoolArray:
     return np.abs(values - middle) > _OUTLIER * sigma + 2.0 * (high - low)
 
 
-def rounding_sigma(values: FloatArray) -> float:
-    """Return the standard deviation of the rounding of values: of their smallest step; 0 where they
-    are not rounded.
+def rounding_sigma(values: FloatArray) -> FloatArray:
+    """Return the standard deviations (n,) of the rounding of values, 0 where they are not rounded.
+
+    Displays of three digits show 0.1 below 100 and 1 above: each order of magnitude has the
+    smallest step of its values and of larger ones.
     """
+    order = np.floor(np.log10(np.maximum(np.abs(values), 1e-300)))
+    orders, group = np.unique(order, return_inverse=True)
+    quantum = np.array([_quantum(values[order >= least]) for least in orders])
+    if quantum.any():
+        # The largest order may have one value, and no step.
+        quantum[quantum == 0.0] = quantum[quantum > 0.0][-1]
+    return quantum[group] / 12.0**0.5
+
+
+def _quantum(values: FloatArray) -> float:
+    """Return the step of which values are multiples, 0 where they are not rounded."""
     steps = np.diff(np.unique(values))
     steps = steps[steps > 1e-9 * max(float(np.abs(values).max(initial=0.0)), 1e-300)]
     if not len(steps):
         return 0.0
     quantum = float(steps.min())
-    return quantum / 12.0**0.5 if _are_whole(values / quantum, 1e-3) else 0.0
+    return quantum if _are_whole(values / quantum, 1e-3) else 0.0
 
 
 def _are_whole(values: FloatArray, tolerance: float) -> bool:
@@ -92,13 +104,14 @@ def _are_whole(values: FloatArray, tolerance: float) -> bool:
     return bool((np.abs(values - np.rint(values)) < tolerance).mean() > 0.99)
 
 
-def speed_rounding_sigma(speed_m_s: FloatArray) -> float:
-    """Return the standard deviation of the rounding of speeds: to whole km/h, which webcasts show,
-    or as written.
+def speed_rounding_sigma(speed_m_s: FloatArray) -> FloatArray:
+    """Return the standard deviations (n,) of the rounding of speeds: to whole km/h, which webcasts
+    show, or as written.
     """
     # Published tables cut kilometres an hour to three decimals of a metre a second.
-    is_whole = _are_whole(speed_m_s * 3.6, 0.01)
-    return 1.0 / 3.6 / 12.0**0.5 if is_whole else rounding_sigma(speed_m_s)
+    if _are_whole(speed_m_s * 3.6, 0.01):
+        return np.full(len(speed_m_s), 1.0 / 3.6 / 12.0**0.5)
+    return rounding_sigma(speed_m_s)
 
 
 def smoothed_table(table: StateTable, noise_m: float) -> StateTable:

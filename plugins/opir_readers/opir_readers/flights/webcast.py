@@ -327,12 +327,13 @@ def _fit(
     """
     rows = np.isfinite(values)
     rounding = speed_rounding_sigma if name == "speed" else rounding_sigma
-    sigma = max(rounding(values[rows]) if noise is None else noise, least)
+    sigma = np.maximum(rounding(values[rows]) if noise is None else noise, least)
     fit = smoothing_spline(time_s[rows], values[rows], sigma)
     outliers = f", {fit.outliers} left out" if fit.outliers else ""
     source = "of the rounding" if noise is None else "as stated"
+    stated = " to ".join(f"{value:.3g}" for value in np.unique([sigma.min(), sigma.max()]))
     note = (
-        f"{name} smoothed to a noise of {sigma:.3g} {unit} {source}: {fit.residual:.3g} {unit} rms"
+        f"{name} smoothed to a noise of {stated} {unit} {source}: {fit.residual:.3g} {unit} rms"
         f" left{outliers}"
     )
     return fit, note
