@@ -30,7 +30,7 @@ PLACE = {"place_deg": [34.73, -120.57]}
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
     pytest.importorskip("opir_trackers")
-    with serving(tmp_path_factory.mktemp("operated"), "--speed", "10", scene=SCENE) as running:
+    with serving(tmp_path_factory.mktemp("operated"), "--speed", "4", scene=SCENE) as running:
         yield running
 
 
