@@ -4,7 +4,7 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.plugin import FileReader, ReaderContext, StateTable, nested, number, text
+from opir_core.plugin import FileReader, ReaderContext, StateTable, nested, text
 from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
 from opir_readers.reader_calls import later, reads
 
@@ -23,20 +23,6 @@ class WebcastConfig:
 
     site: SiteConfig | None = nested(default=None, help=SITE_HELP)
     start_s: float | None = start_setting()
-    height_noise_m: float | None = number(
-        default=None,
-        unit="m",
-        above=0.0,
-        maximum=1e5,
-        help="noise of the altitudes; default: that of their rounding",
-    )
-    speed_noise_m_s: float | None = number(
-        default=None,
-        unit="m/s",
-        above=0.0,
-        maximum=1e4,
-        help="noise of the speeds; default: that of their rounding",
-    )
 
 
 @frozen(kw_only=True)
@@ -73,9 +59,7 @@ def _webcast(config: WebcastConfig, context: ReaderContext) -> StateTable:
     from opir_readers.flights.webcast import webcast_table
 
     site = Site.of(config.site, "speed and altitude alone have no place", with_azimuth=True)
-    return webcast_table(
-        context.text, site, config.height_noise_m, config.speed_noise_m_s, config.start_s or 0.0
-    )
+    return webcast_table(context.text, site, config.start_s or 0.0)
 
 
 FLIGHTS = (

@@ -12,7 +12,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -111,15 +111,9 @@ def is_webcast(text: str) -> bool:
     )
 
 
-def webcast_table(
-    text: str,
-    site: Site,
-    height_noise_m: float | None,
-    speed_noise_m_s: float | None,
-    start_s: float,
-) -> StateTable:
-    """Return the flight of a text, with velocities; noises of None are those of the rounding of the
-    file's numbers.
+def webcast_table(text: str, site: Site, start_s: float) -> StateTable:
+    """Return the flight of a text, with velocities; the noise is that of the rounding of its
+    numbers.
 
     Raises `BadFileError`.
     """
@@ -128,9 +122,9 @@ def webcast_table(
     complaint = misread_speeds(time_s, telemetry.speed_m_s, telemetry.height_m)
     if complaint:
         raise BadFileError(complaint)
-    speed, note = _fit("speed", "m/s", time_s, telemetry.speed_m_s, speed_noise_m_s, 0.05)
+    speed, note = _fit("speed", "m/s", time_s, telemetry.speed_m_s, speed_rounding_sigma, 0.05)
     notes = [*telemetry.notes, note]
-    height, note = _fit("altitude", "m", time_s, telemetry.height_m, height_noise_m, 1.0)
+    height, note = _fit("altitude", "m", time_s, telemetry.height_m, rounding_sigma, 1.0)
     notes.append(note)
     curves = _Curves(speed, height)
     grid = _grid(telemetry)
@@ -320,21 +314,24 @@ def _in_order(telemetry: Telemetry) -> Telemetry:
 
 
 def _fit(
-    name: str, unit: str, time_s: FloatArray, values: FloatArray, noise: float | None, least: float
+    name: str,
+    unit: str,
+    time_s: FloatArray,
+    values: FloatArray,
+    rounding: Callable[[FloatArray], FloatArray],
+    least: float,
 ) -> tuple[Smoothed, str]:
-    """Return the spline of a column and a note for the user; the noise is that of the rounding by
-    default, and no webcast is better than the least.
+    """Return the spline of a column and a note for the user; the noise is that of the rounding, and
+    no webcast is better than the least.
     """
     rows = np.isfinite(values)
-    rounding = speed_rounding_sigma if name == "speed" else rounding_sigma
-    sigma = np.maximum(rounding(values[rows]) if noise is None else noise, least)
+    sigma = np.maximum(rounding(values[rows]), least)
     fit = smoothing_spline(time_s[rows], values[rows], sigma)
     outliers = f", {fit.outliers} left out" if fit.outliers else ""
-    source = "of the rounding" if noise is None else "as stated"
-    stated = " to ".join(f"{value:.3g}" for value in np.unique([sigma.min(), sigma.max()]))
+    extremes = " to ".join(f"{value:.3g}" for value in np.unique([sigma.min(), sigma.max()]))
     note = (
-        f"{name} smoothed to a noise of {stated} {unit} {source}: {fit.residual:.3g} {unit} rms"
-        f" left{outliers}"
+        f"{name} smoothed to the noise of its rounding, {extremes} {unit}: {fit.residual:.3g}"
+        f" {unit} rms left{outliers}"
     )
     return fit, note
 
