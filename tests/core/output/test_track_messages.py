@@ -216,7 +216,7 @@ def test_an_output_may_change_its_encoder_while_the_run_goes_on(tmp_path: Path) 
             and (tmp_path / "e.jsonl").read_bytes().count(b"\n") > 50
         )
     )
-    (sink,) = run.stop().sinks
+    (sink,) = run.stop(within_s=60.0).sinks
     tracks, events = (
         (tmp_path / name).read_bytes().count(b"\n") for name in ("tracks.jsonl", "e.jsonl")
     )
