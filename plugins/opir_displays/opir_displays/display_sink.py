@@ -27,7 +27,9 @@ class Messages(Protocol):
 
 
 class Outlet(Protocol):
-    """Where messages go; its errors are `SinkError`."""
+    """Where messages go: `name` is for messages to the user; errors are `SinkError`."""
+
+    name: str
 
     def send(self, message: bytes, give_up_s: float) -> bool:
         """Send a message; return False if its turn is after a time of the monotonic clock."""
@@ -40,6 +42,7 @@ class Datagrams:
     """A UDP socket that sends a limited number of datagrams a second."""
 
     def __init__(self, config: DatagramConfig) -> None:
+        self.name = f"UDP to {config.host}, port {config.port}"
         self._address = config.host, config.port
         self._interval_s = 1.0 / config.rate_per_s
         self._turn_s = 0.0
@@ -58,10 +61,8 @@ class Datagrams:
         try:
             self._socket.sendto(message, self._address)
         except OSError as error:
-            host, port = self._address
             raise SinkError(
-                f"UDP to {host}, port {port}: {reason_of(error)}; give a host that this machine"
-                f" reaches"
+                f"{self.name}: {reason_of(error)}; give a host that this machine reaches"
             ) from error
         return True
 
@@ -74,7 +75,7 @@ class MessageFile:
     """A file of messages, one a line; `place` is where it is written."""
 
     def __init__(self, path: Path, place: Path) -> None:
-        self._path = path
+        self.name = str(path)
         try:
             self._stream = place.open("wb", buffering=0)
         except OSError as error:
@@ -95,7 +96,7 @@ class MessageFile:
         self._stream.close()
 
     def _failure(self, error: OSError) -> SinkError:
-        return unwritable("events", self._path, error)
+        return unwritable("events", Path(self.name), error)
 
 
 class DisplaySink(Sink):
@@ -135,8 +136,8 @@ class DisplaySink(Sink):
         """Close the outlet; dropped tracks are a complaint."""
         self._outlet.close()
         dropped = self._delivery.dropped
-        complaint = f"{dropped} tracks are over rate_per_s; raise it" if dropped else None
-        return evolve(self._delivery, complaint=complaint)
+        complaint = f"{self._outlet.name}: {dropped} tracks are over rate_per_s; raise it"
+        return evolve(self._delivery, complaint=complaint if dropped else None)
 
     def _is_sent(self, message: bytes, give_up_s: float) -> bool:
         is_sent = self._outlet.send(message, min(give_up_s, self._limit_s))
