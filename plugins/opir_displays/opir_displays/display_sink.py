@@ -13,8 +13,8 @@ from opir_core.errors import SinkError, reason_of, unwritable
 from opir_core.plugin import Delivery, Sink, SinkContext, Window
 from opir_displays.settings import DatagramConfig
 
-#: Most seconds that the datagrams of a window wait for their turn.
-_LONGEST_WAIT_S = 10.0
+#: Most seconds that the datagrams of a window wait for their turn: a call of a sink may last 30 s.
+_LONGEST_WAIT_S = 20.0
 
 
 class Messages(Protocol):

@@ -35,11 +35,11 @@ class DatagramConfig:
         default=False, help="whether host may be an address beyond this machine, or a group"
     )
     rate_per_s: float = number(
-        default=1000.0,
+        default=2000.0,
         unit="1/s",
         minimum=1.0,
         maximum=1e6,
-        help="most datagrams a second; a run waits for them, at most 10 s a window, and then drops",
+        help="most datagrams a second; a run waits for them, at most 20 s a window, and then drops",
     )
 
     def __attrs_post_init__(self) -> None:

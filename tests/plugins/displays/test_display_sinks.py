@@ -103,13 +103,13 @@ def test_datagrams_wait_for_their_turn_and_those_without_one_are_dropped_and_cou
     monkeypatch.setattr("opir_displays.display_sink.time", clock)
     window = tracked(50, track=np.arange(50), tick_s=0.0, state=STATE, end_s=1.0)
     datagrams, delivery = sent("dis", [window], rate_per_s=2.0)
-    assert clock.now_s == pytest.approx(110.0)
-    assert len(datagrams) == delivery.delivered == 21
-    assert delivery.dropped == 29
-    assert delivery.complaint.endswith(": 29 tracks are over rate_per_s; raise it")
+    assert clock.now_s == pytest.approx(120.0)
+    assert len(datagrams) == delivery.delivered == 41
+    assert delivery.dropped == 9
+    assert delivery.complaint.endswith(": 9 tracks are over rate_per_s; raise it")
     clock.now_s += 60.0
     datagrams, delivery = sent("dis", [window], rate_per_s=10.0)
-    assert clock.now_s == pytest.approx(174.9)
+    assert clock.now_s == pytest.approx(184.9)
     assert len(datagrams) == 50
     assert delivery.complaint is None
 
