@@ -89,7 +89,7 @@ class CotEvents:
                 "lon": np.degrees(place.longitude_rad),
                 "hae": place.height_m,
                 "ce": _known(containment_ellipse(spread[:, :2, :2]).semi_major_m),
-                "le": _known(_SIGMAS * np.sqrt(spread[:, 2, 2])),
+                "le": _known(_SIGMAS * np.sqrt(np.maximum(spread[:, 2, 2], 0.0))),
                 "detail": [_TRACK.format(*row) for row in zip(*motion, strict=True)],
                 "remarks": [
                     f"{name} {share:.2f}" for name, share in zip(names, shares, strict=True)
