@@ -30,6 +30,7 @@ PLUGINS = [
     "trackers",
     "readers",
     "export",
+    "displays",
     "studies",
     "dask",
     "render",

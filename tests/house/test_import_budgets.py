@@ -111,6 +111,7 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_
         "opir_heo",
         "opir_leo",
         "opir_http",
+        "opir_displays",
         "opir_kafka",
         "opir_stonesoup",
     }

@@ -9,6 +9,7 @@ from typing import get_type_hints
 
 import pytest
 from attrs import fields, has
+from opir_displays.settings import DatagramConfig
 from opir_photons.movers.configs import MoverConfig
 from opir_photons.radiometry.source_configs import PlacedConfig, SourceConfig
 from repository import ROOT
@@ -37,6 +38,7 @@ PLUGINS = (
         "leo",
         "trackers",
         "kafka",
+        "displays",
         "stonesoup",
         "readers",
         "export",
@@ -47,6 +49,7 @@ PLUGINS = (
 )
 #: What others are made of: no scene names them.
 BASES = {
+    DatagramConfig,
     MoverConfig,
     PlaceConfig,
     PlacedConfig,

@@ -18,6 +18,7 @@ TOKENS: dict[str, int] = {
     "opir_core": 270_200,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
+    "opir_displays": 3_800,
     "opir_dsp": 500,
     "opir_estimation": 46_800,
     "opir_export": 25_300,

@@ -29,6 +29,7 @@ NEVER = (
     "opir_scoring",
     "opir_export",
     "opir_http",
+    "opir_displays",
     "opir_kafka",
     "opir_studies",
     "opir_sbirs",

@@ -83,6 +83,7 @@ DISTRIBUTIONS = (
         "opir_coverage",
         "opir_bench",
         "opir_kafka",
+        "opir_displays",
         "opir_http",
         "opir_testing",
     ),

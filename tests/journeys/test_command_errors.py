@@ -248,6 +248,7 @@ def test_a_command_that_is_none_is_reported_all_that_are(
         (("spool", "check", "events.spool"), "opir-kafka"),
         (("score", "events.jsonl"), "opir-scoring"),
         ((*RUN, "--sink", "kafka"), "opir-kafka"),
+        ((*RUN, "--sink", "cot"), "opir-displays"),
         ((*RUN, "--tracker", "imm"), "opir-trackers"),
         (("describe", "SBIRS-GEO"), "opir-sbirs"),
     ],

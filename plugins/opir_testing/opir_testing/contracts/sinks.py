@@ -4,7 +4,7 @@ import hashlib
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,7 +14,7 @@ from attrs import fields_dict
 from opir_core import ModelError, Plan, SceneError, SinkError
 from opir_core.live import LiveRun, LiveSettings
 from opir_core.output import OutputFiles, RunOutcome, deliver, opened_sink
-from opir_core.plugin import Component, Delivery, Sink, SinkModel
+from opir_core.plugin import Component, Delivery, EventEncoder, Sink, SinkModel, Window
 from opir_core.random_streams import uuid_text
 from opir_core.scene import Choice
 from opir_testing.bench import bench_scene, encoder_of, planned
@@ -85,12 +85,21 @@ class SinkContract(OutputContract):
         outputs = [{cls.name: {**cls.block(), **settings}}]
         return planned(bench_scene(outputs=outputs, duration_s=duration_s), cls.host())
 
+    @classmethod
+    def count(cls, window: Window) -> int:
+        """Return the number of a window's events: of its tracks if the settings' encoder encodes
+        these, else of its detections.
+        """
+        name = getattr(cls.config(), "encoder", "forge")
+        encodes_tracks = cls.host().component(EventEncoder, name).encodes_tracks
+        return len(window.tracks if encodes_tracks else window.detections)
+
     def test_every_event_is_accounted_for(self) -> None:
         """Delivered, spooled, dropped and withheld events add up to the events written."""
         with self.opened() as sink:
             for window in self.windows():
                 sink.write(window)
-            events = sum(len(window.detections) for window in self.windows())
+            events = sum(map(self.count, self.windows()))
             so_far = sink.delivery_so_far()
             if so_far is not None:
                 _require_accounts(so_far, events)
@@ -104,15 +113,11 @@ class SinkContract(OutputContract):
 
     def test_a_sink_without_windows_delivers_nothing(self) -> None:
         """A sink closed without windows has delivered nothing."""
-        with self.opened() as sink:
-            _require_accounts(sink.close(), 0)
+        self._require_written([])
 
     def test_windows_without_events_are_accepted(self) -> None:
         """Windows without events are accepted."""
-        with self.opened() as sink:
-            for count in (0, 3, 0):
-                sink.write(stub_window(count))
-            _require_accounts(sink.close(), 3)
+        self._require_written([stub_window(count) for count in (0, 3, 0)])
 
     def test_windows_are_not_modified(self) -> None:
         """A sink does not change its windows: other sinks get the same ones."""
@@ -132,12 +137,7 @@ class SinkContract(OutputContract):
         """Detections over the pole, at the antimeridian, with and without estimates are
         accepted.
         """
-        with self.opened() as sink:
-            for window in edge_case_windows().values():
-                sink.write(window)
-            _require_accounts(
-                sink.close(), sum(len(window.detections) for window in edge_case_windows().values())
-            )
+        self._require_written(edge_case_windows().values())
 
     def test_a_batch_run_succeeds_and_succeeds_again(self) -> None:
         """A run like that of `opir run` writes all events, to files that exist and are empty, put
@@ -145,7 +145,7 @@ class SinkContract(OutputContract):
         """
         with _empty_folder():
             for run in ("the first run", "a second run in the same folder"):
-                _require_run(_delivered(self.run_plan(), _OPENING), run)
+                self._require_run(self.run_plan(), run, _OPENING)
 
     def test_a_live_run_succeeds(self) -> None:
         """A live run writes windows, most of them empty, and closes the sink, from a thread that
@@ -174,15 +174,12 @@ class SinkContract(OutputContract):
         with _empty_folder():
             spool = {"path": _SPOOL}
             try:
-                outcome = _delivered(self.run_plan(spool=spool), _RESUMING)
+                self._require_run(self.run_plan(spool=spool), "a run with a spool", _RESUMING)
             except (SceneError, SinkError):
                 return
-            _require_run(outcome, "a run with a spool")
             messages = _sizes()
-            _require_run(
-                _delivered(self.run_plan(45.0, spool=spool), _RESUMING),
-                "a second run with the same spool",
-            )
+            again = "a second run with the same spool"
+            self._require_run(self.run_plan(45.0, spool=spool), again, _RESUMING)
             shorter = [name for name, size in messages.items() if _sizes().get(name, 0) < size]
             require(
                 not shorter,
@@ -226,6 +223,36 @@ class SinkContract(OutputContract):
             "Write a row for each detection, in their order.",
         )
 
+    def _require_written(self, windows: Collection[Window]) -> None:
+        """Require that a sink accounts for the events of windows."""
+        with self.opened() as sink:
+            for window in windows:
+                sink.write(window)
+            _require_accounts(sink.close(), sum(map(self.count, windows)))
+
+    def _require_run(self, plan: Plan, run: str, change: str) -> None:
+        """Require that a batch run delivers all events, and that its files are what the manifest
+        says; `change` is the remedy if the sink cannot be built.
+        """
+        written: list[int] = []
+        try:
+            outcome = deliver(
+                plan,
+                manifest_path=Path(_MANIFEST),
+                on_window=lambda window: written.append(self.count(window)),
+            )
+        except ModelError as error:
+            raise ConformanceError(str(error).partition("; ")[0], change) from error
+        report = outcome.report.sinks[0]
+        require(report.error is None, f"{run} fails: {report.error}", _OPENING)
+        _require_accounts(
+            Delivery(
+                report.delivered, report.spooled, report.dropped, report.withheld, report.recovered
+            ),
+            sum(written),
+        )
+        _require_files(outcome, run)
+
 
 def _require_accounts(delivery: Delivery, events: int) -> None:
     require(isinstance(delivery, Delivery), f"close returns {delivery!r}", "Return a Delivery.")
@@ -238,30 +265,8 @@ def _require_accounts(delivery: Delivery, events: int) -> None:
     )
 
 
-def _delivered(plan: Plan, change: str) -> RunOutcome:
-    """Return the outcome of a batch run; raises `ConformanceError` if the sink cannot be built."""
-    try:
-        return deliver(plan, manifest_path=Path(_MANIFEST))
-    except ModelError as error:
-        raise ConformanceError(str(error).partition("; ")[0], change) from error
-
-
-def _require_run(outcome: RunOutcome, run: str) -> None:
-    """Require that a batch run has delivered all events, and that its files are what the manifest
-    says.
-    """
-    report = outcome.report.sinks[0]
-    require(
-        report.error is None,
-        f"{run} fails: {report.error}",
-        _OPENING,
-    )
-    _require_accounts(
-        Delivery(
-            report.delivered, report.spooled, report.dropped, report.withheld, report.recovered
-        ),
-        outcome.report.events,
-    )
+def _require_files(outcome: RunOutcome, run: str) -> None:
+    """Require that the files of a batch run are what its manifest says."""
     for file in outcome.manifest["written_files"]:
         content = Path(file["name"]).read_bytes()
         require(

@@ -1,0 +1,1 @@
+"""Outputs of opir for other displays."""
