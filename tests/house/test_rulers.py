@@ -37,9 +37,9 @@ TOKENS: dict[str, int] = {
     "opir_stonesoup": 6_500,
     "opir_studies": 46_800,
     "opir_testing": 35_200,
-    "opir_trackers": 46_300,
+    "opir_trackers": 47_720,
     "benchmarks": 98_100,
-    "tests": 802_000,
+    "tests": 803_150,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

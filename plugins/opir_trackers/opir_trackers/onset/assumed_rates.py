@@ -1,6 +1,6 @@
 """The prior rates of what a track may be, with their sources."""
 
-from attrs import fields
+from attrs import fields_dict
 
 from opir_core.plugin import AssumedRate
 from opir_core.scene import info_of
@@ -21,11 +21,20 @@ _KINDS = {
 
 def assumed_rates(config: HypothesesConfig) -> list[AssumedRate]:
     """Return the rates of a tracker's settings."""
-    rates = []
-    for attribute in fields(HypothesesConfig):
-        if attribute.name in _KINDS:
-            per_day = getattr(config, attribute.name)
-            is_default = per_day == attribute.default
-            source = info_of(attribute).source if is_default else "set by the scene"
-            rates.append(AssumedRate(attribute.name, per_day, source, _KINDS[attribute.name]))
-    return rates
+    return [
+        AssumedRate(name, per_day, _source(config, name), _KINDS[name])
+        for name, per_day in config.rates().items()
+    ]
+
+
+def _source(config: HypothesesConfig, name: str) -> str:
+    """Return the source of a rate, and what it is within areas."""
+    attribute = fields_dict(HypothesesConfig)[name]
+    is_default = getattr(config, name) == attribute.default
+    source = info_of(attribute).source if is_default else "set by the scene"
+    within = [
+        f"; within areas[{place}]: {area.rates[name]:g}"
+        for place, area in enumerate(config.areas)
+        if name in area.rates
+    ]
+    return source + "".join(within)
