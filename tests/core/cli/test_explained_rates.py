@@ -38,6 +38,13 @@ def test_the_source_of_a_rate_that_the_scene_sets_is_the_scene() -> None:
     assert (row["per_day"], row["source"]) == (5000.0, "set by the scene")
 
 
+def test_the_source_names_what_a_rate_is_within_areas() -> None:
+    area = "{south_deg: 1, north_deg: 9, west_deg: 1, east_deg: 9, rates: {flashes_per_day: 500}}"
+    rows = rates(f"tracker.hypotheses.areas=[{area}]")
+    assert str(rows["flashes_per_day"]["source"]).endswith("notional; within areas[0]: 500")
+    assert "within" not in str(rows["bolides_per_day"]["source"])
+
+
 def test_a_scene_without_a_tracker_has_no_rates(capsys: pytest.CaptureFixture[str]) -> None:
     assert rates("tracker=none") == {}
     assert main(["explain", SCENE, "--tracker", "none"]) == 0
