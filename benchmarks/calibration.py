@@ -1,6 +1,6 @@
 """Are reported probabilities right, and does "none of these" rise for what is unknown?
 
-Five parts, each with data of its own; `--only` runs some, `--scale` changes the numbers of
+Six parts, each with data of its own; `--only` runs some, `--scale` changes the numbers of
 launches.
 
 - `reports`: launches of every type, hot sources and noise are simulated and classified; the prior
@@ -16,6 +16,8 @@ launches.
   report no types: the tracker knows motion alone.
 - `ranks`: ranks of the truth in the reports of `imm` on flights of its own prior
   (`calibration_ranks`).
+- `foreign`: P(missile), P(comes down), P(orbit) and P(burn over) of `imm` on launches that share no
+  code with it (`calibration_foreign`).
 """
 
 import os
@@ -26,8 +28,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from calibration_foreign import DOWN, MISSILE, draw_foreign, foreign_rows, foreign_text
 from calibration_looks import area, area_rows, confusion_rows, looks_at, population, simulated
-from calibration_ranks import rank_rows
+from calibration_ranks import ORBIT, OVER, rank_rows
 from calibration_scenes import (
     PRIOR_SOURCES,
     launched,
@@ -122,6 +125,8 @@ within a tenth of a second of the first detection, the rest seconds earlier, for
 hidden it: its standard deviation is no interval; the mean of error² / variance is {square:.2f} (1
 is consistent, above 1 is overconfident). For other flights there are [regions on foreign
 flights](tracker_honesty.md). [Data](simulation_calibration.csv).
+
+{foreign}
 
 **Method.** Places, headings, ranges, brightnesses and propellants are those that the classifier
 assumes; `midlat_summer` air over the Earth by day, no cloud. In `reports` and `classes` all
@@ -423,6 +428,7 @@ PARTS = {
     ),
     "tracks": Part(("left_out_hypotheses",), lambda size: [track_rows(max(1, size(2) // 2))]),
     "ranks": Part(("simulation_calibration",), lambda size: [rank_rows(size(150), 1)]),
+    "foreign": Part(("foreign_calibration",), lambda size: [foreign_rows(size(500))]),
 }
 TABLES = [name for part in PARTS.values() for name in part.tables]
 
@@ -485,6 +491,7 @@ def page(tables):
         )
         or "none",
         square=square["chi2"] / square["degrees_of_freedom"],
+        foreign=foreign_text(tables["foreign_calibration"]),
     )
 
 
@@ -500,7 +507,7 @@ def right_types(tables):
 
 def draw(path, tables):
     """Draw all parts."""
-    with svg_plot(path, 2, 3, figsize=(13.0, 7.5)) as (_, axes):
+    with svg_plot(path, 2, 4, figsize=(17.0, 7.5)) as (_, axes):
         bins = tables["left_out_bins"]
         draw_reliability(axes[0, 0], tables["calibration"], "confidence")
         draw_reliability(axes[0, 1], bins.where(left_out=NOTHING), "probability")
@@ -510,11 +517,13 @@ def draw(path, tables):
             "hypotheses, every class known",
             "hypotheses, SLBM left out",
         )
-        for panel, title in zip(axes[0], titles, strict=True):
+        for panel, title in zip(axes[0, :3], titles, strict=True):
             panel.set_title(title)
         draw_types(axes[1, 0], tables["classification"])
         draw_rises(axes[1, 1], tables)
         draw_ranks(axes[1, 2], tables["simulation_calibration"])
+        draw_foreign(axes[0, 3], tables["foreign_calibration"], (MISSILE, DOWN))
+        draw_foreign(axes[1, 3], tables["foreign_calibration"], (ORBIT, OVER))
 
 
 def draw_types(axes, table):

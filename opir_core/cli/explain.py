@@ -181,6 +181,12 @@ def _link_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
+def _rate_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    scene = ", ".join(f"{grouped(count)} {kind}" for kind, count in row["scene"].items())
+    expected = f"{row['in_duration']:.2g}"
+    return row["what"], f"{row['per_day']:g}", expected, scene or "-", row["source"]
+
+
 def _spread(stage: Mapping[str, Any]) -> str:
     """Return `35 ± 8.66`, or `35` for a constant latency."""
     return (
@@ -247,6 +253,11 @@ _TABLES = {
         ("sensor", "reports go by", "of the time", "longest s", "arrive after s"),
         _link_cells,
         (2, 3, 4),
+    ),
+    "rates": _Listing(
+        ("the tracker assumes in view", "per day", "in this time", "the scene has", "source"),
+        _rate_cells,
+        (1, 2),
     ),
     "reporting": _Listing(("sensor", "reports after s", "σ s", "stages"), _reporting_cells),
 }

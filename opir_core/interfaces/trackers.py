@@ -1,12 +1,31 @@
 """The contract of trackers."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from opir_core.arrays import IntArray
 from opir_core.interfaces.contract import PluginPart, required
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.interfaces.sensor_health import SensorHealth
 from opir_core.interfaces.sensors import Sensor
+
+
+class AssumedRate(NamedTuple):
+    """A rate at which a tracker expects something to appear in view, 1/day, and its source.
+
+    `name` is that of the setting; `kinds` are the classes of sources that it is of, or `LAUNCH`;
+    none for all that no other rate is of.
+    """
+
+    name: str
+    per_day: float
+    source: str
+    kinds: tuple[str, ...] = ()
+
+
+#: The kind of launches among those of an `AssumedRate`.
+LAUNCH = "launch"
 
 
 class Tracker(PluginPart):
@@ -54,6 +73,10 @@ class Tracker(PluginPart):
         such a prior.
         """
         return None
+
+    def assumed_rates(self) -> Sequence[AssumedRate]:
+        """Return the prior rates of what a track may be; none for a tracker without such a prior."""
+        return ()
 
     def sensor_health(self) -> SensorHealth | None:
         """Return the tracker's estimates of the sensors' errors at the last tick, or None."""

@@ -111,7 +111,10 @@ from opir_core.interfaces.sensors import (
     ScanPattern as ScanPattern,
     Sensor as Sensor,
 )
-from opir_core.interfaces.trackers import Tracker as Tracker
+from opir_core.interfaces.trackers import (
+    AssumedRate as AssumedRate,
+    Tracker as Tracker,
+)
 from opir_core.interfaces.trajectories import Trajectories as Trajectories
 from opir_core.scene.fields import (
     FieldInfo as FieldInfo,

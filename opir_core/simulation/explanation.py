@@ -3,6 +3,7 @@ values.
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
@@ -14,6 +15,7 @@ from opir_core.arrays import FloatArray
 from opir_core.interfaces.classification import Classifier
 from opir_core.interfaces.contract import has_own
 from opir_core.interfaces.sensors import Sensor
+from opir_core.interfaces.trackers import LAUNCH
 from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.link_compiler import path_uses
 from opir_core.planning.looks import look_times_ns
@@ -56,6 +58,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "tracking": _tracking(plan),
         "sensors_assumed": _sensors_assumed(plan),
         "hypotheses": _hypotheses(plan),
+        "rates": _rates(plan),
         "expected_launches": launch_expectations(plan),
         "truth_users": _truth_users(plan),
         "faults": [str(fault) for fault in plan.scene.faults],
@@ -246,6 +249,31 @@ def _sensors_assumed(plan: Plan) -> list[str]:
             f"{sensor.id}: {text}" for sensor, text in zip(plan.sensors, health.text, strict=True)
         ]
     )
+
+
+def _rates(plan: Plan) -> list[Mapping[str, Any]]:
+    """Return the rates that the tracker assumes, beside what the scene has of each; none without
+    such a prior.
+    """
+    rates = plan.make_tracker().assumed_rates()
+    if not rates:
+        return []
+    present = Counter({LAUNCH: len(plan.scene.targets)})
+    for source in plan.sources:
+        present.update(source.trajectories.class_names)
+    others = present.keys() - {kind for rate in rates for kind in rate.kinds}
+    return [
+        {
+            "what": rate.name,
+            "per_day": rate.per_day,
+            "in_duration": rate.per_day * plan.scene.duration_s / 86_400.0,
+            "scene": {
+                kind: present[kind] for kind in rate.kinds or sorted(others) if present[kind]
+            },
+            "source": rate.source,
+        }
+        for rate in rates
+    ]
 
 
 def _truth_users(plan: Plan) -> list[str]:

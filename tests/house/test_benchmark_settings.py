@@ -25,6 +25,7 @@ SCRIPTS = ROOT / "benchmarks"
 PAGES = ROOT / "docs"
 #: The page of a script of another name.
 PAGE_OF = {
+    "calibration_foreign": "calibration",
     "calibration_scenes": "calibration",
     "coverage_map": "coverage",
     "fires_hour": "open_world",

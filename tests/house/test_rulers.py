@@ -15,7 +15,7 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 270_200,
+    "opir_core": 270_530,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_displays": 3_800,
@@ -38,9 +38,9 @@ TOKENS: dict[str, int] = {
     "opir_stonesoup": 6_500,
     "opir_studies": 46_800,
     "opir_testing": 35_200,
-    "opir_trackers": 46_100,
-    "benchmarks": 98_100,
-    "tests": 801_400,
+    "opir_trackers": 47_720,
+    "benchmarks": 100_080,
+    "tests": 803_620,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

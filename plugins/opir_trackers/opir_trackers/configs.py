@@ -1,10 +1,13 @@
 """Settings of the trackers. Nothing heavy is imported here."""
 
+from collections.abc import Mapping
 from typing import Any
 
-from attrs import asdict, frozen
+from attrs import asdict, fields_dict, frozen
 
+from opir_core.errors import nearest
 from opir_core.plugin import nested, number, part, text
+from opir_core.scene import info_of
 
 #: Default gate, standard deviations: two axes exceed it with a probability of 4 · 10⁻⁵.
 GATE_SIGMAS = 4.5
@@ -169,6 +172,75 @@ class ThrustConfig:
 
 
 @frozen(kw_only=True)
+class AreaConfig:
+    """Rates within a part of the Earth between two parallels and two meridians; it may cross the
+    date line.
+    """
+
+    south_deg: float = number(
+        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the southern edge"
+    )
+    north_deg: float = number(
+        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the northern edge"
+    )
+    west_deg: float = number(
+        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the western edge"
+    )
+    east_deg: float = number(
+        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the eastern edge"
+    )
+    start_s: float = number(
+        default=0.0,
+        unit="s",
+        minimum=0.0,
+        maximum=1e9,
+        help="since when the rates hold, in the scene",
+    )
+    end_s: float = number(
+        default=1e9,
+        unit="s",
+        above=0.0,
+        maximum=1e9,
+        help="until when they hold",
+    )
+    rates: Mapping[str, float] = nested(
+        unit="1/day",
+        minimum=0.0,
+        maximum=1e9,
+        help="rates within the area by their names, such as flashes_per_day",
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.south_deg >= self.north_deg or self.west_deg == self.east_deg:
+            raise ValueError(
+                "the area is empty: south_deg must be below north_deg, and west_deg differ from"
+                " east_deg"
+            )
+        if self.start_s >= self.end_s:
+            raise ValueError(f"end_s {self.end_s:g} is not after start_s {self.start_s:g}")
+        if not self.rates:
+            raise ValueError("rates: give one at least, such as {flashes_per_day: 100}")
+
+    @property
+    def width_deg(self) -> float:
+        """The difference of its longitudes."""
+        return (self.east_deg - self.west_deg) % 360.0 or 360.0
+
+    def overlaps(self, other: "AreaConfig") -> bool:
+        """Return whether it has a place and a time in common with another area."""
+        gaps_deg = (
+            (other.west_deg - self.west_deg) % 360.0,
+            (self.west_deg - other.west_deg) % 360.0,
+        )
+        is_beside = gaps_deg[0] >= self.width_deg and gaps_deg[1] >= other.width_deg
+        return not (
+            is_beside
+            or min(self.north_deg, other.north_deg) <= max(self.south_deg, other.south_deg)
+            or min(self.end_s, other.end_s) <= max(self.start_s, other.start_s)
+        )
+
+
+@frozen(kw_only=True)
 class HypothesesConfig:
     """Prior rates and densities of what a track may be."""
 
@@ -290,12 +362,37 @@ class HypothesesConfig:
         maximum=1000.0,
         help="mean time for which a bolide is bright",
     )
+    areas: tuple[AreaConfig, ...] = nested(
+        default=(),
+        help="areas with rates of their own for what is first seen within them; rates that an area"
+        " does not name are as dense there as in all of the view",
+    )
 
-    @property
-    def none_per_day(self) -> float:
-        """The rate of all that is no ground source, bolide or launch, 1/day."""
-        aloft = self.aircraft_per_day + self.take_offs_per_day + self.reentries_per_day
-        return self.flashes_per_day + aloft + self.others_per_day
+    def __attrs_post_init__(self) -> None:
+        names = self.rates()
+        for place, area in enumerate(self.areas):
+            for name, per_day in area.rates.items():
+                if name not in names:
+                    raise ValueError(
+                        f"areas[{place}].rates: {name!r} is no rate{nearest(name, names)}; rates"
+                        f" are {', '.join(names)}"
+                    )
+                info = info_of(fields_dict(HypothesesConfig)[name])
+                if not info.accepts(per_day):
+                    raise ValueError(
+                        f"areas[{place}].rates: {name}: {per_day} is outside {info.interval} 1/day"
+                    )
+            for earlier in range(place):
+                if area.overlaps(self.areas[earlier]):
+                    raise ValueError(
+                        f"areas[{place}] overlaps areas[{earlier}]: what is first seen in both has"
+                        " no one rate; make one of them smaller"
+                    )
+
+    def rates(self) -> dict[str, float]:
+        """Return the rates by their names, 1/day."""
+        names = fields_dict(HypothesesConfig)
+        return {name: getattr(self, name) for name in names if name.endswith("_per_day")}
 
 
 def _least_launch_probability() -> float:

@@ -189,6 +189,6 @@ def _new_table(
     unclaimed = state.unclaimed
     table = table.with_detections(owner, unclaimed.time_s, unclaimed.sensor, state.reported)
     position_m = prior.likelier_position_m
-    motion = MotionStatistics.fresh(position_m, state.time_s, table.first_s, models.groups.prior)
+    motion = models.areas.begun(position_m, state.time_s, table.first_s)
     lines = models.corrected(state.registration, unclaimed)
     return table.changed(motion=motion.with_lines(owner, lines, models.groups.log_clutter))

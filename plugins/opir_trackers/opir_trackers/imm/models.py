@@ -30,6 +30,7 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.single_sensor import SingleSensor
 from opir_trackers.imm.state import TrackerState, TrackTable, sighting_memory_s
 from opir_trackers.imm.watch import LookSpans
+from opir_trackers.onset.areas import AreaPosteriors
 from opir_trackers.onset.posterior import GroupPosterior
 from opir_trackers.parts import (
     Association,
@@ -131,7 +132,7 @@ class TrackingModels:
     memory_s: FloatArray
     silence_limit_s: FloatArray
     unreported: FloatArray
-    groups: GroupPosterior
+    areas: AreaPosteriors
     single: SingleSensor
     parts: TrackingParts
     watch: LookSpans | None = None
@@ -162,11 +163,16 @@ class TrackingModels:
             ),
             silence_limit_s=longest_silence_s(context.sensors, config.recent_scans),
             unreported=unreported,
-            groups=GroupPosterior.of(config.hypotheses, clutter, detection_probability),
+            areas=AreaPosteriors.of(config.hypotheses, clutter, detection_probability),
             single=SingleSensor(outcomes, filter_, biases, unreported, site_m),
             parts=TrackingParts.of(config, context),
             watch=LookSpans.of(context.sensors, period_s, detection_probability),
         )
+
+    @property
+    def groups(self) -> GroupPosterior:
+        """The posterior of what is first seen in no area."""
+        return self.areas.posteriors[0]
 
     def silent_s(self, table: TrackTable, time_s: float | FloatArray) -> FloatArray:
         """Return for how long (n,), s, tracks were looked at in vain before times."""

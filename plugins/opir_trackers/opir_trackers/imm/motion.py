@@ -109,6 +109,6 @@ def _relit_motion(
     if not len(rows):
         return motion
     position_m = state.table.estimates.likelier_position_m[rows]
-    begun = MotionStatistics.fresh(position_m, state.time_s, first_s[rows], models.groups.prior)
+    begun = models.areas.begun(position_m, state.time_s, first_s[rows])
     begun.carried[motion.are_none[rows], LAUNCH] = LOG_DARK_LAUNCH
     return motion.with_rows(rows, begun)

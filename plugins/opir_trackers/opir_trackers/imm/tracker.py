@@ -8,11 +8,20 @@ from opir_estimation import LinesOfSight, sensor_health
 from opir_forecast import Forecaster
 
 from opir_core.arrays import IntArray
-from opir_core.plugin import Detections, Sensor, SensorHealth, Tracker, TrackerContext, Tracks
+from opir_core.plugin import (
+    AssumedRate,
+    Detections,
+    Sensor,
+    SensorHealth,
+    Tracker,
+    TrackerContext,
+    Tracks,
+)
 from opir_trackers.configs import ImmConfig
 from opir_trackers.imm.report import boost_estimates, tracks_of, with_glides
 from opir_trackers.imm.state import TrackerState
 from opir_trackers.imm.tracking import ImmTracking
+from opir_trackers.onset.assumed_rates import assumed_rates
 from opir_trackers.onset.composition import Composition
 from opir_trackers.onset.motion_statistics import LAUNCH
 from opir_trackers.parts import PartContext, made_part, maker_of, require_shape
@@ -92,6 +101,10 @@ class ImmTracker(Tracker):
     def is_idle(self) -> bool:
         """Return whether there is neither a track nor a line of sight that may begin one."""
         return self._state.is_empty and not len(self._waiting)
+
+    def assumed_rates(self) -> list[AssumedRate]:
+        """Return the prior rates of what a track may be."""
+        return assumed_rates(self._tracking.config.hypotheses)
 
     def sensor_health(self) -> SensorHealth:
         """Return the sensors' biases, clocks and noise as far as their lines of sight show them."""

@@ -121,15 +121,15 @@ class ImmTracking:
             return state
         pause_s = self.models.longest(self.models.period_s, table)
         silent_s = self.models.silent_s(table, state.time_s)
-        motion = self.models.groups.assessed(
+        motion = self.models.areas.assessed(
             motion,
             state.time_s,
-            table.first_s,
-            table.seen_s,
-            pause_s,
             step_s,
-            silent_s,
-            _move_as_rockets(table.estimates.likelier_state),
+            first_s=table.first_s,
+            seen_s=table.seen_s,
+            pause_s=pause_s,
+            silent_s=silent_s,
+            is_rocket=_move_as_rockets(table.estimates.likelier_state),
         )
         if motion.epoch_s is not table.motion.epoch_s:
             place_m = table.estimates.likelier_position_m

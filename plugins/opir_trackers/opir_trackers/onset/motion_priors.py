@@ -6,7 +6,7 @@ are m + S z, with z standard normal. All components share the horizontal spread 
 position, which stands for "anywhere in view".
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,21 +25,12 @@ FASTEST_AIRCRAFT_M_S = 980.0
 #: its error.
 WIDE_M = 100e3
 
-#: Log of the probability density of a position in view of a geostationary satellite, down to the
-#: horizon, over that at the centre of the horizontal spread.
-LOG_IN_VIEW = float(
-    np.log(
-        2.0
-        * np.pi
-        * WIDE_M**2
-        / (
-            2.0
-            * np.pi
-            * EARTH_EQUATORIAL_RADIUS_M**2
-            * (1.0 - EARTH_EQUATORIAL_RADIUS_M / 42.164e6)
-        )
-    )
-)
+#: The surface in view of a geostationary satellite, down to the horizon, m².
+VIEW_M2 = 2.0 * np.pi * EARTH_EQUATORIAL_RADIUS_M**2 * (1.0 - EARTH_EQUATORIAL_RADIUS_M / 42.164e6)
+
+#: Log of the probability density of a position there over that at the centre of the horizontal
+#: spread.
+LOG_IN_VIEW = float(np.log(2.0 * np.pi * WIDE_M**2 / VIEW_M2))
 
 #: Mean and standard deviation, or standard deviations aside and upwards.
 _Pair = tuple[float, float]
@@ -225,13 +216,15 @@ class MotionPriors:
     edges_s: FloatArray
 
     @classmethod
-    def of(cls, config: HypothesesConfig) -> "MotionPriors":
-        """Return the priors of a tracker's settings."""
+    def of(
+        cls, config: HypothesesConfig, rates: Mapping[str, float] | None = None
+    ) -> "MotionPriors":
+        """Return the priors of a tracker's settings, with rates of their own."""
         kinds = grounds(config.inland_share)
         still = ((config.ground_drift_m_s,) * 2, (0.0, 0.0), (0.0, 0.0))
         components = [
             *_on_ground(GROUND, 1.0, kinds, still),
-            *_others(config, kinds),
+            *_others(rates or config.rates(), kinds),
             _drawn(BOLIDE, 1.0, *LAW.bolide)._replace(fades_s=config.bolide_s),
             *_from_rest((1.0 - config.in_flight_share) * (1.0 - config.air_share), kinds),
             *_from_air((1.0 - config.in_flight_share) * config.air_share),
@@ -282,19 +275,25 @@ class MotionPriors:
         return self.log_weight + intervals[:, self.interval] - age_s[:, None] / self.fades_s
 
 
-def _others(config: HypothesesConfig, kinds: Sequence[Ground]) -> list[_Component]:
+def none_per_day(rates: Mapping[str, float]) -> float:
+    """Return the rate of all that is no ground source, bolide or launch, 1/day."""
+    aloft = rates["aircraft_per_day"] + rates["take_offs_per_day"] + rates["reentries_per_day"]
+    return rates["flashes_per_day"] + aloft + rates["others_per_day"]
+
+
+def _others(rates: Mapping[str, float], kinds: Sequence[Ground]) -> list[_Component]:
     """Return the priors of what is neither noise, on the ground, a bolide nor a launch."""
-    share = 1.0 / config.none_per_day
-    rest = config.others_per_day * share
-    flashes = _drawn(NONE, config.flashes_per_day * share, *LAW.flash)
+    share = 1.0 / none_per_day(rates)
+    rest = rates["others_per_day"] * share
+    flashes = _drawn(NONE, rates["flashes_per_day"] * share, *LAW.flash)
     return [
         flashes._replace(fades_s=LAW.flash_s),
         *_on_ground(NONE, rest * LAW.creeping_share, kinds, LAW.creeping),
         *(_drawn(NONE, rest * weight, *spread) for weight, spread in LAW.aloft),
-        *_on_courses(config.reentries_per_day * share, LAW.reentries, kinds),
-        *_on_courses(config.bolides_per_day * share, LAW.grazers, kinds),
-        *_aircraft(config.aircraft_per_day * share, LAW.flights, kinds),
-        *_aircraft(config.take_offs_per_day * share, LAW.take_offs, kinds),
+        *_on_courses(rates["reentries_per_day"] * share, LAW.reentries, kinds),
+        *_on_courses(rates["bolides_per_day"] * share, LAW.grazers, kinds),
+        *_aircraft(rates["aircraft_per_day"] * share, LAW.flights, kinds),
+        *_aircraft(rates["take_offs_per_day"] * share, LAW.take_offs, kinds),
     ]
 
 

@@ -63,6 +63,8 @@ _LABEL_PLACES = ("label_information", "label_pull")
 class MotionStatistics(Columns):
     """Statistics of tracks, one row each, and the latest probabilities of their groups.
 
+    `area` (n,) is the number of the area in which they were first seen, 0 for none.
+
     `reference_m` (n, 3) in ECEF, its `height_m` (n,) and local `axes` (n, 3, 3), rows east, north
     and up; `epoch_s` (n,) is the time of the first detection. Of lines with the weight that the
     horizon of a cubic leaves them: `information` (n, 7, 3, 3), `pull` (n, 4, 3) and `misfit` (n,)
@@ -103,6 +105,7 @@ class MotionStatistics(Columns):
     probability: FloatArray
     is_decided: BoolArray
     has_shared: BoolArray
+    area: IntArray
 
     @classmethod
     def fresh(
@@ -128,6 +131,7 @@ class MotionStatistics(Columns):
             probability=np.tile(prior, (count, 1)),
             is_decided=np.zeros(count, dtype=np.bool_),
             has_shared=np.zeros(count, dtype=np.bool_),
+            area=np.zeros(count, dtype=np.int64),
         )
 
     @property
@@ -297,9 +301,8 @@ class MotionStatistics(Columns):
         anew = MotionStatistics.fresh(
             position_m[rows], time_s, self.epoch_s[rows], self.probability[0]
         )
-        known = {
-            name: getattr(self, name)[rows] for name in ("carried", "probability", "has_shared")
-        }
+        kept = ("carried", "probability", "has_shared", "area")
+        known = {name: getattr(self, name)[rows] for name in kept}
         return self.with_rows(rows, evolve(anew, **known, **self.take(rows)._labels_about(anew)))
 
     def _labels_about(self, other: "MotionStatistics") -> dict[str, Any]:

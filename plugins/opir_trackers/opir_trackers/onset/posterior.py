@@ -7,12 +7,14 @@ are as dense as the sensors state, others as dense as their errors make them (tr
 Blackman and Popoli, "Design and Analysis of Modern Tracking Systems", 1999, 6.2).
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_trackers.configs import HypothesesConfig
-from opir_trackers.onset.motion_priors import AGES_S, LOG_IN_VIEW, MotionPriors
+from opir_trackers.onset.motion_priors import AGES_S, LOG_IN_VIEW, MotionPriors, none_per_day
 from opir_trackers.onset.motion_statistics import (
     ASKED_AGAIN_S,
     GROUND,
@@ -97,18 +99,23 @@ class GroupPosterior:
 
     @classmethod
     def of(
-        cls, config: HypothesesConfig, clutter_per_sr: FloatArray, detection_probability: FloatArray
+        cls,
+        config: HypothesesConfig,
+        clutter_per_sr: FloatArray,
+        detection_probability: FloatArray,
+        rates: Mapping[str, float] | None = None,
     ) -> "GroupPosterior":
-        """Return the posterior for clutter densities (sensors,), per scan, and detection
-        probabilities (sensors,).
+        """Return the posterior for clutter densities (sensors,), per scan, detection probabilities
+        (sensors,) and rates, 1/day, by default those of the settings.
         """
+        rates = rates or config.rates()
         per_day = [
-            config.ground_sources_per_day,
-            config.bolides_per_day,
-            config.launches_per_day,
-            config.none_per_day,
+            rates["ground_sources_per_day"],
+            rates["bolides_per_day"],
+            rates["launches_per_day"],
+            none_per_day(rates),
         ]
-        priors = MotionPriors.of(config)
+        priors = MotionPriors.of(config, rates)
         with np.errstate(divide="ignore"):
             return cls(
                 priors=(priors, *(priors.at(age_s) for age_s in AGES_S[1:].tolist())),

@@ -37,11 +37,12 @@ def test_places_of_earlier_lines_stay_where_the_lines_cross() -> None:
     statistics = begun.with_lines(
         np.zeros(len(lines.time_s), dtype=np.int64), lines, np.full(2, -30.0)
     )
-    launch = evolve(statistics, probability=np.eye(5)[[LAUNCH]])
+    launch = evolve(statistics, probability=np.eye(5)[[LAUNCH]], area=np.ones(1, dtype=np.int64))
     anew = launch.restarted(np.zeros(1, dtype=np.int64), 5.0)
     at_far_m = earth_rotated(far_m[None], np.array([5.0]))
     moved = anew.moved_on(launch, at_far_m, 5.0)
     for version in (anew, moved):
+        assert version.area == 1
         point_m, covariance = version.of_all_lines().static_estimates(SEA, 100e3)
         error = point_m[0] - place_m
         assert error @ np.linalg.solve(covariance[0], error) < 16.3
