@@ -7,6 +7,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.builtin.director_models import CueConfig, RoundRobinConfig
+from opir_core.errors import Problem, SceneError, nearest
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.directors import Command, Director, DirectorContext, Situation
@@ -31,8 +32,9 @@ class Operator(Director):
 class RoundRobin(Director):
     """Points every sensor at one place after the other, those out of its reach left out."""
 
-    def __init__(self, config: RoundRobinConfig) -> None:
+    def __init__(self, config: RoundRobinConfig, context: DirectorContext) -> None:
         self._config = config
+        self._modes = _modes("mode", config.mode, context)
         lat_rad, lon_rad = np.radians(config.places_deg).T
         self._places_m = geodetic_to_ecef(lat_rad, lon_rad, 0.0)
         self._turn = 0
@@ -51,8 +53,9 @@ class RoundRobin(Director):
                 place = int(places[self._turn % len(places)])
                 position_m = self._places_m[place]
                 reason = f"place {place + 1} in turn"
+                mode = self._modes[sensor.id]
                 commands.append(
-                    Command(sensor=sensor.id, position_ecef_m=position_m, reason=reason)
+                    Command(sensor=sensor.id, position_ecef_m=position_m, reason=reason, mode=mode)
                 )
         self._turn += 1
         return commands
@@ -66,8 +69,12 @@ class Cue(Director):
     another sensor, which still sees it then, follows it beside the first one until that happens.
     """
 
-    def __init__(self, config: CueConfig) -> None:
+    def __init__(self, config: CueConfig, context: DirectorContext) -> None:
         self._config = config
+        self._modes = _modes("mode", config.mode, context)
+        self._search_modes = _modes("search_mode", config.search_mode, context)
+        #: The sensors that search, in that mode.
+        self._searching: set[str] = set()
         #: By sensor the track that it follows and the time since when.
         self._followed: dict[str, tuple[int, float]] = {}
 
@@ -77,6 +84,25 @@ class Cue(Director):
         return self._config.interval_s
 
     def commands(self, situation: Situation) -> Sequence[Command]:
+        """Return a command for each sensor that has a track to follow, or begins to search."""
+        followed = self._following(situation)
+        for record in situation.refused:
+            self._searching.discard(record.sensor)
+        self._searching.difference_update(command.sensor for command in followed)
+        idle = [
+            sensor.id
+            for sensor in situation.sensors
+            if self._search_modes[sensor.id]
+            and sensor.id not in self._searching.union(command.sensor for command in followed)
+        ]
+        self._searching.update(idle)
+        searches = [
+            Command(sensor=sensor, mode=self._search_modes[sensor], reason="no track")
+            for sensor in idle
+        ]
+        return [*followed, *searches]
+
+    def _following(self, situation: Situation) -> Sequence[Command]:
         """Return a command for each sensor that has a track to follow."""
         tracks = tracks_to_follow(situation.tracks, self._config.least_probability_launch)
         if not len(tracks):
@@ -96,6 +122,7 @@ class Cue(Director):
                 velocity_m_s=tracks.state[rows[track], 3:],
                 track=track,
                 reason=f"track {track} since {since_s:g} s",
+                mode=self._modes[sensor],
             )
             for sensor, (track, since_s) in self._followed.items()
         ]
@@ -174,16 +201,28 @@ def _variance_m2(tracks: Tracks) -> FloatArray:
     return np.nan_to_num(diagonal[:, :3].sum(axis=1), nan=np.inf)
 
 
+def _modes(setting: str, mode: str, context: DirectorContext) -> dict[str, str]:
+    """Return by sensor the mode of a setting, "" for sensors that do not have it; raises
+    `SceneError` if none has it.
+    """
+    modes = {sensor.id: mode if mode in sensor.modes else "" for sensor in context.sensors}
+    if mode and mode not in modes.values():
+        known = {name for sensor in context.sensors for name in sensor.modes}
+        words = f"no sensor has the mode {mode!r}{nearest(mode, known)}"
+        raise SceneError([Problem(setting, words)])
+    return modes
+
+
 def operator(_config: NoConfig, _context: DirectorContext) -> Operator:
     """Return the director `operator`."""
     return Operator()
 
 
-def round_robin(config: RoundRobinConfig, _context: DirectorContext) -> RoundRobin:
+def round_robin(config: RoundRobinConfig, context: DirectorContext) -> RoundRobin:
     """Return the director `round-robin`."""
-    return RoundRobin(config)
+    return RoundRobin(config, context)
 
 
-def cue(config: CueConfig, _context: DirectorContext) -> Cue:
+def cue(config: CueConfig, context: DirectorContext) -> Cue:
     """Return the director `cue`."""
-    return Cue(config)
+    return Cue(config, context)

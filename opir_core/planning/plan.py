@@ -367,6 +367,23 @@ def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightli
     return evolve(changed, targets=targets, pairs=pairs, sightlines=sightlines)
 
 
+def with_sensors(plan: Plan, sensors: tuple[Sensor, ...]) -> Plan:
+    """Return a plan with other sensors: models, pairs and lines of sight are built for them.
+
+    Raises `SceneError` for more work than the scene's limits accept.
+    """
+    with PluginErrors(plan.host, plan.scene):
+        models = _models(plan.scene, plan.host, sensors, plan.targets, plan.sources)
+        detection, classifier, confidence = models
+        changed = evolve(plan, sensors=sensors, detection=detection, classifier=classifier)
+        exclusions = changed.solar_exclusions()
+        pairs, sightlines = changed.pair_compiler(exclusions).compiled()
+    changed = evolve(changed, confidence=confidence, pairs=pairs, sightlines=sightlines)
+    changed = evolve(changed, exclusions=exclusions, kept={})
+    changed.workload.require_run()
+    return changed
+
+
 def whole_flights(plan: Plan) -> Targets:
     """Return the launches of a plan's scene with positions known up to impact, whichever sensors
     there are.

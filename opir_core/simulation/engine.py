@@ -41,6 +41,7 @@ from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
 
 if TYPE_CHECKING:
     from opir_core.interfaces.directors import SensorTask
+    from opir_core.planning.sensor_modes import SensorModes
     from opir_core.simulation.directing import Directing
     from opir_core.simulation.pointing import PointedFields
     from opir_core.simulation.reporting import ReportingDelays
@@ -52,15 +53,18 @@ class Engine:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.time_ns = 0
-        self._streams = PairStreams(plan.scene.seed, plan.pair_names(), plan.scan_names())
         #: Made at the first window: an engine that takes over continues with another's tracker.
         self._scheduled: ScheduledTracker | None = None
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
-        self._fields, self._directing = _directed(plan)
+        self._modes = _modes(plan)
+        look_plan = plan if self._modes is None else self._modes.plan
+        names = look_plan.pair_names(), look_plan.scan_names()
+        self._streams = PairStreams(plan.scene.seed, *names)
+        self._fields, self._directing = _directed(plan, self._modes)
         self._links = None if plan.links is None else plan.links.queues(len(plan.sensors))
         with self._plugin_errors:
-            self._count = CountDetections(plan)
-            self._stages = self._planned_stages(plan)
+            self._count = CountDetections(look_plan, self._modes)
+            self._stages = self._planned_stages(look_plan)
 
     def _planned_stages(self, plan: Plan) -> Sequence[Stage]:
         """Return the stages of a window, in order. What does not happen in the scene is not among
@@ -89,6 +93,7 @@ class Engine:
             build,
             insert_false_alarms,
             _reporting_delays(plan),
+            _merged_modes(self._modes, self._fields),
             find_looks.forget,
         ]
         return [stage for stage in stages if stage]
@@ -200,13 +205,33 @@ class Engine:
         return evolve(window, estimates=tracked.estimates)
 
 
-def _directed(plan: Plan) -> "tuple[PointedFields | None, Directing | None]":
+def _modes(plan: Plan) -> "SensorModes | None":
+    """Return the modes of a plan's sensors, None where no director names any."""
+    if plan.make_director is None or not any(sensor.modes for sensor in plan.sensors):
+        return None
+    from opir_core.planning.sensor_modes import SensorModes
+
+    return SensorModes.of(plan)
+
+
+def _merged_modes(modes: "SensorModes | None", fields: "PointedFields | None") -> Stage | None:
+    """Return the stage that gives the detections of modes to their sensors, None without modes."""
+    if modes is None or fields is None:
+        return None
+    from opir_core.simulation.merging import MergeModes
+
+    return MergeModes(modes, fields)
+
+
+def _directed(
+    plan: Plan, modes: "SensorModes | None"
+) -> "tuple[PointedFields | None, Directing | None]":
     """Return the narrow fields of a plan's sensors and what asks its director, None for none."""
     if not any(sensor.pointing for sensor in plan.sensors):
         return None, None
     from opir_core.simulation.directing import directed
 
-    return directed(plan)
+    return directed(plan, modes)
 
 
 def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:
