@@ -12,6 +12,7 @@ from opir_core.geometry import geodetic_to_ecef
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.directors import Command, Director, DirectorContext, Situation
 from opir_core.interfaces.records import Tracks
+from opir_core.interfaces.sensors import Sensor
 
 
 class Operator(Director):
@@ -32,9 +33,8 @@ class Operator(Director):
 class RoundRobin(Director):
     """Points every sensor at one place after the other, those out of its reach left out."""
 
-    def __init__(self, config: RoundRobinConfig, context: DirectorContext) -> None:
+    def __init__(self, config: RoundRobinConfig) -> None:
         self._config = config
-        self._modes = _modes("mode", config.mode, context)
         lat_rad, lon_rad = np.radians(config.places_deg).T
         self._places_m = geodetic_to_ecef(lat_rad, lon_rad, 0.0)
         self._turn = 0
@@ -53,7 +53,7 @@ class RoundRobin(Director):
                 place = int(places[self._turn % len(places)])
                 position_m = self._places_m[place]
                 reason = f"place {place + 1} in turn"
-                mode = self._modes[sensor.id]
+                mode = _mode_in(sensor, self._config.mode)
                 commands.append(
                     Command(sensor=sensor.id, position_ecef_m=position_m, reason=reason, mode=mode)
                 )
@@ -69,10 +69,8 @@ class Cue(Director):
     another sensor, which still sees it then, follows it beside the first one until that happens.
     """
 
-    def __init__(self, config: CueConfig, context: DirectorContext) -> None:
+    def __init__(self, config: CueConfig) -> None:
         self._config = config
-        self._modes = _modes("mode", config.mode, context)
-        self._search_modes = _modes("search_mode", config.search_mode, context)
         #: The sensors that search, in that mode.
         self._searching: set[str] = set()
         #: By sensor the track that it follows and the time since when.
@@ -86,20 +84,15 @@ class Cue(Director):
     def commands(self, situation: Situation) -> Sequence[Command]:
         """Return a command for each sensor that has a track to follow, or begins to search."""
         followed = self._following(situation)
-        for record in situation.refused:
-            self._searching.discard(record.sensor)
+        self._searching.difference_update(record.sensor for record in situation.refused)
         self._searching.difference_update(command.sensor for command in followed)
-        idle = [
-            sensor.id
-            for sensor in situation.sensors
-            if self._search_modes[sensor.id]
-            and sensor.id not in self._searching.union(command.sensor for command in followed)
-        ]
-        self._searching.update(idle)
+        busy = self._searching.union(command.sensor for command in followed)
         searches = [
-            Command(sensor=sensor, mode=self._search_modes[sensor], reason="no track")
-            for sensor in idle
+            Command(sensor=sensor.id, mode=self._config.search_mode, reason="no track")
+            for sensor in situation.sensors
+            if sensor.id not in busy and _mode_in(sensor, self._config.search_mode)
         ]
+        self._searching.update(command.sensor for command in searches)
         return [*followed, *searches]
 
     def _following(self, situation: Situation) -> Sequence[Command]:
@@ -115,6 +108,7 @@ class Cue(Director):
                 self._followed[sensor] = sight.tracks[row], situation.time_s
         position_m = position_at(tracks, situation.time_s)
         rows = {track: row for row, track in enumerate(sight.tracks)}
+        sensors = {sensor.id: sensor for sensor in situation.sensors}
         return [
             Command(
                 sensor=sensor,
@@ -122,7 +116,7 @@ class Cue(Director):
                 velocity_m_s=tracks.state[rows[track], 3:],
                 track=track,
                 reason=f"track {track} since {since_s:g} s",
-                mode=self._modes[sensor],
+                mode=_mode_in(sensors[sensor], self._config.mode),
             )
             for sensor, (track, since_s) in self._followed.items()
         ]
@@ -201,16 +195,17 @@ def _variance_m2(tracks: Tracks) -> FloatArray:
     return np.nan_to_num(diagonal[:, :3].sum(axis=1), nan=np.inf)
 
 
-def _modes(setting: str, mode: str, context: DirectorContext) -> dict[str, str]:
-    """Return by sensor the mode of a setting, "" for sensors that do not have it; raises
-    `SceneError` if none has it.
-    """
-    modes = {sensor.id: mode if mode in sensor.modes else "" for sensor in context.sensors}
-    if mode and mode not in modes.values():
-        known = {name for sensor in context.sensors for name in sensor.modes}
+def _mode_in(sensor: Sensor, mode: str) -> str:
+    """Return a mode that a sensor has, "" for another one."""
+    return mode if mode in sensor.modes else ""
+
+
+def _require_mode(setting: str, mode: str, context: DirectorContext) -> None:
+    """Raise `SceneError` if no sensor has the mode of a setting."""
+    known = {name for sensor in context.sensors for name in sensor.modes}
+    if mode and mode not in known:
         words = f"no sensor has the mode {mode!r}{nearest(mode, known)}"
         raise SceneError([Problem(setting, words)])
-    return modes
 
 
 def operator(_config: NoConfig, _context: DirectorContext) -> Operator:
@@ -219,10 +214,13 @@ def operator(_config: NoConfig, _context: DirectorContext) -> Operator:
 
 
 def round_robin(config: RoundRobinConfig, context: DirectorContext) -> RoundRobin:
-    """Return the director `round-robin`."""
-    return RoundRobin(config, context)
+    """Return the director `round-robin`; raises `SceneError` if no sensor has its mode."""
+    _require_mode("mode", config.mode, context)
+    return RoundRobin(config)
 
 
 def cue(config: CueConfig, context: DirectorContext) -> Cue:
-    """Return the director `cue`."""
-    return Cue(config, context)
+    """Return the director `cue`; raises `SceneError` if no sensor has one of its modes."""
+    _require_mode("mode", config.mode, context)
+    _require_mode("search_mode", config.search_mode, context)
+    return Cue(config)
