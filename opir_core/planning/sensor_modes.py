@@ -6,8 +6,10 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import IndexArray
+from opir_core.host.boundary import PluginErrors
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.faults import SensorFaults
-from opir_core.planning.plan import Plan, with_sensors
+from opir_core.planning.plan import Plan, models_of
 from opir_core.planning.sensor_states import PointingBias
 
 
@@ -48,7 +50,21 @@ class SensorModes:
             faults=None if plan.faults is None else _of_modes(plan.faults, sensor),
             scan_generations=tuple(generations),
         )
-        return cls(with_sensors(changed, sensors), sensor, names)
+        return cls(_with_sensors(changed, sensors), sensor, names)
+
+
+def _with_sensors(plan: Plan, sensors: tuple[Sensor, ...]) -> Plan:
+    """Return a plan with other sensors: models, pairs and lines of sight are built for them."""
+    with PluginErrors(plan.host, plan.scene):
+        models = models_of(plan.scene, plan.host, sensors, plan.targets, plan.sources)
+        detection, classifier, confidence = models
+        changed = evolve(plan, sensors=sensors, detection=detection, classifier=classifier)
+        exclusions = changed.solar_exclusions()
+        pairs, sightlines = changed.pair_compiler(exclusions).compiled()
+    changed = evolve(changed, confidence=confidence, pairs=pairs, sightlines=sightlines)
+    changed = evolve(changed, exclusions=exclusions, kept={})
+    changed.workload.require_run()
+    return changed
 
 
 def _of_modes(faults: SensorFaults, sensor: IndexArray) -> SensorFaults:

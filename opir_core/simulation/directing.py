@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +18,11 @@ from opir_core.interfaces.directors import (
 from opir_core.interfaces.records import CommandRecord, Detections, Tracks, Window
 from opir_core.planning.keep_out import sun_refusal
 from opir_core.planning.plan import Plan
+from opir_core.planning.sensor_modes import SensorModes
+from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.planning.visibility import visible_now
+from opir_core.simulation.merging import MergeModes
 from opir_core.simulation.pointing import PointedFields
-
-if TYPE_CHECKING:
-    from opir_core.planning.sensor_modes import SensorModes
-    from opir_core.planning.solar_exclusion import SolarExclusion
 
 
 class Directing:
@@ -178,7 +176,7 @@ class Directing:
                 reach &= limit.is_clear(sensor_m, position_ecef_m, at_s)
         return reach
 
-    def _exclusion(self, number: int) -> "SolarExclusion | None":
+    def _exclusion(self, number: int) -> SolarExclusion | None:
         return self._plan.exclusions[number] if self._plan.exclusions else None
 
     def _obeyed(self, command: Command, time_s: float) -> CommandRecord:
@@ -233,11 +231,15 @@ class Directing:
         )
 
 
-def directed(plan: Plan, modes: "SensorModes | None") -> tuple[PointedFields, Directing | None]:
-    """Return the narrow fields of a plan's sensors and their modes, and what asks its director,
-    None without one.
+def directed(
+    plan: Plan,
+) -> tuple[PointedFields, Directing | None, SensorModes | None, MergeModes | None]:
+    """Return the narrow fields of a plan's sensors, what asks its director, the modes that this
+    names and the stage that merges them; None without one.
     """
-    fields = PointedFields(plan, modes)
     if plan.make_director is None:
-        return fields, None
-    return fields, Directing(plan, plan.make_director(), fields)
+        return PointedFields(plan), None, None, None
+    modes = SensorModes.of(plan) if any(sensor.modes for sensor in plan.sensors) else None
+    fields = PointedFields(plan, modes)
+    merge = None if modes is None else MergeModes(modes, fields)
+    return fields, Directing(plan, plan.make_director(), fields), modes, merge

@@ -8,7 +8,7 @@ edges.
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from attrs import evolve
 
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from opir_core.interfaces.directors import SensorTask
     from opir_core.planning.sensor_modes import SensorModes
     from opir_core.simulation.directing import Directing
+    from opir_core.simulation.merging import MergeModes
     from opir_core.simulation.pointing import PointedFields
     from opir_core.simulation.reporting import ReportingDelays
 
@@ -56,14 +57,16 @@ class Engine:
         #: Made at the first window: an engine that takes over continues with another's tracker.
         self._scheduled: ScheduledTracker | None = None
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
-        self._modes = _modes(plan)
-        look_plan = plan if self._modes is None else self._modes.plan
+        self._directed = _directed(plan)
+        modes = self._directed.modes
+        look_plan = plan if modes is None else modes.plan
         names = look_plan.pair_names(), look_plan.scan_names()
         self._streams = PairStreams(plan.scene.seed, *names)
-        self._fields, self._directing = _directed(plan, self._modes)
+        self._fields = self._directed.fields
+        self._directing = self._directed.directing
         self._links = None if plan.links is None else plan.links.queues(len(plan.sensors))
         with self._plugin_errors:
-            self._count = CountDetections(look_plan, self._modes)
+            self._count = CountDetections(look_plan, modes)
             self._stages = self._planned_stages(look_plan)
 
     def _planned_stages(self, plan: Plan) -> Sequence[Stage]:
@@ -93,7 +96,7 @@ class Engine:
             build,
             insert_false_alarms,
             _reporting_delays(plan),
-            _merged_modes(self._modes, self._fields),
+            self._directed.merge,
             find_looks.forget,
         ]
         return [stage for stage in stages if stage]
@@ -205,33 +208,24 @@ class Engine:
         return evolve(window, estimates=tracked.estimates)
 
 
-def _modes(plan: Plan) -> "SensorModes | None":
-    """Return the modes of a plan's sensors, None where no director names any."""
-    if plan.make_director is None or not any(sensor.modes for sensor in plan.sensors):
-        return None
-    from opir_core.planning.sensor_modes import SensorModes
+class _Directed(NamedTuple):
+    """The narrow fields of a plan's sensors, what asks its director, and the sensors' modes with
+    the stage that gives their detections to the sensors; None for none.
+    """
 
-    return SensorModes.of(plan)
-
-
-def _merged_modes(modes: "SensorModes | None", fields: "PointedFields | None") -> Stage | None:
-    """Return the stage that gives the detections of modes to their sensors, None without modes."""
-    if modes is None or fields is None:
-        return None
-    from opir_core.simulation.merging import MergeModes
-
-    return MergeModes(modes, fields)
+    fields: "PointedFields | None" = None
+    directing: "Directing | None" = None
+    modes: "SensorModes | None" = None
+    merge: "MergeModes | None" = None
 
 
-def _directed(
-    plan: Plan, modes: "SensorModes | None"
-) -> "tuple[PointedFields | None, Directing | None]":
-    """Return the narrow fields of a plan's sensors and what asks its director, None for none."""
+def _directed(plan: Plan) -> _Directed:
+    """Return what a plan has of narrow fields, a director and modes."""
     if not any(sensor.pointing for sensor in plan.sensors):
-        return None, None
+        return _Directed()
     from opir_core.simulation.directing import directed
 
-    return directed(plan, modes)
+    return _Directed(*directed(plan))
 
 
 def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:
