@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_scene import DIRECTED, LATER, NS, batch, lines, mapping
+from live_scene import DIRECTED, IN_MODES, LATER, NS, batch, lines, mapping
 
 from opir_core import Engine, Scene, compile_plan
 from opir_core.errors import SceneError
@@ -26,7 +26,7 @@ def scene(host: Host) -> Scene:
     return scene_from_mapping(mapping(), host=host)
 
 
-@pytest.mark.parametrize("settings", [{}, DIRECTED])
+@pytest.mark.parametrize("settings", [{}, DIRECTED, IN_MODES])
 @pytest.mark.parametrize("admitted_s", [0.05, 3.2, 29.999, 31.7])
 def test_a_launch_between_windows_gives_the_events_of_a_batch(
     host: Host, admitted_s: float, settings: dict[str, Any]
