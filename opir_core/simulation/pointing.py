@@ -74,8 +74,12 @@ class PointedFields:
         }
 
     def take_over(self, former: "PointedFields") -> None:
-        """Go on with the aims of a run of the same sensors."""
-        self._aims.update(former._aims)
+        """Go on with the aims of a run of the same sensors, in their modes as far as they have them."""
+        for number, aims in former._aims.items():
+            modes = self.sensors[number].modes
+            self._aims[number] = [
+                evolve(aim, mode=aim.mode if aim.mode in modes else "") for aim in aims
+            ]
 
     def point(self, number: int, command: Command, time_s: float) -> FieldAim:
         """Point a sensor; return the aim, with the times at which it leaves the former and reaches

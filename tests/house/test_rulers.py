@@ -15,7 +15,7 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 273_800,
+    "opir_core": 273_900,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_dsp": 500,
@@ -39,7 +39,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 46_100,
     "benchmarks": 98_100,
-    "tests": 806_200,
+    "tests": 806_300,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.
