@@ -10,7 +10,7 @@ from attrs import frozen
 from opir_core.builtin.plugin import built_by
 from opir_core.host.components import DirectorModel
 from opir_core.host.hookspecs import hookimpl
-from opir_core.scene.fields import nested, number
+from opir_core.scene.fields import nested, number, text
 from opir_core.sensors.pointed_sensor import place_complaint
 
 
@@ -27,6 +27,14 @@ def _least_probability_launch() -> Any:
         maximum=1.0,
         help="tracks with a smaller probability of a launch get no sensor; those whose tracker does"
         " not weigh it do",
+    )
+
+
+def _mode(words: str) -> Any:
+    return text(
+        default="",
+        source="none: sensors stay in their modes",
+        help=f"mode of sensors {words}; sensors without it stay as they are",
     )
 
 
@@ -47,6 +55,7 @@ class RoundRobinConfig:
         maximum=86_400.0,
         help="time from one place to the next, the turn of the sensor included",
     )
+    mode: str = _mode("at the places")
 
 
 @frozen(kw_only=True)
@@ -70,6 +79,8 @@ class CueConfig:
         maximum=3600.0,
         help="a track that its sensor will have lost in so long gets another sensor before",
     )
+    mode: str = _mode("that follow a track")
+    search_mode: str = _mode("without a track, which look where they did")
     least_probability_launch: float = _least_probability_launch()
 
 

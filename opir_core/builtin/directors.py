@@ -7,10 +7,12 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.builtin.director_models import CueConfig, RoundRobinConfig
+from opir_core.errors import Problem, SceneError, nearest
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.directors import Command, Director, DirectorContext, Situation
 from opir_core.interfaces.records import Tracks
+from opir_core.interfaces.sensors import Sensor
 
 
 class Operator(Director):
@@ -51,8 +53,9 @@ class RoundRobin(Director):
                 place = int(places[self._turn % len(places)])
                 position_m = self._places_m[place]
                 reason = f"place {place + 1} in turn"
+                mode = _mode_in(sensor, self._config.mode)
                 commands.append(
-                    Command(sensor=sensor.id, position_ecef_m=position_m, reason=reason)
+                    Command(sensor=sensor.id, position_ecef_m=position_m, reason=reason, mode=mode)
                 )
         self._turn += 1
         return commands
@@ -68,6 +71,8 @@ class Cue(Director):
 
     def __init__(self, config: CueConfig) -> None:
         self._config = config
+        #: The sensors that search, in that mode.
+        self._searching: set[str] = set()
         #: By sensor the track that it follows and the time since when.
         self._followed: dict[str, tuple[int, float]] = {}
 
@@ -77,6 +82,20 @@ class Cue(Director):
         return self._config.interval_s
 
     def commands(self, situation: Situation) -> Sequence[Command]:
+        """Return a command for each sensor that has a track to follow, or begins to search."""
+        followed = self._following(situation)
+        self._searching.difference_update(record.sensor for record in situation.refused)
+        self._searching.difference_update(command.sensor for command in followed)
+        busy = self._searching.union(command.sensor for command in followed)
+        searches = [
+            Command(sensor=sensor.id, mode=self._config.search_mode, reason="no track")
+            for sensor in situation.sensors
+            if sensor.id not in busy and _mode_in(sensor, self._config.search_mode)
+        ]
+        self._searching.update(command.sensor for command in searches)
+        return [*followed, *searches]
+
+    def _following(self, situation: Situation) -> Sequence[Command]:
         """Return a command for each sensor that has a track to follow."""
         tracks = tracks_to_follow(situation.tracks, self._config.least_probability_launch)
         if not len(tracks):
@@ -89,6 +108,7 @@ class Cue(Director):
                 self._followed[sensor] = sight.tracks[row], situation.time_s
         position_m = position_at(tracks, situation.time_s)
         rows = {track: row for row, track in enumerate(sight.tracks)}
+        sensors = {sensor.id: sensor for sensor in situation.sensors}
         return [
             Command(
                 sensor=sensor,
@@ -96,6 +116,7 @@ class Cue(Director):
                 velocity_m_s=tracks.state[rows[track], 3:],
                 track=track,
                 reason=f"track {track} since {since_s:g} s",
+                mode=_mode_in(sensors[sensor], self._config.mode),
             )
             for sensor, (track, since_s) in self._followed.items()
         ]
@@ -174,16 +195,32 @@ def _variance_m2(tracks: Tracks) -> FloatArray:
     return np.nan_to_num(diagonal[:, :3].sum(axis=1), nan=np.inf)
 
 
+def _mode_in(sensor: Sensor, mode: str) -> str:
+    """Return a mode that a sensor has, "" for another one."""
+    return mode if mode in sensor.modes else ""
+
+
+def _require_mode(setting: str, mode: str, context: DirectorContext) -> None:
+    """Raise `SceneError` if no sensor has the mode of a setting."""
+    known = {name for sensor in context.sensors for name in sensor.modes}
+    if mode and mode not in known:
+        words = f"no sensor has the mode {mode!r}{nearest(mode, known)}"
+        raise SceneError([Problem(setting, words)])
+
+
 def operator(_config: NoConfig, _context: DirectorContext) -> Operator:
     """Return the director `operator`."""
     return Operator()
 
 
-def round_robin(config: RoundRobinConfig, _context: DirectorContext) -> RoundRobin:
-    """Return the director `round-robin`."""
+def round_robin(config: RoundRobinConfig, context: DirectorContext) -> RoundRobin:
+    """Return the director `round-robin`; raises `SceneError` if no sensor has its mode."""
+    _require_mode("mode", config.mode, context)
     return RoundRobin(config)
 
 
-def cue(config: CueConfig, _context: DirectorContext) -> Cue:
-    """Return the director `cue`."""
+def cue(config: CueConfig, context: DirectorContext) -> Cue:
+    """Return the director `cue`; raises `SceneError` if no sensor has one of its modes."""
+    _require_mode("mode", config.mode, context)
+    _require_mode("search_mode", config.search_mode, context)
     return Cue(config)

@@ -31,8 +31,8 @@ class Information(Director):
 
     def __init__(self, config: InformationConfig) -> None:
         self._config = config
-        #: By sensor the last command and its time.
-        self._last: dict[str, tuple[Command, float]] = {}
+        #: By sensor the last position and velocity that it was pointed at, and when.
+        self._last: dict[str, tuple[FloatArray, FloatArray, float]] = {}
 
     @property
     def interval_s(self) -> float:
@@ -68,7 +68,11 @@ class Information(Director):
                 track=track,
                 reason=f"track {track}: {gain:.2f} nats in {self._config.horizon_s:g} s",
             )
-            self._last[command.sensor] = command, situation.time_s
+            self._last[command.sensor] = (
+                position_m[row],
+                tracks.state[row, 3:],
+                situation.time_s,
+            )
             commands.append(command)
         return commands
 
@@ -115,8 +119,8 @@ class Information(Director):
     ) -> FloatArray:
         """Return the direction (3,) of a sensor's field."""
         if sensor in self._last:
-            command, since_s = self._last[sensor]
-            return command.position_ecef_m + command.velocity_m_s * (time_s - since_s) - sensor_m
+            position_m, velocity_m_s, since_s = self._last[sensor]
+            return position_m + velocity_m_s * (time_s - since_s) - sensor_m
         return -sensor_m if pointing.at_ecef_m is None else pointing.at_ecef_m - sensor_m
 
 

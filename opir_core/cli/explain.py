@@ -74,6 +74,7 @@ def _as_text(plan: Mapping[str, Any]) -> str:
             *map(expectation_text, plan["expected_launches"]),
             *_lines("sensors fail", plan["faults"]),
             *_lines("sensors that see only where they are pointed", plan["directed"]),
+            *_lines("modes that a command may name", plan["modes"]),
             *(
                 f"{name} knows the true types of targets: its reports are no test of discrimination"
                 for name in plan["truth_users"]

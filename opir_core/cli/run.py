@@ -335,8 +335,9 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         f" looks, "
         f"{scene.duration_s:g} s, seed {scene.seed}"
     )
+    notes = [*([] if lost is None else [_lost(counts)]), *_refused(counts), *scene.automatic]
     sections = [
-        "\n".join([head, *([] if lost is None else [_lost(counts)]), *scene.automatic]),
+        "\n".join([head, *notes]),
         "\n".join(answers(outcome.summary)),
         _sensor_table(outcome.summary),
         _health(outcome.summary),
@@ -355,6 +356,13 @@ def _lost(counts: Mapping[str, int]) -> str:
     """Return how many reports the links lose, in words."""
     sent = counts["detections"] + counts["lost_reports"]
     return f"links: {grouped(counts['lost_reports'])} of {grouped(sent)} reports do not arrive"
+
+
+def _refused(counts: Mapping[str, int]) -> list[str]:
+    """Return how many commands sensors refuse, in words; nothing if none."""
+    refused = counts.get("refused_commands", 0)
+    words = f"director: {grouped(refused)} of {grouped(counts.get('commands', 0))} commands refused"
+    return [words] if refused else []
 
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")

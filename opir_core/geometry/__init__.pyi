@@ -47,6 +47,7 @@ from opir_core.geometry.sun import (
     ASTRONOMICAL_UNIT_M as ASTRONOMICAL_UNIT_M,
     SUN_RADIUS_M as SUN_RADIUS_M,
     is_sunlit as is_sunlit,
+    limb_angle_rad as limb_angle_rad,
     shadow_margins_rad as shadow_margins_rad,
     sun_ecef_m as sun_ecef_m,
     sun_position_ecef_m as sun_position_ecef_m,

@@ -204,6 +204,18 @@ def shadow_margins_rad(position_m: ArrayLike, sun_position_m: ArrayLike) -> Shad
     return ShadowMargins(separation - (earth + sun), separation - (earth - sun))
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+def limb_angle_rad(position_m: ArrayLike, target_m: ArrayLike) -> FloatArray:
+    """Return how far targets are from the Earth's limb as seen from positions (..., 3), rad,
+    negative before its disc.
+
+    Both in one Earth-centred frame, m. The stretch of `sunlit_fraction` changes angles by up to
+    0.4 %, and none that are 0.
+    """
+    _, earth, separation = _discs(position_m, target_m)
+    return separation - earth
+
+
 def _discs(position_m: ArrayLike, sun_position_m: ArrayLike) -> _Discs:
     """Return the discs of Sun and Earth, after the stretch along z that makes the Earth a sphere.
 

@@ -17,17 +17,20 @@ from opir_core.interfaces.sensors import Sensor
 
 @frozen(eq=False, kw_only=True)
 class Command:
-    """Points the narrow field of a sensor, given by its id, at a point that moves evenly.
+    """Points the narrow field of a sensor, given by its id, at a point that moves evenly, or has it
+    look in a `mode`, one of the names in `Sensor.modes`, or both.
 
-    `position_ecef_m` (3,) is at the time of the decision, `velocity_m_s` (3,) in ECEF. `track` is
-    the number of the track that the command follows, -1 for none; `reason` is one line for people.
+    `position_ecef_m` (3,) is at the time of the decision, `velocity_m_s` (3,) in ECEF; without a
+    position it looks where it did, without a mode as it did. `track` is the number of the track
+    that the command follows, -1 for none; `reason` is one line for people.
     """
 
     sensor: str
-    position_ecef_m: FloatArray = field(converter=floats)
+    position_ecef_m: FloatArray | None = field(default=None, converter=optional(floats))
     velocity_m_s: FloatArray = field(default=(0.0, 0.0, 0.0), converter=floats)
     track: int = -1
     reason: str = ""
+    mode: str = ""
 
 
 def _point(values: ArrayLike) -> FloatArray:
@@ -39,12 +42,14 @@ def _point(values: ArrayLike) -> FloatArray:
 class SensorTask:
     """What an operator has a sensor do, given by its id, in place of the director's commands.
 
-    It looks at a point (3,), ECEF, or follows a track; with neither it is the director's again.
+    It looks at a point (3,), ECEF, or follows a track, or looks in a `mode`; with none of these it
+    is the director's again.
     """
 
     sensor: str
     position_ecef_m: FloatArray | None = field(default=None, converter=optional(_point))
     track: int = -1
+    mode: str = ""
 
 
 @frozen(eq=False, kw_only=True)
@@ -55,7 +60,7 @@ class Situation:
     is available. `sensors` are those with a narrow field. `refused` are the commands of the last
     decision that sensors did not take. `in_reach(sensor, position_ecef_m, after_s)` returns which
     positions (n, 3) a sensor, given by its id, can be pointed at `after_s` after the decision, by
-    default at once: in its field of regard, not behind the Earth, not beside the Sun.
+    default at once: in its field of regard, not behind the Earth, not beside the Sun or the limb.
     """
 
     time_s: float
@@ -112,6 +117,7 @@ def command_fault(commands: Any) -> str:
     for command in commands:
         if not isinstance(command, Command):
             return f"returned {type(command).__name__} among its commands, not a Command"
-        if command.position_ecef_m.shape != (3,) or command.velocity_m_s.shape != (3,):
+        vectors = command.position_ecef_m, command.velocity_m_s
+        if any(vector is not None and vector.shape != (3,) for vector in vectors):
             return f"returned a command to {command.sensor} whose vectors are not of shape (3,)"
     return ""

@@ -336,7 +336,8 @@ class CommandRecord(NamedTuple):
     """What became of a command that was given at `time_s`.
 
     The sensor leaves its former direction at `start_s` and looks in the new one from `from_s` on.
-    `refusal` is why it did not take the command, "" if it did; then both times are nan.
+    `refusal` is why it did not take the command, "" if it did; then both times are nan. `mode` is
+    the mode that the command names, "" for none.
     """
 
     time_s: float
@@ -346,6 +347,7 @@ class CommandRecord(NamedTuple):
     start_s: float
     from_s: float
     refusal: str = ""
+    mode: str = ""
 
 
 @frozen(eq=False, repr=False)

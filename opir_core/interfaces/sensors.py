@@ -120,8 +120,9 @@ class Pointing(NamedTuple):
     """The narrow field of a sensor that is pointed: it looks in no other direction.
 
     `delay_s` after a command it turns at `slew_rad_s`, and looks again after `settle_s` if the new
-    direction was outside of the field. Without a command it is pointed at `at_ecef_m` (3,), None
-    for nadir.
+    direction was outside of the field, or the mode another. Without a command it is pointed at
+    `at_ecef_m` (3,), None for nadir. It makes no look while its axis is within `sun_keep_out_rad`
+    of the Sun's centre or `limb_keep_out_rad` of the Earth's limb, 0 for no limit.
     """
 
     half_angle_rad: float
@@ -129,6 +130,8 @@ class Pointing(NamedTuple):
     settle_s: float = 0.0
     delay_s: float = 0.0
     at_ecef_m: tuple[float, float, float] | None = None
+    sun_keep_out_rad: float = 0.0
+    limb_keep_out_rad: float = 0.0
 
 
 @frozen(eq=False, kw_only=True)
@@ -151,7 +154,8 @@ class Sensor:
 
     `watched_s` are the spans of scene time in which it looks, in order; None for all of it. That
     nothing was detected outside of them says nothing. A sensor with `pointing` looks only where it
-    is pointed, which its field of regard bounds.
+    is pointed, which its field of regard bounds; `modes` are, by name, what it is in each of its
+    modes.
     """
 
     id: str
@@ -174,6 +178,7 @@ class Sensor:
     reporting: tuple[ReportingStage, ...] = ()
     watched_s: Spans | None = None
     pointing: Pointing | None = None
+    modes: "Mapping[str, Sensor]" = field(factory=dict)
     settings: Mapping[str, Any] = field(factory=dict)
 
     def __repr__(self) -> str:

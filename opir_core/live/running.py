@@ -550,7 +550,8 @@ class LiveRun:
         """
         position = self._position
         if isinstance(change, SensorTask):
-            self._record({"task": asdict(change)})
+            task = asdict(change)
+            self._record({"task": {key: task[key] for key in task if key != "mode" or task[key]}})
             return position.task(change)
         latest_ns = change.not_after_ns
         is_late = latest_ns is not None and latest_ns < position.engine.time_ns

@@ -157,6 +157,7 @@ class _CommandLine(msgspec.Struct, gc=False):
     start_s: float | None = None
     from_s: float | None = None
     refusal: str = ""
+    mode: str = ""
 
 
 def read_commands(path: Path) -> list[CommandRecord]:
@@ -176,7 +177,7 @@ def _command_of_line(text: bytes, number: int, path: Path) -> CommandRecord:
     from_s = np.nan if line.from_s is None else line.from_s
     track = -1 if line.track_id is None else line.track_id
     return CommandRecord(
-        line.time_s, line.sensor_id, track, line.reason, start_s, from_s, line.refusal
+        line.time_s, line.sensor_id, track, line.reason, start_s, from_s, line.refusal, line.mode
     )
 
 
@@ -186,6 +187,8 @@ def _command_row(record: CommandRecord) -> Mapping[str, Any]:
     track = None if record.track < 0 else record.track
     ids = {"sensor_id": values.pop("sensor"), "track_id": track}
     del values["track"]
+    if not record.mode:
+        del values["mode"]
     return {"time_s": values.pop("time_s"), **ids, **values}
 
 

@@ -9,7 +9,7 @@ from opir_core.host.boundary import check_hint, owner_text
 from opir_core.host.host import Host
 from opir_core.interfaces.directors import Director, DirectorContext
 from opir_core.interfaces.sensors import Sensor
-from opir_core.planning.built_parts import built
+from opir_core.planning.built_parts import BuildProblems, built
 from opir_core.scene.scene import BY_OBSERVATION, Choice, Scene
 
 
@@ -27,7 +27,10 @@ def director_maker(
         raise SceneError([Problem(choice.path, words)])
     context = DirectorContext(sensors=sensors, epoch_us=scene.epoch_us, duration_s=scene.duration_s)
     make = partial(_director, host, choice, context)
-    make()
+    problems = BuildProblems()
+    with problems.of(choice.path):
+        make()
+    problems.require_none()
     return make
 
 

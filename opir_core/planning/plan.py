@@ -296,7 +296,7 @@ def _seeded_parts(plan: Plan, scene: Scene) -> dict[str, Any]:
     launches = plan.targets.trajectories[: len(places)]
     sources = _sources(scene, host, sensors, launches)
     targets = _joined(scene, launches, places, sources)
-    detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
+    detection, classifier, confidence = models_of(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
     models = {"detection": detection, "classifier": classifier, "confidence": confidence}
     return {**models, "sources": sources, "targets": targets, "make_tracker": make_tracker}
@@ -327,7 +327,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         sources = _sources(scene, host, sensors, launches)
     problems.require_none()
     targets = _joined(scene, launches, _rows_by_model(scene), sources)
-    detection, classifier, confidence = _models(scene, host, sensors, targets, sources)
+    detection, classifier, confidence = models_of(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
@@ -362,7 +362,7 @@ def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightli
     """
     with PluginErrors(plan.host, plan.scene):
         arguments = plan.scene, plan.host, plan.sensors, targets, plan.sources
-        detection, classifier, confidence = _models(*arguments, plan.classifier)
+        detection, classifier, confidence = models_of(*arguments, plan.classifier)
     changed = evolve(plan, detection=detection, classifier=classifier, confidence=confidence)
     return evolve(changed, targets=targets, pairs=pairs, sightlines=sightlines)
 
@@ -393,7 +393,7 @@ def _sensor(host: Host, choice: Choice, context: SensorContext) -> Sensor:
     return sensor
 
 
-def _models(
+def models_of(
     scene: Scene,
     host: Host,
     sensors: tuple[Sensor, ...],

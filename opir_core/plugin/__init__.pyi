@@ -146,6 +146,7 @@ from opir_core.scene.target_classes import (
     TargetClass as TargetClass,
 )
 from opir_core.sensors.pointed_sensor import (
+    ModeConfig as ModeConfig,
     PointedSensorConfig as PointedSensorConfig,
     PointingConfig as PointingConfig,
 )

@@ -66,6 +66,7 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
         follows_bodies=config.follows_bodies,
         reporting=_reporting(config.reporting),
         pointing=_pointing(config),
+        modes=_modes(config, context, type_),
         settings={**asdict(config), "field_of_regard_half_angle_deg": half_angle_deg, **completed},
     )
 
@@ -86,7 +87,20 @@ def _pointing(config: ScanningSensorConfig) -> Pointing | None:
         settle_s=pointing.settle_s,
         delay_s=pointing.delay_s,
         at_ecef_m=at_ecef_m,
+        sun_keep_out_rad=math.radians(pointing.sun_keep_out_deg),
+        limb_keep_out_rad=math.radians(pointing.limb_keep_out_deg),
     )
+
+
+def _modes(
+    config: ScanningSensorConfig, context: SensorContext, type_: str
+) -> Mapping[str, Sensor]:
+    """Return by name what a sensor is in each of its modes, with an id of its own."""
+    in_mode: Any = getattr(config, "in_mode", None)
+    return {
+        name: built_sensor(in_mode(name), evolve(context, id=f"{context.id}/{name}"), type_)
+        for name in sorted(getattr(config, "modes", ()))
+    }
 
 
 def _reporting(config: ReportingConfig) -> tuple[ReportingStage, ...]:

@@ -1,8 +1,12 @@
 """The configuration of a sensor with a narrow field that is pointed."""
 
-from attrs import frozen
+from collections.abc import Iterable, Mapping
+from typing import Any, Self
 
-from opir_core.scene.fields import nested, number
+from attrs import Factory, asdict, evolve, field, fields_dict, frozen
+
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
+from opir_core.scene.fields import METADATA_KEY, info_of, nested, number
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 
@@ -52,6 +56,60 @@ class PointingConfig:
         help="place at which the sensor is pointed without a command, [latitude, east longitude];"
         " default: nadir",
     )
+    sun_keep_out_deg: float = number(
+        default=0.0,
+        unit="deg",
+        minimum=0.0,
+        maximum=90.0,
+        source="0: no limit but solar_exclusion_deg, of each line of sight",
+        help="least angle between the axis of the field and the Sun's centre, while any of the Sun"
+        " is in view of the satellite; no look is made and no command is taken within it",
+    )
+    limb_keep_out_deg: float = number(
+        default=0.0,
+        unit="deg",
+        minimum=0.0,
+        maximum=90.0,
+        source="0: no limit",
+        help="least angle between the axis of the field and the Earth's limb, on either side of it;"
+        " no look is made and no command is taken within it",
+    )
+
+
+def _differing(config_class: type, name: str) -> Any:
+    """Return an attrs field for a setting that a mode may have in place of that of its sensor."""
+    attribute = fields_dict(config_class)[name]
+    info = evolve(info_of(attribute), source="as the sensor", subject="", read_if=None)
+    return field(
+        default=None,
+        validator=attribute.validator,
+        metadata={METADATA_KEY: info},
+        kw_only=True,
+    )
+
+
+@frozen(kw_only=True)
+class ModeConfig:
+    """What may differ in a mode of a sensor; what a scene leaves out is as in the sensor."""
+
+    half_angle_deg: float | None = _differing(PointingConfig, "half_angle_deg")
+    slew_deg_s: float | None = _differing(PointingConfig, "slew_deg_s")
+    settle_s: float | None = _differing(PointingConfig, "settle_s")
+    scan_period_ms: float | None = _differing(ScanningSensorConfig, "scan_period_ms")
+    line_of_sight_sigma_urad: float | None = _differing(
+        ScanningSensorConfig, "line_of_sight_sigma_urad"
+    )
+    ifov_urad: float | None = _differing(ScanningSensorConfig, "ifov_urad")
+    threshold_sigma: float | None = _differing(ScanningSensorConfig, "threshold_sigma")
+    integration_time_ms: float | None = _differing(FocalPlaneConfig, "integration_time_ms")
+    subframes: int | None = _differing(FocalPlaneConfig, "subframes")
+    detection_probability: Mapping[str, float] | None = nested(
+        default=None,
+        minimum=0.0,
+        maximum=1.0,
+        source="as the sensor",
+        help="probability of detection per look by target class, for detection: constant",
+    )
 
 
 @frozen(kw_only=True)
@@ -63,3 +121,38 @@ class PointedSensorConfig(ScanningSensorConfig):
     pointing: PointingConfig = nested(
         default=PointingConfig(), help="its narrow field, and how fast that is moved"
     )
+    modes: Mapping[str, ModeConfig] = nested(
+        default=Factory(dict),
+        source="none: the sensor's own settings alone",
+        help="by name, the settings that differ while the sensor is in a mode that a command names;"
+        " it starts with its own settings, and a mode without any ({}) returns to these",
+    )
+
+    def in_mode(self, name: str) -> Self:
+        """Return the settings of the sensor in a mode, itself without modes."""
+        mode = self.modes[name]
+        changes = {key: value for key, value in asdict(mode).items() if value is not None}
+        pointing = evolve(self.pointing, **_taken(changes, fields_dict(PointingConfig)))
+        plane_changes = _taken(changes, ("integration_time_ms", "subframes"))
+        if self.focal_plane is not None:
+            changes["focal_plane"] = evolve(self.focal_plane, **plane_changes)
+        elif plane_changes:
+            raise ValueError(f"{next(iter(plane_changes))}: the sensor has no focal_plane")
+        if "threshold_sigma" in changes:
+            changes["false_alarm_probability"] = None
+        return evolve(self, pointing=pointing, modes={}, **changes)
+
+    def _complaints(self) -> list[str | None]:
+        return [*super()._complaints(), *map(self._mode_complaint, self.modes)]
+
+    def _mode_complaint(self, name: str) -> str | None:
+        try:
+            self.in_mode(name)
+        except ValueError as error:
+            return f"modes.{name}: {error}"
+        return None if name else "modes: a mode without a name"
+
+
+def _taken(changes: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """Take the changes of some names out of others."""
+    return {name: changes.pop(name) for name in names if name in changes}

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.errors import ModelError
+from opir_core.errors import ModelError, nearest_names
 from opir_core.host.boundary import blamed_call, check_hint, owner_text
 from opir_core.interfaces.directors import (
     Command,
@@ -16,8 +16,12 @@ from opir_core.interfaces.directors import (
     command_fault,
 )
 from opir_core.interfaces.records import CommandRecord, Detections, Tracks, Window
+from opir_core.planning.keep_out import sun_refusal
 from opir_core.planning.plan import Plan
+from opir_core.planning.sensor_modes import SensorModes
+from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.planning.visibility import visible_now
+from opir_core.simulation.merging import MergeModes
 from opir_core.simulation.pointing import PointedFields
 
 
@@ -76,11 +80,11 @@ class Directing:
     def task(self, task: SensorTask, time_ns: int) -> CommandRecord:
         """Have a sensor do a task from a time on; return what became of it.
 
-        A task that the sensor refuses changes nothing. After one without point and track the
+        A task that the sensor refuses changes nothing. After one without point, track and mode the
         director commands the sensor again, at its next decision.
         """
         time_s = time_ns / 1_000_000_000
-        if task.position_ecef_m is None and task.track < 0:
+        if task.position_ecef_m is None and task.track < 0 and not task.mode:
             self._tasks.pop(task.sensor, None)
             record = CommandRecord(time_s, task.sensor, -1, "the director's again", np.nan, np.nan)
         else:
@@ -100,9 +104,12 @@ class Directing:
 
     def _command(self, task: SensorTask, time_s: float) -> Command:
         """Return the command of a task; its position is nan for a track without an estimate."""
-        if task.position_ecef_m is not None:
+        if task.position_ecef_m is not None or task.track < 0:
             return Command(
-                sensor=task.sensor, position_ecef_m=task.position_ecef_m, reason="operator"
+                sensor=task.sensor,
+                position_ecef_m=task.position_ecef_m,
+                reason="operator",
+                mode=task.mode,
             )
         rows = np.flatnonzero(self._latest.track == task.track)
         state = np.append(self._latest.state[rows], np.full((1, 6), np.nan), axis=0)[0]
@@ -113,6 +120,7 @@ class Directing:
             velocity_m_s=state[3:],
             track=task.track,
             reason="operator",
+            mode=task.mode,
         )
 
     def take(self, window: Window) -> None:
@@ -163,10 +171,13 @@ class Directing:
         at_s = np.full(len(position_ecef_m), time_s + after_s)
         sensor_m = self._plan.sensors[number].orbit.position_ecef_m(at_s)
         reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
-        exclusion = self._plan.exclusions[number] if self._plan.exclusions else None
-        if exclusion is not None:
-            reach &= exclusion.is_clear(sensor_m, position_ecef_m, at_s)
+        for limit in (self._exclusion(number), self.fields.keep_out(number)):
+            if limit is not None:
+                reach &= limit.is_clear(sensor_m, position_ecef_m, at_s)
         return reach
+
+    def _exclusion(self, number: int) -> SolarExclusion | None:
+        return self._plan.exclusions[number] if self._plan.exclusions else None
 
     def _obeyed(self, command: Command, time_s: float) -> CommandRecord:
         """Point the sensor of a command; return what became of it."""
@@ -184,24 +195,51 @@ class Directing:
             start_s=start_s,
             from_s=from_s,
             refusal=refusal,
+            mode=command.mode,
         )
 
     def _refusal(self, command: Command, time_s: float) -> str:
         """Return why a sensor does not take a command, "" if it does."""
         if command.sensor not in self._numbers:
             return f"{command.sensor} is no sensor with a narrow field"
-        vectors = np.concatenate([command.position_ecef_m, command.velocity_m_s])
+        modes = self._plan.sensors[self._numbers[command.sensor]].modes
+        if command.mode and command.mode not in modes:
+            names = ", ".join(nearest_names(command.mode, modes) or modes) or "none"
+            return f"{command.sensor} has no mode {command.mode!r}; the nearest: {names}"
+        return self._pointing_refusal(command, time_s)
+
+    def _pointing_refusal(self, command: Command, time_s: float) -> str:
+        """Return why a sensor cannot be pointed as a command says, "" if it can."""
+        position_m = command.position_ecef_m
+        if position_m is None:
+            return ""
+        vectors = np.concatenate([position_m, command.velocity_m_s])
         if not np.isfinite(vectors).all():
             without = "its position or velocity is not finite"
             return without if command.track < 0 else "its track has no estimate"
-        if not self._in_reach(time_s, command.sensor, command.position_ecef_m[None])[0]:
-            return "out of its field of regard, behind the Earth or beside the Sun"
-        return ""
+        if self._in_reach(time_s, command.sensor, position_m[None])[0]:
+            return ""
+        number = self._numbers[command.sensor]
+        at_s = np.array([time_s])
+        axis = self._plan.sensors[number].orbit.position_ecef_m(at_s), position_m[None], at_s
+        exclusion = self._exclusion(number)
+        keep_out = self.fields.keep_out(number)
+        return (
+            (keep_out is not None and keep_out.refusal(*axis))
+            or (exclusion is not None and sun_refusal(exclusion, *axis))
+            or "out of its field of regard, or behind the Earth"
+        )
 
 
-def directed(plan: Plan) -> tuple[PointedFields, Directing | None]:
-    """Return the narrow fields of a plan's sensors, and what asks its director, None without one."""
-    fields = PointedFields(plan.sensors)
+def directed(
+    plan: Plan,
+) -> tuple[PointedFields, Directing | None, SensorModes | None, MergeModes | None]:
+    """Return the narrow fields of a plan's sensors, what asks its director, the modes that this
+    names and the stage that merges them; None without one.
+    """
     if plan.make_director is None:
-        return fields, None
-    return fields, Directing(plan, plan.make_director(), fields)
+        return PointedFields(plan), None, None, None
+    modes = SensorModes.of(plan) if any(sensor.modes for sensor in plan.sensors) else None
+    fields = PointedFields(plan, modes)
+    merge = None if modes is None else MergeModes(modes, fields)
+    return fields, Directing(plan, plan.make_director(), fields), modes, merge

@@ -8,7 +8,7 @@ edges.
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from attrs import evolve
 
@@ -41,7 +41,9 @@ from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
 
 if TYPE_CHECKING:
     from opir_core.interfaces.directors import SensorTask
+    from opir_core.planning.sensor_modes import SensorModes
     from opir_core.simulation.directing import Directing
+    from opir_core.simulation.merging import MergeModes
     from opir_core.simulation.pointing import PointedFields
     from opir_core.simulation.reporting import ReportingDelays
 
@@ -52,15 +54,20 @@ class Engine:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.time_ns = 0
-        self._streams = PairStreams(plan.scene.seed, plan.pair_names(), plan.scan_names())
         #: Made at the first window: an engine that takes over continues with another's tracker.
         self._scheduled: ScheduledTracker | None = None
         self._plugin_errors = PluginErrors(plan.host, plan.scene)
-        self._fields, self._directing = _directed(plan)
+        self._directed = _directed(plan)
+        modes = self._directed.modes
+        look_plan = plan if modes is None else modes.plan
+        names = look_plan.pair_names(), look_plan.scan_names()
+        self._streams = PairStreams(plan.scene.seed, *names)
+        self._fields = self._directed.fields
+        self._directing = self._directed.directing
         self._links = None if plan.links is None else plan.links.queues(len(plan.sensors))
         with self._plugin_errors:
-            self._count = CountDetections(plan)
-            self._stages = self._planned_stages(plan)
+            self._count = CountDetections(look_plan, modes)
+            self._stages = self._planned_stages(look_plan)
 
     def _planned_stages(self, plan: Plan) -> Sequence[Stage]:
         """Return the stages of a window, in order. What does not happen in the scene is not among
@@ -89,6 +96,7 @@ class Engine:
             build,
             insert_false_alarms,
             _reporting_delays(plan),
+            self._directed.merge,
             find_looks.forget,
         ]
         return [stage for stage in stages if stage]
@@ -200,13 +208,24 @@ class Engine:
         return evolve(window, estimates=tracked.estimates)
 
 
-def _directed(plan: Plan) -> "tuple[PointedFields | None, Directing | None]":
-    """Return the narrow fields of a plan's sensors and what asks its director, None for none."""
+class _Directed(NamedTuple):
+    """The narrow fields of a plan's sensors, what asks its director, and the sensors' modes with
+    the stage that gives their detections to the sensors; None for none.
+    """
+
+    fields: "PointedFields | None" = None
+    directing: "Directing | None" = None
+    modes: "SensorModes | None" = None
+    merge: "MergeModes | None" = None
+
+
+def _directed(plan: Plan) -> _Directed:
+    """Return what a plan has of narrow fields, a director and modes."""
     if not any(sensor.pointing for sensor in plan.sensors):
-        return None, None
+        return _Directed()
     from opir_core.simulation.directing import directed
 
-    return directed(plan)
+    return _Directed(*directed(plan))
 
 
 def _measuring(sensor: IndexArray, build: BuildDetections) -> Stage:

@@ -63,6 +63,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "truth_users": _truth_users(plan),
         "faults": [str(fault) for fault in plan.scene.faults],
         "directed": [sensor.id for sensor in plan.sensors if sensor.pointing],
+        "modes": [f"{each.id}: {', '.join(each.modes)}" for each in plan.sensors if each.modes],
         "not_computed": _not_computed(plan),
         "warnings": plan_warnings(plan),
     }

@@ -18,6 +18,7 @@ from opir_core.simulation.observation import Hits, Observation
 from opir_core.simulation.output_checks import checked_confirmation
 
 if TYPE_CHECKING:
+    from opir_core.planning.sensor_modes import SensorModes
     from opir_core.simulation.confirmation import Confirmation
 
 #: numpy sorts whole numbers of 16 bits by radix, several times faster than longer ones.
@@ -82,8 +83,14 @@ class CountDetections:
     are reported.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, modes: "SensorModes | None" = None) -> None:
         self._names = plan.pair_names()
+        self._pairs = plan.pairs
+        #: By pair that of the sensor with its own settings, which counts for all its modes.
+        self._counted_pair: IntArray | None = None
+        if modes is not None:
+            pairs = plan.pairs
+            self._counted_pair = modes.sensor[pairs.sensor] * len(plan.targets.ids) + pairs.target
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
         self._confirmation = _confirmation(plan)
 
@@ -108,7 +115,7 @@ class CountDetections:
     def __call__(self, window: Observation) -> None:
         """Count the detections, which come in runs of a pair in order of time."""
         with window.turn:
-            window.count = self._counted(window.pair)
+            window.count = self._counts_of(window.pair, window.scan)
             if self._confirmation is None:
                 return
             reported = np.flatnonzero(self._confirmation.confirmed(window.pair, window.scan))
@@ -116,6 +123,16 @@ class CountDetections:
         window.pair = window.pair.take(reported)
         window.scan = window.scan.take(reported)
         window.count = window.count.take(reported)
+
+    def _counts_of(self, pair: IntArray, scan: IntArray) -> IndexArray:
+        """Return the numbers (n,) of detections by sensor and target so far, in order of time."""
+        if self._counted_pair is None:
+            return self._counted(pair)
+        counted = self._counted_pair[pair]
+        order = np.lexsort((look_times_ns(self._pairs, pair, scan), counted))
+        count = np.empty(len(pair), dtype=np.int32)
+        count[order] = self._counted(counted[order])
+        return count
 
     def _counted(self, pair: IntArray) -> IndexArray:
         """Return the numbers (n,) of detections of pairs (n,) so far, each included."""

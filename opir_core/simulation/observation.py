@@ -50,6 +50,8 @@ class Observation:
     #: The looks (l,), pair by pair, and the random numbers of their pairs.
     looks: Looks = field(init=False)
     numbers: WindowNumbers = field(init=False)
+    #: The looks in the modes in force, of sensors that have modes; None for all.
+    made: int | None = None
     #: P_d of the looks (l,); the active pairs that have looks with P_d between 0 and 1, None for
     #: all.
     probability: FloatArray = field(init=False)
@@ -78,7 +80,7 @@ class Observation:
         return Window(
             start_s=self.start_ns * 1e-9,
             end_s=self.end_ns * 1e-9,
-            looks=len(self.looks.pair),
+            looks=len(self.looks.pair) if self.made is None else self.made,
             detections=self.detections.freeze(),
             truth=self.truth.freeze(),
             tracks=Tracks.empty(),

@@ -69,6 +69,9 @@ class Tally:
         self.lost: IntArray | None = None
         if plan.links is not None:
             self.lost = np.zeros(shape[0], dtype=np.int64)
+        #: The commands to sensors and those that were refused, of a scene with a director.
+        self._commands = np.zeros(2, dtype=np.int64)
+        self._is_directed = plan.make_director is not None
         self._last_s = np.full(shape, -np.inf)
         self._reported = np.zeros((shape[1], len(self._types)), dtype=np.int64)
         self._confidence = np.zeros(shape[1])
@@ -102,6 +105,8 @@ class Tally:
             self._latest_tracks().take(window.tracks)
         if self.lost is not None and window.lost is not None:
             self.lost += window.lost
+        refused = sum(bool(record.refusal) for record in window.commands)
+        self._commands += len(window.commands), refused
         detections = window.detections
         target = window.truth.target
         self._count_held(target, detections.track)
@@ -167,6 +172,8 @@ class Tally:
 
     def counts(self) -> Mapping[str, int]:
         """Return the run's totals."""
+        commands, refused = self._commands.tolist()
+        directed = {"commands": commands, "refused_commands": refused}
         return {
             "sensors": len(self._sensors),
             "targets": int(np.count_nonzero(~self._is_source)),
@@ -176,6 +183,7 @@ class Tally:
             "noise_detections": int(self._noise.sum()),
             "tracks": len(self._latest) if self._latest else 0,
             **({} if self.lost is None else {"lost_reports": int(self.lost.sum())}),
+            **(directed if self._is_directed else {}),
         }
 
     def summary(self) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 270_530,
+    "opir_core": 274_200,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_displays": 3_800,
@@ -24,9 +24,9 @@ TOKENS: dict[str, int] = {
     "opir_export": 25_300,
     "opir_forecast": 42_100,
     "opir_heo": 400,
-    "opir_http": 28_900,
+    "opir_http": 28_950,
     "opir_kafka": 6_810,
-    "opir_leo": 900,
+    "opir_leo": 950,
     "opir_nextgen": 500,
     "opir_paper": 4_900,
     "opir_photons": 76_500,
@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 100_080,
-    "tests": 803_620,
+    "tests": 814_200,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -25,6 +25,16 @@ DIRECTED = {
         "dwell_s": 30.0,
     },
 }
+IN_MODES = {
+    "sensors": [
+        {"constellation": "DSP"},
+        {
+            **DIRECTED["sensors"][1],
+            "modes": {"sector": {"half_angle_deg": 3.0, "scan_period_ms": 700.0}},
+        },
+    ],
+    "director": {**DIRECTED["director"], "mode": "sector"},
+}
 
 
 def mapping(**changes):

@@ -61,7 +61,9 @@ class Configured(Closed):
 
 
 class Task(Closed):
-    """What a sensor with a narrow field is to look at: a place or a track, one of both."""
+    """What a sensor with a narrow field is to look at: a place or a track, one of both; and in which
+    of its modes.
+    """
 
     place_deg: (
         Annotated[
@@ -71,6 +73,7 @@ class Task(Closed):
         | UnsetType
     ) = UNSET
     track_id: Count | UnsetType = UNSET
+    mode: str = ""
 
 
 class TaskedAnswer(Closed):

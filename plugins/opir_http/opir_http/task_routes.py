@@ -37,7 +37,7 @@ async def task_options(sensor_id: Annotated[str, _SENSOR_ID]) -> Response[None]:
             "schema": {"$ref": f"{SCHEMAS}Task"},
             "examples": {
                 "place": {"value": {"place_deg": [41.0, 127.0]}},
-                "track": {"value": {"track_id": 0}},
+                "track": {"value": {"track_id": 0, "mode": "stare"}},
             },
         },
         problems=(403, 404, 409, 415, 422, 429),
@@ -48,8 +48,8 @@ async def task(
 ) -> Response[TaskedAnswer]:
     """Point a sensor.
 
-    It looks at a place on the ground or follows a track, until another task or the end of the lap;
-    the scene's director commands the other sensors. A task that it cannot do is refused with the
+    It looks at a place on the ground or follows a track, or looks in a mode, until another task or
+    the end of the lap; the scene's director commands the other sensors. A task that it cannot do is refused with the
     reason, and it goes on as it was.
     """
     body = json_object(await request.body())
@@ -57,8 +57,9 @@ async def task(
         wanted = msgspec.convert(body, Task)
     except msgspec.ValidationError as error:
         raise ProblemError(422, str(error)) from error
-    if (wanted.place_deg is UNSET) == (wanted.track_id is UNSET):
-        raise ProblemError(422, "give place_deg or track_id, one of both")
+    places = (wanted.place_deg, wanted.track_id).count(UNSET)
+    if not places or (places > 1 and not wanted.mode):
+        raise ProblemError(422, "give place_deg or track_id, one of both, or a mode alone")
     return await _tasked(request, sensor_id, wanted)
 
 

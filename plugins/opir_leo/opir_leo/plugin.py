@@ -10,6 +10,7 @@ from attrs import evolve
 from opir_core.plugin import (
     Constellation,
     FocalPlaneConfig,
+    ModeConfig,
     PointedSensorConfig,
     PointingConfig,
     ScanningSensorConfig,
@@ -85,6 +86,21 @@ NOTIONAL_NARROW_FOCAL_PLANE = evolve(
     NOTIONAL_MEDIUM_FOCAL_PLANE, aperture_m=0.3, blur_urad=8.0, jitter_urad=2.0
 )
 
+#: Notional: the field of three degrees steps over a wider one, 0.2 s at each place; a stare adds up
+#: four times the light. `spot` returns to the sensor's own settings.
+NOTIONAL_NARROW_MODES = {
+    "survey": ModeConfig(half_angle_deg=15.0, scan_period_ms=20_000.0),
+    "sector": ModeConfig(half_angle_deg=5.0, scan_period_ms=2400.0),
+    "spot": ModeConfig(),
+    "stare": ModeConfig(
+        scan_period_ms=400.0,
+        integration_time_ms=80.0,
+        subframes=256,
+        line_of_sight_sigma_urad=5.0,
+        settle_s=4.0,
+    ),
+}
+
 
 @with_defaults(
     bands={"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)},
@@ -137,6 +153,7 @@ class MediumConfig(ScanningSensorConfig):
     detection_probability={"ICBM": 0.95, "IRBM": 0.93, "SRBM": 0.9},
     field_of_regard_half_angle_deg=cited(110.0, UP_TO_SPACE),
     pointing=PointingConfig(half_angle_deg=1.5, slew_deg_s=2.0, settle_s=2.0, delay_s=1.0),
+    modes=named(none={}, notional=NOTIONAL_NARROW_MODES),
     line_of_sight_sigma_urad=10.0,
     band_focal_plane={"LWIR": {"detector_temperature_k": 55.0, "well_capacity_e": 2e8}},
     ifov_urad=20.0,

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_scene import DIRECTED, LATER, NS, batch, lines, mapping
+from live_scene import DIRECTED, IN_MODES, LATER, NS, batch, lines, mapping
 
 from opir_core import Engine, Scene, compile_plan
 from opir_core.errors import SceneError
-from opir_core.live import RestartError
+from opir_core.live import RestartError, SensorTask
 from opir_core.live.changes import launch_change, settings_change, without_finished_targets
 from opir_core.plugin import Host
 from opir_core.reading import scene_from_mapping, scene_mapping
@@ -26,7 +26,7 @@ def scene(host: Host) -> Scene:
     return scene_from_mapping(mapping(), host=host)
 
 
-@pytest.mark.parametrize("settings", [{}, DIRECTED])
+@pytest.mark.parametrize("settings", [{}, DIRECTED, IN_MODES])
 @pytest.mark.parametrize("admitted_s", [0.05, 3.2, 29.999, 31.7])
 def test_a_launch_between_windows_gives_the_events_of_a_batch(
     host: Host, admitted_s: float, settings: dict[str, Any]
@@ -44,6 +44,22 @@ def test_a_launch_between_windows_gives_the_events_of_a_batch(
     )
     assert live == batch(scene_with_launch, host)
     assert change.not_after_ns == 31_700_000_000
+
+
+def test_a_sensor_whose_mode_is_taken_away_goes_on_with_its_own_settings(host: Host) -> None:
+    settings = {**IN_MODES, "director": DIRECTED["director"]}
+    plan = compile_plan(scene_from_mapping(mapping(**settings), host=host), host)
+    engine = Engine(plan)
+    engine.advance(1 * NS)
+    record = engine.task(SensorTask(sensor="NARROW", mode="sector"))
+    assert record is not None
+    assert not record.refusal
+    engine.advance(10 * NS)
+    changed = mapping(**{**settings, "sensors": DIRECTED["sensors"]})
+    change = settings_change(plan, {**scene_mapping(plan.scene), **changed}, 0, plan.scene)
+    change.engine.take_over(engine)
+    narrow = len(plan.sensors) - 1
+    assert np.count_nonzero(change.engine.advance(30 * NS).detections.sensor == narrow) > 10
 
 
 def test_finished_targets_are_removed_without_other_changes(scene: Scene, host: Host) -> None:

@@ -61,7 +61,8 @@ def changed_at_random(run: LiveRun, launches: int, settings: int) -> None:
 
 def pointed_run(folder: Path, host: Host, **more: Any) -> LiveRun:
     """Return a run with the sensor SPOT, which only an operator points."""
-    spot = {"model": "generic-pointed", "id": "SPOT", "orbital_slot_deg": -100.0}
+    modes = {"sector": {"half_angle_deg": 3.0, "scan_period_ms": 700.0}}
+    spot = {"model": "generic-pointed", "id": "SPOT", "orbital_slot_deg": -100.0, "modes": modes}
     more = {"director": "operator", "sensors": [spot], **more}
     return live_run(folder, host, LiveSettings(speed=20.0, late_after_s=60.0), **more)
 
@@ -118,7 +119,8 @@ def test_a_killed_run_is_repeated_as_far_as_it_came(host: Host, tmp_path: Path) 
     assert repeated_events(tmp_path) == events
 
 
-def test_tasks_of_sensors_are_repeated(host: Host, tmp_path: Path) -> None:
+@pytest.mark.parametrize("mode", ["", "sector"])
+def test_tasks_of_sensors_are_repeated(mode: str, host: Host, tmp_path: Path) -> None:
     place = {"lat_deg": 34.73, "lon_deg": -120.57}
     launch = {**place, "time_s": 1.0}
     target = {
@@ -130,11 +132,13 @@ def test_tasks_of_sensors_are_repeated(host: Host, tmp_path: Path) -> None:
     run = pointed_run(tmp_path, host, targets=[target])
     run.start()
     launch_point_m = [-2669e3, -4519e3, 3613e3]
-    assert not run.task(SensorTask(sensor="SPOT", position_ecef_m=launch_point_m)).refusal
+    task = SensorTask(sensor="SPOT", position_ecef_m=launch_point_m, mode=mode)
+    assert not run.task(task).refusal
     until(lambda: run.state == "ended", within_s=60.0)
     run.stop()
     events = (tmp_path / "e.jsonl").read_bytes()
     assert events.count(b"SPOT") > 5
+    assert (b'"mode"' in (tmp_path / "e.changes.jsonl").read_bytes().splitlines()[1]) == bool(mode)
     assert repeated_events(tmp_path) == events
 
 

@@ -13,7 +13,7 @@ seed: 5
 sensors:
   - {model: generic-scanner, id: WEST, orbital_slot_deg: -150.0}
   - {model: generic-scanner, id: EAST, orbital_slot_deg: -90.0}
-  - {model: generic-pointed, id: SPOT, orbital_slot_deg: -100.0}
+  - {model: generic-pointed, id: SPOT, orbital_slot_deg: -100.0, modes: {stare: {settle_s: 4.0}}}
 targets:
   - id: T1
     type: ICBM
@@ -73,6 +73,13 @@ def test_a_sensor_follows_a_track_and_is_left_to_the_director_again(service):
     assert ended.json["from_s"] is None
 
 
+def test_an_operator_changes_the_mode_of_a_sensor(service):
+    answer = service.ask("PUT", TASK, {"mode": "stare"})
+    assert answer.status == 200
+    conforms(answer.json, "Tasked")
+    assert answer.json["from_s"] == pytest.approx(answer.json["start_s"] + 4.0)
+
+
 @pytest.mark.parametrize(
     ("path", "body", "status", "words"),
     [
@@ -84,7 +91,8 @@ def test_a_sensor_follows_a_track_and_is_left_to_the_director_again(service):
         (TASK, {"place_deg": [10.0]}, 422, "place_deg"),
         (TASK, {}, 422, "one of both"),
         (TASK, {**PLACE, "track_id": 0}, 422, "one of both"),
-        (TASK, {"mode": "stare"}, 422, "mode"),
+        (TASK, {**PLACE, "mode": "star"}, 409, "SPOT has no mode 'star'; the nearest: stare"),
+        (TASK, {"mode": 3}, 422, "mode"),
     ],
 )
 def test_what_a_sensor_cannot_do_is_refused(service, path, body, status, words):

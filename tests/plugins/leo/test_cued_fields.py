@@ -1,5 +1,6 @@
 """Narrow fields in a low orbit that wide ones cue, against the wide ones alone."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -64,3 +65,50 @@ def test_nobody_is_seen_by_narrow_fields_without_a_director() -> None:
     unled = run(31, sensors=CUED["sensors"], detection="constant", duration_s=120.0)
     assert len(unled.detections)
     assert not np.count_nonzero(unled.detections.sensor >= 4)
+
+
+def test_a_stare_adds_up_light_and_a_sector_is_looked_over_more_slowly() -> None:
+    """Four times the light: twice the signal over its noise, at half the rate."""
+    places = {"model": "round-robin", "places_deg": [[55.0, 83.0]]}
+    scene = {**SCENE, "seed": 1, "duration_s": 90.0, "tracker": "none"}
+    scene["sensors"] = [{"constellation": "LEO-NARROW", "modes": "notional"}]
+    snr = {}
+    period_s = {}
+    for mode in ("spot", "stare", "sector"):
+        of = run(**{**scene, "director": {**places, "mode": mode}})
+        sensor = np.bincount(of.detections.sensor).argmax()
+        rows = np.flatnonzero(of.detections.sensor == sensor)
+        snr[mode] = np.median(of.detections.snr[rows])
+        period_s[mode] = np.median(np.diff(of.detections.time_ns[rows])) * 1e-9
+    assert period_s == pytest.approx({"spot": 0.2, "stare": 0.4, "sector": 2.4})
+    assert snr["stare"] / snr["spot"] == pytest.approx(2.0, rel=0.2)
+    assert snr["sector"] / snr["spot"] == pytest.approx(1.0, rel=0.2)
+
+
+@pytest.mark.slow
+def test_windows_change_no_byte_of_modes_with_false_alarms(tmp_path: Path) -> None:
+    narrow = {
+        "constellation": "LEO-NARROW",
+        "modes": "notional",
+        "threshold_sigma": 6.0,
+        "confirmation_detections": 1,
+        "reporting": {"downlink": {"mean_s": 3.0, "sigma_s": 1.0}},
+    }
+    scene = {
+        **SCENE,
+        "seed": 1,
+        "duration_s": 70.0,
+        "classification": "spectral",
+        "sensors": [*SCENE["sensors"], narrow],
+        "director": {"model": "cue", "mode": "stare", "search_mode": "sector"},
+    }
+    written = []
+    for window_s in (None, 3.3):
+        of = opir.simulate(opir.scene_from_mapping(scene), window_s=window_s)
+        assert of.summary["counts"]["noise_detections"] > 5
+        folder = tmp_path / str(window_s)
+        folder.mkdir()
+        of.save(folder / "e.jsonl")
+        written.append([path.read_bytes() for path in sorted(folder.glob("*s.jsonl"))])
+        written[-1].append((folder / "e.jsonl").read_bytes())
+    assert written[0] == written[1]

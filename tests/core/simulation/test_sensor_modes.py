@@ -1,0 +1,245 @@
+"""Modes of sensors that a director names: what they change, how long that takes, what is refused."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from directed_spot import (
+    LAUNCH_M,
+    Decide,
+    columns,
+    host_of,
+    point_at,
+    run,
+    scene,
+    spot_times_s,
+)
+
+import opir_core as opir
+from opir_core.builtin.director_models import CueConfig
+from opir_core.builtin.directors import Cue
+from opir_core.output.run_files import read_commands
+from opir_core.plugin import Command, CommandRecord, Detections, Situation, Tracks
+from opir_core.reading import scene_mapping
+
+MODES: Mapping[str, Any] = {
+    "sector": {
+        "half_angle_deg": 2.0,
+        "scan_period_ms": 1000.0,
+        "slew_deg_s": 0.5,
+        "settle_s": 5.0,
+    },
+    "dim": {"detection_probability": {"ICBM": 0.3}},
+    "own": {},
+}
+
+
+def in_modes(of: Mapping[float, Mapping[str, Any]]) -> Decide:
+    """Return what gives commands at times."""
+
+    def decide(situation: Situation) -> Sequence[Command]:
+        settings = of.get(situation.time_s)
+        return [] if settings is None else [Command(sensor="SPOT", **settings)]
+
+    return decide
+
+
+TOUR = in_modes(
+    {
+        0.0: {"position_ecef_m": LAUNCH_M},
+        30.0: {"mode": "sector"},
+        60.0: {"mode": "dim"},
+        90.0: {"mode": "own"},
+    }
+)
+
+
+def spot(**settings: Any) -> dict[str, Any]:
+    return {"modes": MODES, **settings}
+
+
+def times_between_s(of: opir.Run, start_s: float, end_s: float) -> Any:
+    times_s = spot_times_s(of)
+    return times_s[(times_s >= start_s) & (times_s < end_s)]
+
+
+def test_a_change_takes_the_turn_at_the_rate_of_the_mode_and_its_settling() -> None:
+    decide = in_modes({0.0: {"position_ecef_m": LAUNCH_M, "mode": "sector"}})
+    of = run(decide, spot=spot())
+    (record,) = of.commands
+    (sensor_m,) = of.sensors[1].orbit.position_ecef_m(np.zeros(1))
+    towards = LAUNCH_M - sensor_m
+    cosine = towards @ -sensor_m / np.linalg.norm(towards) / np.linalg.norm(sensor_m)
+    assert record.mode == "sector"
+    assert record.start_s == 2.0
+    turn_s = np.degrees(np.arccos(cosine)) / 0.5 + 5.0
+    assert record.from_s == pytest.approx(record.start_s + turn_s, abs=1e-9)
+    assert record.from_s <= spot_times_s(of)[0] < record.from_s + 1.0
+
+
+def test_a_mode_changes_scan_field_and_probability_and_is_left_again() -> None:
+    of = run(TOUR, spot=spot())
+    assert [record.from_s - record.start_s for record in of.commands[1:]] == [5.0, 3.0, 3.0]
+    np.testing.assert_allclose(np.diff(times_between_s(of, 37.0, 62.0)), 1.0)
+    assert len(times_between_s(of, 32.0, 37.0)) == len(times_between_s(of, 62.0, 65.0)) == 0
+    # 270 looks: 81 detections, and 7.5 is their standard deviation.
+    dim = len(times_between_s(of, 65.0, 92.0))
+    assert 81 - 38 < dim < 81 + 38
+    assert len(times_between_s(of, 95.0, 120.0)) == 250
+
+
+def test_detections_of_all_modes_are_those_of_the_sensor() -> None:
+    of = run(TOUR, spot=spot())
+    detections = of.detections.take(np.flatnonzero(of.detections.sensor == 1))
+    assert set(of.detections.sensor.tolist()) == {0, 1}
+    assert detections.detection_count.tolist() == list(range(1, len(detections) + 1))
+    assert len(np.unique(detections.detection_id, axis=0)) == len(detections)
+    assert np.all(np.diff(of.detections.time_ns) >= 0)
+    looks = of.plan.pairs.looks
+    # 30 s with one look a second in place of ten.
+    assert of.summary["counts"]["looks"] == pytest.approx(looks.sum() - 30 * 9, abs=2)
+
+
+@pytest.mark.parametrize("window_s", [0.7, 33.0])
+def test_windows_change_no_byte(window_s: float) -> None:
+    of_scene = scene(TOUR, spot=spot())
+    host = host_of(TOUR)
+    whole, sliced = opir.simulate(of_scene, host), opir.simulate(of_scene, host, window_s=window_s)
+    for one, other in zip(columns(whole), columns(sliced), strict=True):
+        np.testing.assert_array_equal(one, other)
+    names = "sensor", "detection_id", "detection_count", "reported_type"
+    for name in names:
+        np.testing.assert_array_equal(
+            getattr(whole.detections, name), getattr(sliced.detections, name)
+        )
+    assert whole.commands == sliced.commands
+    assert whole.summary["counts"] == sliced.summary["counts"]
+
+
+def test_modes_that_no_command_names_change_nothing() -> None:
+    decide = point_at(LAUNCH_M)
+    plain, with_modes = run(decide), run(decide, spot=spot())
+    for one, other in zip(columns(plain), columns(with_modes), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert plain.commands == with_modes.commands
+    assert plain.summary["counts"] == with_modes.summary["counts"]
+    np.testing.assert_array_equal(plain.detections.detection_id, with_modes.detections.detection_id)
+
+
+def test_an_unknown_mode_is_refused_counted_told_and_written(tmp_path: Path) -> None:
+    told: list[CommandRecord] = []
+
+    def decide(situation: Situation) -> Sequence[Command]:
+        told.extend(situation.refused)
+        return in_modes({0.0: {"position_ecef_m": LAUNCH_M}, 40.0: {"mode": "sectr"}})(situation)
+
+    of = run(decide, spot=spot())
+    words = "SPOT has no mode 'sectr'; the nearest: sector"
+    assert [record.refusal for record in of.commands] == ["", words]
+    assert [record.refusal for record in told] == [words]
+    counts = of.summary["counts"]
+    assert (counts["commands"], counts["refused_commands"]) == (2, 1)
+    plain = run(point_at(LAUNCH_M), spot=spot())
+    assert spot_times_s(of).tolist() == spot_times_s(plain).tolist()
+    of.save(tmp_path / "events.jsonl")
+    (_, written) = read_commands(tmp_path / "events.commands.jsonl")
+    assert (written.refusal, written.mode) == (words, "sectr")
+    first, second = (tmp_path / "events.commands.jsonl").read_text().splitlines()
+    assert "mode" not in first
+    assert second.endswith('"mode":"sectr"}')
+
+
+def test_a_sensor_without_modes_refuses_any() -> None:
+    (record,) = run(in_modes({0.0: {"mode": "sector"}})).commands
+    assert record.refusal == "SPOT has no mode 'sector'; the nearest: none"
+
+
+def test_faults_and_spans_hold_in_every_mode() -> None:
+    blind = {"sensor": "SPOT", "fault": "blind", "at_s": 40.0, "until_s": 50.0}
+    of = run(TOUR, spot=spot(), faults=[blind], watched_s={"SPOT": [[0.0, 55.0], [100.0, 120.0]]})
+    assert not len(times_between_s(of, 40.0, 50.0))
+    assert len(times_between_s(of, 50.0, 55.0)) == 5
+    assert not len(times_between_s(of, 55.0, 100.0))
+    assert len(times_between_s(of, 100.0, 120.0)) == 200
+
+
+def test_a_bias_is_the_same_in_every_mode() -> None:
+    settings = {"line_of_sight_sigma_urad": 0.0, "line_of_sight_bias_sigma_urad": 100.0}
+    of = run(TOUR, spot=spot(**settings))
+    rows = np.flatnonzero(of.detections.sensor == 1)
+    times_s = of.detections.time_ns[rows] * 1e-9
+    emission_s = of.truth.emission_time_s[rows]
+    target_m = of.plan.targets.position_ecef_m(np.zeros(len(rows), dtype=np.int32), emission_s)
+    towards = target_m - of.detections.sensor_ecef_m[rows]
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    error = of.detections.line_of_sight_ecef[rows] - towards
+    own, sector = (error[(times_s > since) & (times_s < since + 8.0)] for since in (22.0, 50.0))
+    assert np.linalg.norm(own.mean(axis=0)) > 1e-6
+    np.testing.assert_allclose(own.mean(axis=0), sector.mean(axis=0), atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("modes", "words"),
+    [
+        ({"a": {"scan_period_ms": -1.0}}, "modes.a.scan_period_ms"),
+        ({"a": {"half_angle": 2.0}}, "did you mean half_angle_deg?"),
+        ({"a": {"scan_period_ms": 1e-7 + 1.0}}, "modes.a: scan_period_ms"),
+        ({"": {}}, "a mode without a name"),
+        ({"a": {"detection_probability": {"ICBM": 2.0}}}, "modes.a.detection_probability"),
+    ],
+)
+def test_modes_that_a_sensor_cannot_have_are_refused(modes: Any, words: str) -> None:
+    with pytest.raises(opir.SceneError) as refused:
+        scene(TOUR, spot={"modes": modes})
+    assert words in str(refused.value)
+
+
+def test_a_mode_of_the_focal_plane_needs_a_focal_plane() -> None:
+    settings = {"focal_plane": None, "nei_w_m2": 1e-12, "modes": {"a": {"subframes": 64}}}
+    with pytest.raises(
+        opir.SceneError, match=r"modes\.a: subframes: the sensor has no focal_plane"
+    ):
+        scene(TOUR, spot=settings)
+
+
+def test_a_threshold_of_a_mode_replaces_the_probability_of_its_sensor() -> None:
+    settings = {"false_alarm_probability": 1e-6, "modes": {"keen": {"threshold_sigma": 3.0}}}
+    sensor = opir.compile_plan(scene(TOUR, spot=settings), host_of(TOUR)).sensors[1]
+    thresholds = [
+        each.radiometer.threshold for each in (sensor, sensor.modes["keen"]) if each.radiometer
+    ]
+    assert thresholds == pytest.approx([4.753424, 3.0])
+
+
+def test_a_scene_with_modes_is_read_back() -> None:
+    given = scene(TOUR, spot=spot())
+    assert opir.scene_from_mapping(scene_mapping(given), host=host_of(TOUR)) == given
+
+
+ROUND_ROBIN = {"model": "round-robin", "places_deg": [[34.0, -120.0]], "dwell_s": 60.0}
+
+
+def test_shipped_directors_name_the_modes_of_a_scene() -> None:
+    of = run(TOUR, spot=spot(), director={**ROUND_ROBIN, "mode": "sector"})
+    assert [record.mode for record in of.commands] == ["sector", "sector"]
+    for director in ({**ROUND_ROBIN, "mode": "sektor"}, {"model": "cue", "search_mode": "sektor"}):
+        with pytest.raises(opir.OpirError, match="no sensor has the mode 'sektor'; the nearest is"):
+            run(TOUR, spot=spot(), director=director)
+
+
+def test_cue_has_a_sensor_search_once_until_it_has_a_track() -> None:
+    plan = opir.compile_plan(scene(TOUR, spot=spot()), host_of(TOUR))
+    cue = Cue(CueConfig(search_mode="sector"))
+    situation = Situation(
+        time_s=0.0,
+        detections=Detections.empty(),
+        tracks=Tracks.empty(),
+        sensors=plan.sensors[1:],
+        refused=(),
+        in_reach=lambda *_: np.ones(0, dtype=np.bool_),
+    )
+    (search,) = cue.commands(situation)
+    assert (search.sensor, search.mode, search.position_ecef_m) == ("SPOT", "sector", None)
+    assert not cue.commands(situation)
