@@ -23,7 +23,7 @@ TOKENS: dict[str, int] = {
     "opir_export": 25_300,
     "opir_forecast": 42_100,
     "opir_heo": 400,
-    "opir_http": 28_900,
+    "opir_http": 29_000,
     "opir_kafka": 6_810,
     "opir_leo": 900,
     "opir_nextgen": 500,
