@@ -53,10 +53,10 @@ def test_every_track_of_a_crowd_is_drawn_and_the_regions_of_some(page):
         timeout=PATIENCE_MS,
     )
     left = page.locator("#left")
-    expect(left).to_contain_text("areas of 20 of")
-    assert page.evaluate("opirMap.drawn.regions") == 20
+    expect(left).to_contain_text("areas of 12 of")
+    assert page.evaluate("opirMap.drawn.regions") == 12
     page.evaluate("opirMap.selected = 'track 1100'")  # neither among the latest nor the largest
-    expect(left).to_contain_text("areas of 21 of")
+    expect(left).to_contain_text("areas of 13 of")
 
 
 @pytest.mark.slow

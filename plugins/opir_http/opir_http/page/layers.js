@@ -12,9 +12,11 @@ const WIDEST_M = 2.5e6;
 // Larger regions, a hundredth of the Earth, are faint outlines unless they are selected: they would hide the map.
 const WIDEST_KM2 = 5e6;
 // Of more tracks with a region, those of so many latest and so many largest are drawn, and that of the selected one.
-const MOST_LATEST = 10, MOST_LARGEST = 10, CELL_PX = 56;
-// Shapes and places that are kept; beyond that all are made anew.
-const MOST_KEPT = 4000;
+const MOST_LATEST = 8, MOST_LARGEST = 4;
+// So many impact points without a region in a square of the map are counted.
+const MANY = 4, CELL_PX = 56;
+// Paths and places that are kept; beyond that all are made anew.
+const MOST_SHAPES = 1000, MOST_SITES = 4000;
 // More tracks are drawn as a crowd; more detections as squares.
 const FEW = 60, FEW_HITS = 300, SHADE_MS = 500;
 export const SHOWN_S = 6, GONE_S = 20, MOST_HITS = 1500;
@@ -32,6 +34,11 @@ function edges(geometry) {
     if (line.length > 1) lines.push(line);
   }
   return { type: "MultiLineString", coordinates: lines };
+}
+
+// Whether a region of a track, or its ellipse, is small enough to be drawn.
+function hasDrawable({ impact_regions: regions, impact_point: impact }) {
+  return regions.length ? regions.some((each) => each.area_km2 <= CONTINENT_KM2) : Boolean(impact && impact.ellipse);
 }
 
 export class Layers {
@@ -92,7 +99,7 @@ export class Layers {
     if (found && found.version === this.view.version && found.mark === mark) return found.path;
     const path = new Path2D();
     geoPath(this.view.projection, path)(make());
-    if (this.shapes.size > MOST_KEPT) this.shapes.clear();
+    if (this.shapes.size > MOST_SHAPES) this.shapes.clear();
     this.shapes.set(key, { version: this.view.version, mark, path });
     return path;
   }
@@ -147,19 +154,20 @@ export class Layers {
     this.pen.globalAlpha = 1;
   }
 
-  // Many regions hide each other and the map: marks those that are drawn, and counts the others.
+  // Many regions hide each other and the map: says of which tracks they are drawn.
   chooseRegions(seen) {
-    const wide = seen.map((one) => ({ one, km2: areaKm2(one.report) })).filter(({ km2 }) => km2 <= CONTINENT_KM2);
-    const isFew = wide.length <= MOST_LATEST + MOST_LARGEST;
+    const wide = seen.filter(({ report }) => hasDrawable(report)), isFew = wide.length <= MOST_LATEST + MOST_LARGEST;
     for (const one of seen) one.hasRegion = isFew || one.isSelected;
     if (!isFew) {
-      for (const { one } of wide.slice().sort((a, b) => b.one.track.id - a.one.track.id).slice(0, MOST_LATEST)) one.hasRegion = true;
-      for (const { one } of wide.filter(({ one }) => !one.hasRegion).sort((a, b) => b.km2 - a.km2).slice(0, MOST_LARGEST)) one.hasRegion = true;
+      // Regions that say nothing of where come last.
+      const area = ({ report }) => { const km2 = areaKm2(report); return km2 > CONTINENT_KM2 ? 0 : km2; };
+      for (const one of wide.slice().sort((a, b) => b.track.id - a.track.id).slice(0, MOST_LATEST)) one.hasRegion = true;
+      for (const one of wide.filter((each) => !each.hasRegion).sort((a, b) => area(b) - area(a)).slice(0, MOST_LARGEST)) one.hasRegion = true;
     }
-    this.left = { drawn: wide.filter(({ one }) => one.hasRegion).length, all: wide.length };
+    this.left = { drawn: wide.filter((one) => one.hasRegion).length, all: wide.length };
   }
 
-  // The number of impact points without their region, where there are several.
+  // The number of impact points without their region, where there are many.
   drawCounts(seen) {
     const { pen, view } = this, cells = new Map();
     for (const { track, report, hasRegion } of seen) {
@@ -168,8 +176,14 @@ export class Layers {
       cell.x += view.px; cell.y += view.py; cell.count += 1;
       cells.set(key, cell);
     }
-    pen.globalAlpha = 1; pen.fillStyle = this.colour.impact;
-    for (const { x, y, count } of cells.values()) if (count > 1) this.label(`${count} ×`, x / count + 6 * this.unit, y / count - 6 * this.unit, 13);
+    pen.font = `600 ${11 * this.unit}px system-ui, sans-serif`; pen.textAlign = "center"; pen.textBaseline = "middle";
+    for (const { x, y, count } of cells.values()) {
+      if (count < MANY) continue;
+      pen.globalAlpha = 0.9; pen.fillStyle = this.colour.impact;
+      pen.beginPath(); pen.arc(x / count, y / count, (7 + 2 * Math.log10(count)) * this.unit, 0, 7); pen.fill();
+      pen.globalAlpha = 1; pen.fillStyle = this.colour.sea; pen.fillText(`${count}`, x / count, y / count);
+    }
+    pen.textBaseline = "alphabetic";
   }
 
   drawTrack({ track, report, count, last, isOld, isSelected, hasRegion }, hasLabel) {
@@ -227,7 +241,7 @@ export class Layers {
     const found = this.sites.get(key);
     if (found && found.point === point) return found.place;
     const place = prepared(point.lon_deg, point.lat_deg);
-    if (this.sites.size > MOST_KEPT) this.sites.clear();
+    if (this.sites.size > MOST_SITES) this.sites.clear();
     this.sites.set(key, { point, place });
     return place;
   }
