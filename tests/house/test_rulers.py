@@ -39,7 +39,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 46_100,
     "benchmarks": 98_100,
-    "tests": 801_400,
+    "tests": 802_100,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -11,7 +11,7 @@ import { ask, follow } from "/page/service.js";
 import { Store } from "/page/store.js";
 import { detailsOf, showDetails, TrackTable } from "/page/table.js";
 
-const PAGE = 1000, PAGES = 10, TRACKS = 300, PAST_S = 120, COUNTS_MS = 1000, NEWS_MS = 5000;
+const PAGE = 1000, PAGES = 4, TRACKS = 300, PAST_S = 120, COUNTS_MS = 1000, NEWS_MS = 5000;
 
 const store = new Store(), timeline = new Timeline(byId("timeline"));
 let form = null;
