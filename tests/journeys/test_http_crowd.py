@@ -21,7 +21,7 @@ ADDED = """(count) => {
     opirStore.addTrack({
       track_id: id, timestamp, latitude_deg: lat, longitude_deg: lon, altitude_m: 0, probability_burning: 0.5,
       type_probability: { ICBM: 1, IRBM: 0, SRBM: 0, UNKNOWN: 0 },
-      launch_point: at, impact_point: at, impact_regions: [region],
+      launch_point: at, impact_point: at, state: {}, burnout: {}, impact_regions: [region],
     });
   }
 }"""
@@ -47,12 +47,45 @@ def page(stand):
 
 
 @pytest.mark.slow
-def test_every_track_of_a_crowd_is_drawn(page):
+def test_every_track_of_a_crowd_is_drawn_and_the_regions_of_some(page):
     page.wait_for_function(
-        f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.regions >= {COUNT}",
+        f"() => opirMap.drawn.tracks >= {COUNT} && opirMap.drawn.impacts >= {COUNT}",
         timeout=PATIENCE_MS,
     )
-    assert page.evaluate("opirMap.drawn.impacts") >= COUNT
+    left = page.locator("#left")
+    expect(left).to_contain_text("areas of 12 of")
+    assert page.evaluate("opirMap.drawn.regions") == 12
+    page.evaluate("opirMap.selected = 'track 1100'")  # neither among the latest nor the largest
+    expect(left).to_contain_text("areas of 13 of")
+
+
+@pytest.mark.slow
+def test_estimates_that_a_page_keeps_are_small(page):
+    """Eight bytes a corner, and nothing that is never shown."""
+    page.evaluate(f"for (let turn = 0; turn < 9; turn += 1) ({ADDED})({COUNT})")
+    kept = page.evaluate(KEPT)
+    assert kept["tracks"] == COUNT
+    assert kept["bytes"] == kept["regions"] * 5 * 8
+    assert kept["others"] == 0
+
+
+#: Counts the added tracks, the regions of their estimates, the bytes of those, and other parts of
+#: estimates that the page does not show.
+KEPT = """() => {
+  const kept = { tracks: 0, regions: 0, bytes: 0, others: 0 };
+  for (const track of opirStore.tracks.values()) {
+    if (track.id < 1000) continue;
+    kept.tracks += 1;
+    for (const { document } of track.past) {
+      kept.others += "state" in document || "burnout" in document || "trail" in document;
+      for (const region of document.impact_regions) {
+        kept.regions += 1;
+        for (const ring of region.geometry.coordinates) kept.bytes += ring.byteLength;
+      }
+    }
+  }
+  return kept;
+}"""
 
 
 @pytest.mark.slow

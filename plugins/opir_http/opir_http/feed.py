@@ -17,8 +17,9 @@ from opir_http.activity import Activity
 from opir_http.history import History
 from opir_http.tracks import TrackDocuments
 
-#: Maximum number of windows waiting to be encoded, and of frames waiting for one viewer.
-QUEUED_WINDOWS = 256
+#: Maximum bytes of the windows waiting to be encoded, and of the frames waiting for one viewer; and
+#: maximum number of those.
+QUEUED_BYTES = 32 << 20
 QUEUED_FRAMES = 64
 
 #: Maximum number of detections in a frame of the brief stream.
@@ -37,13 +38,15 @@ Item = TypeVar("Item")
 
 
 class LossyQueue(Generic[Item]):
-    """A bounded queue between threads; a full one loses its oldest items, which `dropped`
-    counts.
+    """A queue between threads of items that weigh `size` together at most; a full one loses its
+    oldest items, which `dropped` counts, but never the newest.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, weight: Callable[[Item], int] = lambda _: 1) -> None:
         self._items: deque[Item] = deque()
         self._size = size
+        self._weight = weight
+        self._load = 0
         self._ready = threading.Condition()
         self._is_closed = False
         self.dropped = 0
@@ -51,10 +54,11 @@ class LossyQueue(Generic[Item]):
     def put(self, item: Item) -> None:
         """Append an item; never waits."""
         with self._ready:
-            if len(self._items) >= self._size:
-                self._items.popleft()
-                self.dropped += 1
             self._items.append(item)
+            self._load += self._weight(item)
+            while self._load > self._size and len(self._items) > 1:
+                self._pop()
+                self.dropped += 1
             self._ready.notify()
 
     def take(self, timeout_s: float) -> Item | None:
@@ -63,7 +67,12 @@ class LossyQueue(Generic[Item]):
         """
         with self._ready:
             self._ready.wait_for(lambda: self._items or self._is_closed, timeout_s)
-            return self._items.popleft() if self._items else None
+            return self._pop() if self._items else None
+
+    def _pop(self) -> Item:
+        item = self._items.popleft()
+        self._load -= self._weight(item)
+        return item
 
     @property
     def is_over(self) -> bool:
@@ -86,22 +95,25 @@ class Client:
     def __init__(self, *, brief: bool, address: str = "") -> None:
         self.brief = brief
         self.address = address
-        self.dropped = 0
         #: Detections up to this number were sent at the start; frames on their way with these are
         #: left out.
         self.seen = 0
         #: Frames of the detections sent at the start, each made when the one before is sent.
         self.backlog: Iterator[bytes] = iter(())
-        self._frames: deque[bytes] = deque()
+        self._frames = LossyQueue[bytes](
+            QUEUED_BYTES, lambda frame: max(len(frame), QUEUED_BYTES // QUEUED_FRAMES)
+        )
         self._ready = asyncio.Event()
         self.is_closed = False
 
+    @property
+    def dropped(self) -> int:
+        """Number of frames lost."""
+        return self._frames.dropped
+
     def put(self, frame: bytes) -> None:
         """Append a frame; never waits."""
-        if len(self._frames) >= QUEUED_FRAMES:
-            self._frames.popleft()
-            self.dropped += 1
-        self._frames.append(frame)
+        self._frames.put(frame)
         self._ready.set()
 
     def close(self) -> None:
@@ -120,11 +132,11 @@ class Client:
             # A frame that a socket takes at once would let no other request have its turn.
             await asyncio.sleep(0)
         while True:
-            while self._frames:
-                if self.dropped > reported:
-                    yield frame("dropped", _json({"frames": self.dropped - reported}))
-                    reported = self.dropped
-                yield self._frames.popleft()
+            while (taken := self._frames.take(0.0)) is not None:
+                if lost := self.dropped - reported:
+                    reported += lost
+                    yield frame("dropped", _json({"frames": lost}))
+                yield taken
             if self.is_closed:
                 yield frame("end", b"{}")
                 return
@@ -165,7 +177,7 @@ class Feed:
         self.reported_types = context.reported_types
         self._status = status
         self._encoder = ForgeEncoder(context, has_positions=True)
-        self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
+        self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_BYTES, _bytes_of)
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread = threading.Thread(target=self._work, name="opir-feed", daemon=True)
@@ -290,6 +302,12 @@ class Feed:
             for number, *views in frames:
                 if not number or number > client.seen:
                     client.put(views[client.brief])
+
+
+def _bytes_of(live: LiveWindow) -> int:
+    """Return about the memory of a window, bytes: most are the regions of its tracks."""
+    window = live.window
+    return 20_000 * (1 + len(window.tracks)) + 200 * len(window.detections)
 
 
 def _of_lines(

@@ -2,6 +2,7 @@
 runs.
 """
 
+import gc
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -239,3 +240,24 @@ def test_a_stop_does_not_wait_for_a_task_that_does_not_return() -> None:
         stopping.set()
         with pytest.raises(RefusedError, match="being stopped"):
             answer.result(10.0)
+
+
+def test_the_tracker_of_a_lap_that_is_over_needs_no_collection(host: Host) -> None:
+    """Collections are rare in a service, and a tracker's arrays are large."""
+
+    def models() -> int:
+        return sum(type(each).__name__ == "TrackingModels" for each in gc.get_objects())
+
+    scene = scene_from_mapping(mapping(duration_s=8, tracker="imm"), host=host)
+    gc.collect()
+    gc.disable()
+    try:
+        before = models()
+        run = LiveRun(scene, host, LiveSettings(speed=None, loop=True))
+        run.start()
+        until(lambda: run.status().lap >= 6)
+        run.stop()
+        # Of the lap and the next one, perhaps also of the one whose end was under way.
+        assert models() - before <= 3
+    finally:
+        gc.enable()

@@ -5,12 +5,17 @@ import json
 import socket
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from http_service import LAUNCH, RunningService, serving
 from opir_http import gate, server
-from opir_http.feed import QUEUED_FRAMES, Client, LossyQueue
+from opir_http.feed import QUEUED_BYTES, QUEUED_FRAMES, Client, Feed, LossyQueue
 from waiting import until
+
+from opir_core.live import LiveWindow
+from opir_core.plugin import EncoderContext
 
 
 def test_a_full_queue_loses_the_oldest_and_counts_them() -> None:
@@ -21,6 +26,38 @@ def test_a_full_queue_loses_the_oldest_and_counts_them() -> None:
     assert queue.dropped == 7
     queue.close()
     assert queue.is_over
+
+
+def test_a_queue_is_bounded_by_what_its_items_weigh() -> None:
+    queue: LossyQueue[bytes] = LossyQueue(10, len)
+    for item in (b"12345", b"1234", b"123", b"longer than the queue", b"1", b"123456789"):
+        queue.put(item)
+    assert [queue.take(0.0) for _ in range(3)] == [b"1", b"123456789", None]
+    assert queue.dropped == 4
+
+
+def test_windows_with_many_tracks_wait_in_smaller_numbers() -> None:
+    def lost(tracks: int) -> int:
+        feed = Feed(EncoderContext(sensors=(), epoch_us=0), 100, 10, dict)
+        window: Any = SimpleNamespace(tracks=range(tracks), detections=())
+        for cycle in range(40):
+            feed.put(LiveWindow(window, cycle, 0, plan=None))  # type: ignore[arg-type]
+        return feed.dropped_windows
+
+    assert lost(tracks=0) == 0 < lost(tracks=100)
+
+
+def test_a_slow_viewer_holds_a_bounded_number_of_bytes() -> None:
+    async def view() -> tuple[int, int]:
+        client = Client(brief=False)
+        for _ in range(10):
+            client.put(bytes(QUEUED_BYTES // 4))
+        client.close()
+        return client.dropped, sum([len(frame) async for frame in client.frames()])
+
+    dropped, received = asyncio.run(view())
+    assert dropped == 6
+    assert QUEUED_BYTES <= received < QUEUED_BYTES + 200
 
 
 def test_a_slow_viewer_loses_the_oldest_and_is_reported() -> None:

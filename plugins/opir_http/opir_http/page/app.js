@@ -11,7 +11,7 @@ import { ask, follow } from "/page/service.js";
 import { Store } from "/page/store.js";
 import { detailsOf, showDetails, TrackTable } from "/page/table.js";
 
-const PAGE = 1000, PAGES = 10, PAST_S = 120, COUNTS_MS = 1000, NEWS_MS = 5000;
+const PAGE = 1000, PAGES = 4, TRACKS = 300, PAST_S = 120, COUNTS_MS = 1000, NEWS_MS = 5000;
 
 const store = new Store(), timeline = new Timeline(byId("timeline"));
 let form = null;
@@ -34,7 +34,7 @@ function frame() {
   const timeS = player.tick(), now = performance.now();
   table.update(timeS);
   saved.update();
-  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); sensors.show(store.sensors); showPlots(timeS); showLatest(store.latest(timeS, 12)); if (saved.range) showSaved(timeS); }
+  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); sensors.show(store.sensors); showLeft(map.layers.left); showPlots(timeS); showLatest(store.latest(timeS, 12)); if (saved.range) showSaved(timeS); }
   if (now - newsMs > NEWS_MS) { newsMs = now; announce(); }
   return timeS;
 }
@@ -42,6 +42,12 @@ function frame() {
 function showPlots(timeS) {
   const key = map.selected, track = key && key.startsWith("track ") ? store.tracks.get(Number(key.slice(6))) : null;
   if (map.layers.colour) drawPicked(track, timeS, map.layers);
+}
+
+// How many tracks the map shows without their regions.
+function showLeft({ drawn, all }) {
+  byId("left").hidden = drawn === all;
+  byId("left").textContent = `areas of ${drawn} of ${all} tracks: the selected, the latest, the largest; the others' impact points are counted`;
 }
 
 function showSaved(timeS) {
@@ -89,10 +95,11 @@ const on = {
 
 const got = async (path) => { const answer = await ask(path); if (!answer.ok) throw new Error(path); return answer.json(); };
 
-// What happened before the page was opened: detections of the last two minutes, tracks with their trails.
+// What happened before the page was opened: detections of the last two minutes, the tracks updated last
+// with their trails.
 async function past(data) {
   const since = new Date(Math.max(0, Date.parse(data.clock.timestamp) - PAST_S * 1000)).toISOString();
-  on.tracks(await got(`/tracks?limit=${PAGE}&trail=true`));
+  on.tracks(await got(`/tracks?limit=${TRACKS}&trail=true`));
   let after = "";
   for (let page = 0; page < PAGES; page += 1) {
     const found = await got(`/detections?limit=${PAGE}&since=${since}${after}`);

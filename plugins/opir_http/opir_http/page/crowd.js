@@ -14,7 +14,7 @@ export class Crowd {
     this.work = null; this.version = ""; this.workVersion = ""; this.madeMs = -Infinity; this.counts = null;
   }
 
-  // Draws what `seen` has of each track: { track, report, count, last, isOld, isSelected }.
+  // Draws what `seen` has of each track: { track, report, count, last, isOld, isSelected, hasRegion }.
   draw(seen, isMoving) {
     const { layers } = this, { pen } = layers;
     if (isMoving) {
@@ -57,9 +57,9 @@ export class Crowd {
   * steps(seen) {
     const { layers } = this;
     this.drawn = layers.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
-    for (const { track, report, count, isOld } of seen) {
+    for (const { track, report, count, isOld, hasRegion } of seen) {
       layers.pen.globalAlpha = isOld ? 0.35 : 0.8;
-      layers.drawRegions(track.id, report, false, LEAST_PX * RADIUS_M / layers.view.radius);
+      if (hasRegion) layers.drawRegions(track.id, report, false, LEAST_PX * RADIUS_M / layers.view.radius);
       layers.drawTrail(track.trail, count, false);
       yield;
     }

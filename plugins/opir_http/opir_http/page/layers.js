@@ -3,7 +3,7 @@ import { cap, ellipse, footprint, geodetic, landOf, rewound, subsolar } from "/p
 import { after } from "/page/store.js";
 import { drawCoverage } from "/page/coverage.js";
 import { Crowd } from "/page/crowd.js";
-import { CONTINENT_KM2 } from "/page/table.js";
+import { areaKm2, CONTINENT_KM2 } from "/page/table.js";
 import { prepared } from "/page/view.js";
 
 const { geoGraticule10, geoPath } = globalThis.d3;
@@ -11,6 +11,12 @@ const { geoGraticule10, geoPath } = globalThis.d3;
 const WIDEST_M = 2.5e6;
 // Larger regions, a hundredth of the Earth, are faint outlines unless they are selected: they would hide the map.
 const WIDEST_KM2 = 5e6;
+// Of more tracks with a region, those of so many latest and so many largest are drawn, and that of the selected one.
+const MOST_LATEST = 8, MOST_LARGEST = 4;
+// So many impact points without a region in a square of the map are counted.
+const MANY = 4, CELL_PX = 56;
+// Paths and places that are kept; beyond that all are made anew.
+const MOST_SHAPES = 1000, MOST_SITES = 4000;
 // More tracks are drawn as a crowd; more detections as squares.
 const FEW = 60, FEW_HITS = 300, SHADE_MS = 500;
 export const SHOWN_S = 6, GONE_S = 20, MOST_HITS = 1500;
@@ -30,11 +36,16 @@ function edges(geometry) {
   return { type: "MultiLineString", coordinates: lines };
 }
 
+// Whether a region of a track, or its ellipse, is small enough to be drawn.
+function hasDrawable({ impact_regions: regions, impact_point: impact }) {
+  return regions.length ? regions.some((each) => each.area_km2 <= CONTINENT_KM2) : Boolean(impact && impact.ellipse);
+}
+
 export class Layers {
   constructor(canvas, view) {
     this.canvas = canvas; this.pen = canvas.getContext("2d"); this.view = view;
     this.ground = document.createElement("canvas"); this.shade = document.createElement("canvas"); this.crowd = new Crowd(this);
-    this.shadeVersion = null; this.shadeMs = -Infinity; this.showsCoverage = false; this.gaps = null;
+    this.shadeVersion = null; this.shadeMs = -Infinity; this.showsCoverage = false; this.gaps = null; this.left = { drawn: 0, all: 0 };
     this.land = {}; this.groundVersion = null; this.shapes = new Map(); this.sites = new Map();
     this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
     for (const detail of ["110m", "50m"]) {
@@ -88,6 +99,7 @@ export class Layers {
     if (found && found.version === this.view.version && found.mark === mark) return found.path;
     const path = new Path2D();
     geoPath(this.view.projection, path)(make());
+    if (this.shapes.size > MOST_SHAPES) this.shapes.clear();
     this.shapes.set(key, { version: this.view.version, mark, path });
     return path;
   }
@@ -135,14 +147,48 @@ export class Layers {
       const isOld = nowS - (last ? last.timeS : Date.parse(report.timestamp) / 1000) > gone;
       seen.push({ track, report, count, last, isOld, isSelected });
     }
+    this.chooseRegions(seen);
     if (seen.length > FEW) this.crowd.draw(seen, isMoving);
     else { this.drawn.tracks = seen.length; seen.forEach((one) => this.drawTrack(one, true)); }
+    this.drawCounts(seen);
     this.pen.globalAlpha = 1;
   }
 
-  drawTrack({ track, report, count, last, isOld, isSelected }, hasLabel) {
+  // Many regions hide each other and the map: says of which tracks they are drawn.
+  chooseRegions(seen) {
+    const wide = seen.filter(({ report }) => hasDrawable(report)), isFew = wide.length <= MOST_LATEST + MOST_LARGEST;
+    for (const one of seen) one.hasRegion = isFew || one.isSelected;
+    if (!isFew) {
+      // Regions that say nothing of where come last.
+      const area = ({ report }) => { const km2 = areaKm2(report); return km2 > CONTINENT_KM2 ? 0 : km2; };
+      for (const one of wide.slice().sort((a, b) => b.track.id - a.track.id).slice(0, MOST_LATEST)) one.hasRegion = true;
+      for (const one of wide.filter((each) => !each.hasRegion).sort((a, b) => area(b) - area(a)).slice(0, MOST_LARGEST)) one.hasRegion = true;
+    }
+    this.left = { drawn: wide.filter((one) => one.hasRegion).length, all: wide.length };
+  }
+
+  // The number of impact points without their region, where there are many.
+  drawCounts(seen) {
+    const { pen, view } = this, cells = new Map();
+    for (const { track, report, hasRegion } of seen) {
+      if (hasRegion || !report.impact_point || !view.at(this.site(`impact ${track.id}`, report.impact_point))) continue;
+      const key = `${Math.floor(view.px / CELL_PX)} ${Math.floor(view.py / CELL_PX)}`, cell = cells.get(key) || { x: 0, y: 0, count: 0 };
+      cell.x += view.px; cell.y += view.py; cell.count += 1;
+      cells.set(key, cell);
+    }
+    pen.font = `600 ${11 * this.unit}px system-ui, sans-serif`; pen.textAlign = "center"; pen.textBaseline = "middle";
+    for (const { x, y, count } of cells.values()) {
+      if (count < MANY) continue;
+      pen.globalAlpha = 0.9; pen.fillStyle = this.colour.impact;
+      pen.beginPath(); pen.arc(x / count, y / count, (7 + 2 * Math.log10(count)) * this.unit, 0, 7); pen.fill();
+      pen.globalAlpha = 1; pen.fillStyle = this.colour.sea; pen.fillText(`${count}`, x / count, y / count);
+    }
+    pen.textBaseline = "alphabetic";
+  }
+
+  drawTrack({ track, report, count, last, isOld, isSelected, hasRegion }, hasLabel) {
     this.pen.globalAlpha = isOld ? 0.35 : 1;
-    this.drawRegions(track.id, report, isSelected);
+    if (hasRegion) this.drawRegions(track.id, report, isSelected);
     this.drawTrail(track.trail, count, isSelected);
     if (report.launch_point) this.drawLaunch(track.id, report.launch_point);
     if (report.impact_point) this.drawImpact(track.id, report, hasLabel);
@@ -195,6 +241,7 @@ export class Layers {
     const found = this.sites.get(key);
     if (found && found.point === point) return found.place;
     const place = prepared(point.lon_deg, point.lat_deg);
+    if (this.sites.size > MOST_SITES) this.sites.clear();
     this.sites.set(key, { point, place });
     return place;
   }

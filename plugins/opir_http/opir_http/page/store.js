@@ -1,5 +1,5 @@
 // What the page knows of the run, by time: detections, tracks with their trails, sensors. Bounded.
-import { groundPoint } from "/page/earth.js";
+import { groundPoint, packed } from "/page/earth.js";
 import { prepared } from "/page/view.js";
 
 const MOST_HITS = 20000, MOST_TRACKS = 1500, TRAIL = 120;
@@ -33,9 +33,11 @@ export class Store {
     if (this.hits.length > MOST_HITS) { this.hits.splice(0, this.hits.length - MOST_HITS); this.firstS = this.hits[0].timeS; }
   }
 
-  // The newest estimate of a track, or an earlier one of a trail that is filled in.
-  addTrack(document) {
+  // The newest estimate of a track, or an earlier one of a trail that is filled in. Estimates are kept for the time axis,
+  // without what the page never shows.
+  addTrack({ trail, state, burnout, ...document }) {
     const timeS = document.timeS = unixS(document.timestamp);
+    document.impact_regions = (document.impact_regions || []).map((each) => ({ ...each, geometry: packed(each.geometry) }));
     this.seen(timeS);
     let track = this.tracks.get(document.track_id);
     if (!track) {
@@ -43,7 +45,7 @@ export class Store {
       this.tracks.set(track.id, track);
       if (this.tracks.size > MOST_TRACKS) this.tracks.delete(this.tracks.keys().next().value);
     }
-    for (const [at, lat, lon, height] of document.trail || []) insert(track.trail, sample(unixS(at), lat, lon, height));
+    for (const [at, lat, lon, height] of trail || []) insert(track.trail, sample(unixS(at), lat, lon, height));
     if (document.latitude_deg !== null) insert(track.trail, sample(timeS, document.latitude_deg, document.longitude_deg, document.altitude_m));
     insert(track.past, { timeS, document });
     if (track.trail.length > TRAIL) thin(track.trail);

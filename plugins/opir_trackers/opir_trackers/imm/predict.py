@@ -2,6 +2,7 @@
 gates.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +50,8 @@ def predict(
     need the same.
     """
     arguments = state.table, state.registration, state.time_s, end_s, lines
-    return models.memo.of("prediction", _predicted, models, *arguments)
+    # The memo is the models' own: with them among what it keeps, they would outlive their run.
+    return models.memo.of("prediction", partial(_predicted, models), *arguments)
 
 
 def _predicted(
