@@ -229,7 +229,7 @@ class GlideFlight:
         return self.glide.take(target).state(time_s - self.burnout_s[target])
 
 
-@np.errstate(invalid="ignore", divide="ignore", over="ignore")
+@np.errstate(all="ignore")
 def glide_flight(
     launch: Geodetic,
     aim_point: Geodetic,

@@ -129,7 +129,7 @@ def mixed_with(
     state[rows] += share[:, None] * difference
     spread = weight * (1.0 - weight) * difference[:, :, None] * difference[:, None, :]
     mixed = weight * alternative[1] + (1.0 - weight) * covariance[rows] + spread
-    covariance[rows] = 0.5 * (mixed + mixed.transpose(0, 2, 1))
+    covariance[rows] = 0.5 * (mixed + mixed.mT)
     return state, covariance
 
 
@@ -165,7 +165,7 @@ def earth_fixed(
     """
     change = to_earth(time_s)
     moved = change @ covariance @ change.T
-    return state @ change.T, 0.5 * (moved + moved.transpose(0, 2, 1))
+    return state @ change.T, 0.5 * (moved + moved.mT)
 
 
 def to_earth(time_s: float) -> FloatArray:
