@@ -30,7 +30,7 @@ def _least_probability_launch() -> Any:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class RoundRobinConfig:
     """What a scene may set of the director `round-robin`."""
 
@@ -49,7 +49,7 @@ class RoundRobinConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class CueConfig:
     """What a scene may set of the director `cue`."""
 
@@ -73,7 +73,7 @@ class CueConfig:
     least_probability_launch: float = _least_probability_launch()
 
 
-@frozen(kw_only=True)
+@frozen
 class InformationConfig:
     """What a scene may set of the director `information`."""
 

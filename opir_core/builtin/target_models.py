@@ -30,7 +30,7 @@ def _stages_complaint(stages: tuple[Any, ...]) -> str | None:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class InsertionConfig:
     """What a scene may set of a target of the model `orbit`."""
 
@@ -61,7 +61,7 @@ class InsertionConfig:
     ballistic_coefficient_kg_m2: float | None = drag("in orbit")
 
 
-@frozen(kw_only=True)
+@frozen
 class GlideConfig:
     """What a scene may set of a target of the model `glide`."""
 
@@ -71,7 +71,7 @@ class GlideConfig:
     ballistic_coefficient_kg_m2: float | None = drag("after the glide")
 
 
-@frozen(kw_only=True)
+@frozen
 class StageConfig:
     """One burn of a target of the model `gravity-turn`."""
 
@@ -98,7 +98,7 @@ class StageConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class GravityTurnConfig:
     """What a scene may set of a target of the model `gravity-turn`."""
 
@@ -170,7 +170,7 @@ class GravityTurnConfig:
     ballistic_coefficient_kg_m2: float | None = drag("in free flight")
 
 
-@frozen(kw_only=True)
+@frozen
 class AirConfig(LaunchConfig):
     """Where, how high and when a target ignites in the air."""
 
@@ -183,7 +183,7 @@ class AirConfig(LaunchConfig):
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class AirLaunchConfig:
     """What a scene may set of a target of the model `air-launch`."""
 

@@ -29,7 +29,7 @@ def span_complaint(
     return None
 
 
-@frozen(kw_only=True)
+@frozen
 class SensorFault:
     """A fault of one sensor, from `at_s` until `until_s`; repaired then. With `mtbf_s` and `mttr_s`
     it comes and goes at random in this time.

@@ -38,7 +38,7 @@ def columns_setting() -> Any:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class ReadCsvConfig:
     """The settings of the reader `csv`."""
 
@@ -47,7 +47,7 @@ class ReadCsvConfig:
     site: SiteConfig | None = nested(default=None, help=SITE_HELP)
 
 
-@frozen(kw_only=True)
+@frozen
 class ReadOemConfig:
     """The settings of the reader `oem`."""
 

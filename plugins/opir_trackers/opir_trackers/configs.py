@@ -42,7 +42,7 @@ def _check_scans(needed: int | None, recent: int) -> None:
         raise ValueError(f"recent_scans is {recent}, less than needed_scans, {needed}")
 
 
-@frozen(kw_only=True)
+@frozen
 class ThrustConfig:
     """Priors and process noise of a boost."""
 
@@ -168,7 +168,7 @@ class ThrustConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class HypothesesConfig:
     """Prior rates and densities of what a track may be."""
 
@@ -308,7 +308,7 @@ def _least_launch_probability() -> float:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class ImmConfig:
     """Settings of the tracker `imm`."""
 
@@ -457,7 +457,7 @@ class ImmConfig:
         _check_scans(self.needed_scans, self.recent_scans)
 
 
-@frozen(kw_only=True)
+@frozen
 class KeplerArcConfig:
     """Settings of the tracker `kepler-arc`."""
 

@@ -16,7 +16,7 @@ SIGHTS_HELP = (
 )
 
 
-@frozen(kw_only=True)
+@frozen
 class SightsConfig:
     """The settings of the reader `sights`."""
 

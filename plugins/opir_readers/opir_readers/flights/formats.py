@@ -9,7 +9,7 @@ from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
 from opir_readers.reader_calls import reads
 
 
-@frozen(kw_only=True)
+@frozen
 class RocketConfig:
     """The settings of exports of rocket simulators."""
 
@@ -17,7 +17,7 @@ class RocketConfig:
     start_s: float | None = start_setting()
 
 
-@frozen(kw_only=True)
+@frozen
 class WebcastConfig:
     """The settings of telemetry of webcasts."""
 
@@ -39,7 +39,7 @@ class WebcastConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class TrackConfig:
     """The settings of files with several objects."""
 
