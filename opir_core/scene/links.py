@@ -4,7 +4,7 @@ import math
 
 from attrs import frozen
 
-from opir_core.scene.faults import span_complaint
+from opir_core.scene.faults import require_span
 from opir_core.scene.fields import nested, number, text
 
 #: In a path: any other satellite of the scene, in the order of sensors, then relays.
@@ -150,9 +150,7 @@ class LinkOutage:
     )
 
     def __attrs_post_init__(self) -> None:
-        complaint = span_complaint(self.at_s, self.until_s, self.mtbf_s, self.mttr_s)
-        if complaint:
-            raise ValueError(complaint)
+        require_span(self)
 
     @property
     def end_s(self) -> float:
