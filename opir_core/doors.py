@@ -43,19 +43,19 @@ def door(spec: Any) -> tuple[Callable[[str], Any], Callable[[], list[str]], list
     return attribute, lambda: names, names
 
 
-def deferred(place: str) -> Callable[..., Any]:
-    """Return a function that calls the one at a place, `package.module.name`, and imports its module
-    only then: the `build` of a component.
+class deferred:  # noqa: N801 - used as a function
+    """A function that calls the one at a place, `package.module.name`, and imports its module only
+    then: the `build` of a component. It can be pickled.
 
     >>> from opir_core.plugin import deferred
     >>> deferred("math.hypot")(3.0, 4.0)
     5.0
     """
-    module, _, name = place.rpartition(".")
 
-    def call(*arguments: Any) -> Any:
-        return getattr(import_module(module), name)(*arguments)
+    def __init__(self, place: str) -> None:
+        # Errors of a component name the package of its `build`.
+        self.__module__, _, self._name = place.rpartition(".")
 
-    # Errors of a component name the package of its `build`.
-    call.__module__ = module
-    return call
+    def __call__(self, *arguments: Any) -> Any:
+        """Return what the function returns."""
+        return getattr(import_module(self.__module__), self._name)(*arguments)
