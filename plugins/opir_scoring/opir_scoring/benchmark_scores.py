@@ -154,11 +154,16 @@ def scene_scores(truth: SetTruth, tracks: SetTracks) -> SetScores:
         launches=len(truth.state),
         scored=int(truth.is_scored.sum()),
         false_tracks=len(np.setdiff1d(scored.track, in_force.track)),
-        missed_launches=len(np.setdiff1d(np.flatnonzero(truth.is_scored.any(axis=1)), launch)),
+        missed_launches=_missed(truth, launch),
         cutoff_m=truth.cutoff_m,
         gospa_m=_gospa(truth, tracks.state[scored.row], scored.tick),
         states=_states(truth, tracks, in_force, launch),
     )
+
+
+def _missed(truth: SetTruth, launch: IntArray) -> int:
+    """Return the number of scored launches that are not among those of the states in force."""
+    return len(np.setdiff1d(np.flatnonzero(truth.is_scored.any(axis=1)), launch))
 
 
 def _assigned(truth: SetTruth, state: FloatArray, tick: IntArray) -> IntArray:

@@ -5,13 +5,14 @@ import json
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 from opir_core.errors import Problem, SceneError
 from opir_scoring.benchmark_figures import figures_by_case, scored_set, set_text
 from opir_scoring.benchmark_tables import DESCRIPTION
 from opir_scoring.evidence import RunEvidence, evidence_of_files
 from opir_scoring.scorecard_tables import scorecard_text
-from opir_scoring.scorecards import ScoreSettings, scorecard
+from opir_scoring.scorecards import Scorecard, ScoreSettings, scorecard
 from opir_scoring.sensor_scores import sensor_scores, sensor_text
 
 
@@ -31,9 +32,13 @@ def score(arguments: argparse.Namespace) -> int:
     if arguments.json:
         text = json.dumps({**card.as_plain(), "sensors": sensors}, indent=2)
     else:
-        text = "\n\n".join(filter(None, [scorecard_text({tracker: card}), sensor_text(sensors)]))
+        text = _text(card, tracker, sensors)
     sys.stdout.write(text + "\n")
     return 0
+
+
+def _text(card: Scorecard, tracker: str, sensors: list[dict[str, Any]]) -> str:
+    return "\n\n".join(filter(None, [scorecard_text({tracker: card}), sensor_text(sensors)]))
 
 
 def _evidence(arguments: argparse.Namespace) -> RunEvidence:

@@ -215,10 +215,7 @@ def _terms(
         collection_m2_s=float(collection[0]),
         photon_gain=frame_noise * np.square(loss / share) * collection[0] / collection,
         clutter_gain=loss / share,
-        clutter=tuple(
-            tuple(ClutterTable.of(structure, pixel, transfer, frames) for structure in structures)
-            for transfer in filters
-        ),
+        clutter=_clutter_tables(filters, structures, pixel, frames),
         well_w_m2=column("room_e") / per_unit,
         peak_share=np.array([ensquared_airy_energy(term.spread, 1, term.phase) for term in terms]),
         centroid_rad=centroid_factor_rad(column("sigma_rad"), pixel)
@@ -227,6 +224,18 @@ def _terms(
         spot_rad=np.sqrt(photon_centroid_variance(column("sigma_rad"), pixel)),
         electron_w_m2=1.0 / per_unit,
         own_past=() if frames is None else tuple(term.spot.own_past(frames) for term in terms),
+    )
+
+
+def _clutter_tables(
+    filters: Sequence[SpatialTransfer],
+    structures: Sequence[Structure],
+    pixel: float,
+    frames: FrameDifference | None,
+) -> tuple[tuple[ClutterTable, ...], ...]:
+    return tuple(
+        tuple(ClutterTable.of(structure, pixel, transfer, frames) for structure in structures)
+        for transfer in filters
     )
 
 
