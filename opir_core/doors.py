@@ -1,5 +1,5 @@
 """Doors: the public names of a package, listed once in its stub (`__init__.pyi`), each imported at
-first use.
+first use; and functions whose module is imported when they are called.
 """
 
 import re
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-__all__ = ["door"]
+__all__ = ["deferred", "door"]
 
 #: The imports of a stub: the module, and its names in parentheses or on the line. The library
 #: `lazy_loader` reads stubs too, but refuses imports from outside the package.
@@ -41,3 +41,21 @@ def door(spec: Any) -> tuple[Callable[[str], Any], Callable[[], list[str]], list
 
     names = sorted(homes)
     return attribute, lambda: names, names
+
+
+class deferred:  # noqa: N801 - used as a function
+    """A function that calls the one at a place, `package.module.name`, and imports its module only
+    then: the `build` of a component. It can be pickled.
+
+    >>> from opir_core.plugin import deferred
+    >>> deferred("math.hypot")(3.0, 4.0)
+    5.0
+    """
+
+    def __init__(self, place: str) -> None:
+        # Errors of a component name the package of its `build`.
+        self.__module__, _, self._name = place.rpartition(".")
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Return what the function returns."""
+        return getattr(import_module(self.__module__), self._name)(*arguments)

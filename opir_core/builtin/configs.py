@@ -28,7 +28,7 @@ def _matrices_complaint(matrices: Mapping[str, Confusion]) -> str | None:
     return None
 
 
-@frozen(kw_only=True)
+@frozen
 class ConstantConfig:
     """What a scene may set of the detection model `constant`."""
 
@@ -41,7 +41,7 @@ class ConstantConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class ConfusionConfig:
     """What a scene may set of the classifier `paper`."""
 
@@ -58,7 +58,7 @@ class ConfusionConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class WeightedConfig:
     """What a scene may set of the confidence model `weighted`; the weights sum to 1."""
 
@@ -101,7 +101,7 @@ def _scene_time(meaning: str, default: float | None = None) -> Any:
     return number(default=default, unit="s", minimum=0.0, maximum=31_557_600.0, help=meaning)
 
 
-@frozen(kw_only=True)
+@frozen
 class PlaceConfig:
     """A place on the Earth."""
 
@@ -118,7 +118,7 @@ class PlaceConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class LaunchConfig(PlaceConfig):
     """Where and when a target lifts off."""
 
@@ -130,7 +130,7 @@ class AimConfig(PlaceConfig):
     """Where a target is to come down."""
 
 
-@frozen(kw_only=True)
+@frozen
 class BallisticConfig:
     """What a scene may set of a target of the model `ballistic`."""
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.builtin.plugin import built_by
+from opir_core.doors import deferred
 from opir_core.host.components import DirectorModel
 from opir_core.host.hookspecs import hookimpl
 from opir_core.scene.fields import nested, number, text
@@ -38,7 +38,7 @@ def _mode(words: str) -> Any:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class RoundRobinConfig:
     """What a scene may set of the director `round-robin`."""
 
@@ -58,7 +58,7 @@ class RoundRobinConfig:
     mode: str = _mode("at the places")
 
 
-@frozen(kw_only=True)
+@frozen
 class CueConfig:
     """What a scene may set of the director `cue`."""
 
@@ -84,7 +84,7 @@ class CueConfig:
     least_probability_launch: float = _least_probability_launch()
 
 
-@frozen(kw_only=True)
+@frozen
 class InformationConfig:
     """What a scene may set of the director `information`."""
 
@@ -115,23 +115,23 @@ def opir_directors() -> Iterable[DirectorModel]:
     yield DirectorModel(
         name="operator",
         summary="sensors do what an operator has them do over HTTP, and nothing else",
-        build=built_by("directors", "operator"),
+        build=deferred("opir_core.builtin.directors.operator"),
     )
     yield DirectorModel(
         name="round-robin",
         summary="one place after the other",
         config=RoundRobinConfig,
-        build=built_by("directors", "round_robin"),
+        build=deferred("opir_core.builtin.directors.round_robin"),
     )
     yield DirectorModel(
         name="cue",
         summary="each sensor to a track that no other one follows, the least known first",
         config=CueConfig,
-        build=built_by("directors", "cue"),
+        build=deferred("opir_core.builtin.directors.cue"),
     )
     yield DirectorModel(
         name="information",
         summary="each sensor to the track of which its next looks tell most",
         config=InformationConfig,
-        build=built_by("information", "information"),
+        build=deferred("opir_core.builtin.information.information"),
     )

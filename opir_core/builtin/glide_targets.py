@@ -24,7 +24,7 @@ from opir_core.errors import Problem
 from opir_core.flight.glide import GlideFlight, GlideShape, glide_ephemeris, glide_flight
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.trajectories import Trajectories
-from opir_core.scene.target_classes import EquilibriumGlide, TargetClass
+from opir_core.scene.target_classes import EquilibriumGlide
 
 
 class GlideTargets(AimedFlights):
@@ -56,7 +56,12 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
     )
     forces = forces_of_targets(configs, context)
     flight = glide_flight(
-        launch, aim_point, ignitions_s(configs), profiles, _shape(classes), forces=forces
+        launch,
+        aim_point,
+        ignitions_s(configs),
+        profiles,
+        GlideShape.of(kind.after_burnout for kind in classes),
+        forces=forces,
     )
     refuse(
         [
@@ -79,14 +84,3 @@ def glide_targets(configs: Sequence[GlideConfig], context: TargetContext) -> Tra
         glow_end_s=flight.impact_s if context.measures_light else flight.burnout_s,
         turns_s=np.concatenate([flight.path.breakpoints_s(), flight.release_s[:, None]], axis=1),
     )
-
-
-def _shape(classes: Sequence[TargetClass]) -> GlideShape:
-    """Return the constants of the classes' glides."""
-    glides = [
-        kind.after_burnout for kind in classes if isinstance(kind.after_burnout, EquilibriumGlide)
-    ]
-    columns = [
-        (glide.lift_to_drag, glide.final_speed_m_s, glide.scale_height_m) for glide in glides
-    ]
-    return GlideShape(*np.array(columns, dtype=np.float64).reshape(-1, 3).T)

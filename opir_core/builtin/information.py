@@ -171,13 +171,11 @@ def expected_covariance(tracks: Tracks, time_s: float, density_m2_s3: float) -> 
     later_cross = cross + of_velocity * since_s + 0.5 * noise * since_s
     later_place = (
         of_place
-        + (cross + np.swapaxes(cross, 1, 2)) * since_s
+        + (cross + cross.mT) * since_s
         + of_velocity * since_s * since_s
         + noise * since_s * since_s / 3.0
     )
-    return np.block(
-        [[later_place, later_cross], [np.swapaxes(later_cross, 1, 2), of_velocity + noise]]
-    )
+    return np.block([[later_place, later_cross], [later_cross.mT, of_velocity + noise]])
 
 
 def _across_line(line_m: FloatArray, looks: FloatArray, sensor: Sensor) -> FloatArray:

@@ -17,6 +17,7 @@ from opir_core.builtin.configs import (
     MemoryConfig,
     WeightedConfig,
 )
+from opir_core.doors import deferred
 from opir_core.host.components import (
     AtmosphereModel,
     BackgroundModel,
@@ -33,15 +34,6 @@ from opir_core.host.components import (
 from opir_core.host.hookspecs import hookimpl
 from opir_core.output.events import schema_text
 from opir_core.scene.fields import CONFUSION, DETECTION_PROBABILITY, SKY, SOURCES
-
-
-def built_by(module: str, function: str) -> Callable[..., Any]:
-    """Return a `build` that imports its module of this package when it is called."""
-
-    def build(config: Any, context: Any) -> Any:
-        return getattr(import_module(f"opir_core.builtin.{module}"), function)(config, context)
-
-    return build
 
 
 def _encoder(name: str, summary: str, module: str, encoder: str, **options: bool) -> EventEncoder:
@@ -95,18 +87,18 @@ SINKS = (
         name="jsonl",
         summary="one event per line, to a file or standard output",
         config=JsonlConfig,
-        build=built_by("sinks", "line_file"),
+        build=deferred("opir_core.builtin.sinks.line_file"),
     ),
     SinkModel(
         name="memory",
         summary="windows kept in memory, as columns and as events",
         config=MemoryConfig,
-        build=built_by("sinks", "memory_sink"),
+        build=deferred("opir_core.builtin.sinks.memory_sink"),
     ),
     SinkModel(
         name="null",
         summary="discards events without encoding them",
-        build=built_by("sinks", "null_sink"),
+        build=deferred("opir_core.builtin.sinks.null_sink"),
     ),
 )
 
@@ -118,19 +110,19 @@ def opir_detection_models() -> Iterable[DetectionModel]:
         name="constant",
         summary="a probability of detection per sensor and target type (the paper's)",
         config=ConstantConfig,
-        build=built_by("detection", "constant_detection"),
+        build=deferred("opir_core.builtin.detection.constant_detection"),
         reads=(DETECTION_PROBABILITY,),
     )
     yield DetectionModel(
         name="always",
         summary="every look detects",
-        build=built_by("detection", "always_detection"),
+        build=deferred("opir_core.builtin.detection.always_detection"),
         reads=(SOURCES,),
     )
     yield DetectionModel(
         name="never",
         summary="no look detects",
-        build=built_by("detection", "never_detection"),
+        build=deferred("opir_core.builtin.detection.never_detection"),
         reads=(SOURCES,),
     )
 
@@ -142,25 +134,25 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
         name="paper",
         summary="drawn from a confusion matrix, once per sensor and launch; knows the true type",
         config=ConfusionConfig,
-        build=built_by("classification", "confusion_classifier"),
+        build=deferred("opir_core.builtin.classification.confusion_classifier"),
         reads=(CONFUSION,),
     )
     yield ClassifierModel(
         name="none",
         summary="every target is UNKNOWN",
-        build=built_by("classification", "no_answer"),
+        build=deferred("opir_core.builtin.classification.no_answer"),
         reads=(),
     )
     yield ClassifierModel(
         name="always",
         summary="the true type, each time",
-        build=built_by("classification", "true_type"),
+        build=deferred("opir_core.builtin.classification.true_type"),
         reads=(),
     )
     yield ClassifierModel(
         name="never",
         summary="every target is UNKNOWN, like none",
-        build=built_by("classification", "no_answer"),
+        build=deferred("opir_core.builtin.classification.no_answer"),
         reads=(),
     )
 
@@ -173,19 +165,19 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
         summary="weighted sum of confirming bands, number of detections and elevation (the"
         " paper's)",
         config=WeightedConfig,
-        build=built_by("classification", "weighted_confidence"),
+        build=deferred("opir_core.builtin.classification.weighted_confidence"),
         reads=(),
     )
     yield ConfidenceModel(
         name="always",
         summary="confidence 1",
-        build=built_by("classification", "full_confidence"),
+        build=deferred("opir_core.builtin.classification.full_confidence"),
         reads=(),
     )
     yield ConfidenceModel(
         name="never",
         summary="confidence 0",
-        build=built_by("classification", "no_confidence"),
+        build=deferred("opir_core.builtin.classification.no_confidence"),
         reads=(),
     )
 
@@ -194,7 +186,10 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
 def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `none`."""
     yield TrackerModel(
-        name="none", summary="no tracks", build=built_by("no_tracker", "no_tracker"), reads=()
+        name="none",
+        summary="no tracks",
+        build=deferred("opir_core.builtin.no_tracker.no_tracker"),
+        reads=(),
     )
 
 
@@ -206,7 +201,7 @@ def opir_target_models() -> Iterable[TargetModel]:
         summary="boost on a generic class profile, then free flight to the aim point under the"
         " scene's forces",
         config=BallisticConfig,
-        build=built_by("targets", "ballistic_targets"),
+        build=deferred("opir_core.builtin.targets.ballistic_targets"),
     )
 
 
@@ -216,7 +211,7 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     yield AtmosphereModel(
         name="clear",
         summary="transmittance 1, no clouds",
-        build=built_by("empty_space", "clear_atmosphere"),
+        build=deferred("opir_core.builtin.empty_space.clear_atmosphere"),
         reads=(SKY,),
     )
 
@@ -227,7 +222,7 @@ def opir_background_models() -> Iterable[BackgroundModel]:
     yield BackgroundModel(
         name="none",
         summary="no background radiance",
-        build=built_by("empty_space", "no_background"),
+        build=deferred("opir_core.builtin.empty_space.no_background"),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.builtin.configs import TYPE_HELP, AimConfig, BallisticConfig, LaunchConfig, drag
-from opir_core.builtin.plugin import built_by
+from opir_core.doors import deferred
 from opir_core.host.components import TargetModel
 from opir_core.host.hookspecs import hookimpl
 from opir_core.scene.fields import BODIES, nested, number, text
@@ -30,7 +30,7 @@ def _stages_complaint(stages: tuple[Any, ...]) -> str | None:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class InsertionConfig:
     """What a scene may set of a target of the model `orbit`."""
 
@@ -61,7 +61,7 @@ class InsertionConfig:
     ballistic_coefficient_kg_m2: float | None = drag("in orbit")
 
 
-@frozen(kw_only=True)
+@frozen
 class GlideConfig:
     """What a scene may set of a target of the model `glide`."""
 
@@ -71,7 +71,7 @@ class GlideConfig:
     ballistic_coefficient_kg_m2: float | None = drag("after the glide")
 
 
-@frozen(kw_only=True)
+@frozen
 class StageConfig:
     """One burn of a target of the model `gravity-turn`."""
 
@@ -98,7 +98,7 @@ class StageConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class GravityTurnConfig:
     """What a scene may set of a target of the model `gravity-turn`."""
 
@@ -170,7 +170,7 @@ class GravityTurnConfig:
     ballistic_coefficient_kg_m2: float | None = drag("in free flight")
 
 
-@frozen(kw_only=True)
+@frozen
 class AirConfig(LaunchConfig):
     """Where, how high and when a target ignites in the air."""
 
@@ -183,7 +183,7 @@ class AirConfig(LaunchConfig):
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class AirLaunchConfig:
     """What a scene may set of a target of the model `air-launch`."""
 
@@ -245,20 +245,20 @@ def opir_target_models() -> Iterable[TargetModel]:
         summary="ignition in level flight at a height and a speed, a pull-up, boost as a class's,"
         " then free flight",
         config=AirLaunchConfig,
-        build=built_by("air_launch_targets", "air_launch_targets"),
+        build=deferred("opir_core.builtin.air_launch_targets.air_launch_targets"),
     )
     yield TargetModel(
         name="gravity-turn",
         summary="a gravity turn of one to several burns with dark gaps, aimed by kick and cut-off,"
         " then free flight",
         config=GravityTurnConfig,
-        build=built_by("gravity_turn_targets", "gravity_turn_targets"),
+        build=deferred("opir_core.builtin.gravity_turn_targets.gravity_turn_targets"),
     )
     yield TargetModel(
         name="orbit",
         summary="boost on a class profile into a circular orbit",
         config=InsertionConfig,
-        build=built_by("orbit_targets", "orbit_targets"),
+        build=deferred("opir_core.builtin.orbit_targets.orbit_targets"),
     )
     yield TargetModel(
         name="glide",
@@ -266,5 +266,5 @@ def opir_target_models() -> Iterable[TargetModel]:
         " free fall",
         config=GlideConfig,
         reads=(BODIES,),
-        build=built_by("glide_targets", "glide_targets"),
+        build=deferred("opir_core.builtin.glide_targets.glide_targets"),
     )

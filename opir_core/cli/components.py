@@ -157,7 +157,7 @@ def _unknown(host: Host, name: str) -> str:
     packages = [
         package
         for package, entries in PACKAGES.items()
-        if any(name == _name(entry) for entry in entries)
+        if any(name == entry.partition(".")[2] for entry in entries)
     ]
     host.catalogue()
     lines = [
@@ -168,10 +168,6 @@ def _unknown(host: Host, name: str) -> str:
         "opir plugins lists the installed components",
     ]
     return "\n  ".join(lines)
-
-
-def _name(entry: str) -> str:
-    return entry.partition(".")[2]
 
 
 def _component_text(row: Mapping[str, Any]) -> str:

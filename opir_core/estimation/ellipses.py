@@ -42,7 +42,7 @@ def _radii(containment: float, reported: FloatArray | None) -> FloatArray | floa
     return np.where((column >= 0.0) & np.isfinite(column), column, normal)
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def containment_ellipse(
     covariance_m2: FloatArray,
     containment: float = CONTAINMENT,

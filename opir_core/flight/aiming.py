@@ -82,7 +82,7 @@ class AimedLaunches:
     complaints: tuple[str, ...]
 
 
-@np.errstate(invalid="ignore", divide="ignore", over="ignore")
+@np.errstate(all="ignore")
 def aimed_launches(
     shot: LaunchSolution,
     range_m: FloatArray,

@@ -74,7 +74,7 @@ def density_kg_m3(
     # Every model has no air left at 1e6 km.
     flat = np.minimum(height.reshape(-1), 1e9)
     layer = np.searchsorted(layers.floors_m, flat, side="right") - 1
-    with np.errstate(invalid="ignore", over="ignore", under="ignore"):
+    with np.errstate(all="ignore"):
         density = np.exp(log_density(layers.parameters[:, np.maximum(layer, 0)], flat))
     inside = (layer >= 0) & ~np.isnan(flat)
     return np.where(inside, density, np.nan).reshape(height.shape)

@@ -135,7 +135,7 @@ def _sampled(motion: Motion, target: RowArray, times_s: FloatArray) -> list[Floa
             f"the motion of target {target[row % len(target)]} is not finite at {times_s.flat[row]}"
             f" s"
         )
-    return [column.reshape(*times_s.shape, 3).transpose(0, 2, 1) for column in states]
+    return [column.reshape(*times_s.shape, 3).mT for column in states]
 
 
 def horner(coefficients: FloatArray, x: float) -> FloatArray:

@@ -19,7 +19,7 @@ free fall only. The boost ends in the direction in which the glide begins. At th
 and drag end, and free flight under the scene's forces leads down to the aim point.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,7 +40,7 @@ from opir_core.flight.landing import polar_rad
 from opir_core.flight.rows import Rows
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
 from opir_core.geometry.vectors import FloatPair, components, dot, length
-from opir_core.scene.target_classes import BoostProfile
+from opir_core.scene.target_classes import BoostProfile, EquilibriumGlide
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
@@ -53,6 +53,16 @@ class GlideShape(Rows):
     lift_to_drag: FloatArray
     final_speed_m_s: FloatArray
     scale_height_m: FloatArray
+
+    @classmethod
+    def of(cls, flights: Iterable[object]) -> "GlideShape":
+        """Return the constants of those flights after burnout that are glides."""
+        columns = [
+            (flight.lift_to_drag, flight.final_speed_m_s, flight.scale_height_m)
+            for flight in flights
+            if isinstance(flight, EquilibriumGlide)
+        ]
+        return cls(*np.array(columns, dtype=np.float64).reshape(-1, 3).T)
 
 
 @frozen(eq=False, repr=False)
@@ -229,7 +239,7 @@ class GlideFlight:
         return self.glide.take(target).state(time_s - self.burnout_s[target])
 
 
-@np.errstate(invalid="ignore", divide="ignore", over="ignore")
+@np.errstate(all="ignore")
 def glide_flight(
     launch: Geodetic,
     aim_point: Geodetic,

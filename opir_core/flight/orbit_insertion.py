@@ -101,7 +101,7 @@ class _Ascents:
         )
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def insertion(
     launch: Geodetic,
     ignition_s: FloatArray,

@@ -28,7 +28,7 @@ class AzimuthElevationRange(NamedTuple):
     range_m: FloatArray
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> FloatArray:
     """Return the local axes (..., 3, 3) at geodetic latitudes and longitudes, rad: rows east, north
     and up, in ECEF.
@@ -40,7 +40,7 @@ def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> Flo
     )
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def local_axes(position_ecef_m: ArrayLike) -> FloatArray:
     """Return the local axes (..., 3, 3) at ECEF positions (..., 3), m: rows east, north and up, in
     ECEF.
@@ -51,7 +51,7 @@ def local_axes(position_ecef_m: ArrayLike) -> FloatArray:
     return _stacked(_rows_under(position_ecef_m))
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def azimuth_elevation_range(
     observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike
 ) -> AzimuthElevationRange:
@@ -65,7 +65,7 @@ def azimuth_elevation_range(
     return _angles(_offset(observer_ecef_m, target_ecef_m), _rows_under(observer_ecef_m))
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def azimuth_elevation_range_in_axes(
     offset_ecef_m: ArrayLike, axes: ArrayLike
 ) -> AzimuthElevationRange:
@@ -77,7 +77,7 @@ def azimuth_elevation_range_in_axes(
     return _angles(components(offset_ecef_m), _rows_of(axes))
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the elevation of targets above the geodetic horizontal of observers, both ECEF (...,
     3), m; rad.
@@ -89,7 +89,7 @@ def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
     return _elevation(east, north, up)
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the angle at sensors between the Earth's centre and targets, both ECEF (..., 3), m;
     rad, in [0, pi].
@@ -111,7 +111,7 @@ def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
     )
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def line_of_sight(
     observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike
 ) -> FloatArray:

@@ -28,7 +28,7 @@ UNIX_JULIAN_DATE = 2440587.5
 SECONDS_PER_DAY = 86400.0
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return the Julian date (UTC), days, `time_s` seconds after an epoch.
 
@@ -38,7 +38,7 @@ def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     return (day + UNIX_JULIAN_DATE) + second / SECONDS_PER_DAY
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return Greenwich mean sidereal time of 1982, rad, in [0, 2 pi), `time_s` seconds after an
     epoch.
@@ -67,19 +67,19 @@ def day_and_second(epoch: Epoch, time_s: ArrayLike) -> FloatPair:
     return day, second
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def ecef_to_eci(position_m: ArrayLike, time_s: ArrayLike) -> FloatArray:
     """Return ECEF vectors (..., 3) in ECI at `time_s` seconds since scene epoch."""
     return _turned(position_m, EARTH_ROTATION_RAD_S * floats(time_s))
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def eci_to_ecef(position_m: ArrayLike, time_s: ArrayLike) -> FloatArray:
     """Return ECI vectors (..., 3) in ECEF at `time_s` seconds since scene epoch."""
     return _turned(position_m, -EARTH_ROTATION_RAD_S * floats(time_s))
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def ecef_to_eci_state(
     position_m: ArrayLike, velocity_m_s: ArrayLike, time_s: ArrayLike
 ) -> FloatPair:
@@ -93,7 +93,7 @@ def ecef_to_eci_state(
     return ecef_to_eci(position, time_s), ecef_to_eci(carried, time_s)
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def eci_to_ecef_state(
     position_m: ArrayLike, velocity_m_s: ArrayLike, time_s: ArrayLike
 ) -> FloatPair:

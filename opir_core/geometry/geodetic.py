@@ -61,7 +61,7 @@ def geodetic_to_ecef(
     return vector(rho * np.cos(longitude), rho * np.sin(longitude), z)
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def ecef_to_geodetic(position_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84) -> Geodetic:
     """Return geodetic latitude, longitude (rad) and height (m) of ECEF positions (..., 3), m.
 

@@ -39,7 +39,7 @@ def normal(x: FloatArray, y: FloatArray, z: FloatArray) -> Normal:
     return Normal(share * x, share * y, sine, height_along_normal(rho, z, sine, cosine, _A, _B))
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def least_height_inside_m(observer_ecef_m: FloatArray, target_ecef_m: FloatArray) -> FloatArray:
     """Return the least height, m, along segments (n, 3) that fall from the observer and rise to the
     target.
@@ -103,7 +103,7 @@ def _slope(
     return up.x * dx + up.y * dy + up.z * dz, up.height
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def intersection_with_ellipsoid(
     origin_ecef_m: ArrayLike, direction: ArrayLike, height_m: ArrayLike = 0.0
 ) -> FloatArray:
@@ -155,7 +155,7 @@ class _Dip(NamedTuple):
     end_height: FloatArray
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def grazing_height_m(
     observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, *, exact_above_m: float = -np.inf
 ) -> FloatArray:
@@ -178,7 +178,7 @@ def grazing_height_m(
     return _with_depths(height, observer_ecef_m, target_ecef_m, searched)
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def is_occluded(
     observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, grazing_height_m: ArrayLike = 0.0
 ) -> BoolArray:

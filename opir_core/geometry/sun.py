@@ -33,7 +33,7 @@ SUN_RADIUS_M = 6.957e8
 _SUN_STEP_S = 3600.0
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def sun_position_of_date_m(julian_date: ArrayLike) -> FloatArray:
     """Return the geocentric apparent position of the Sun (..., 3), m, in the mean equator and
     equinox of date.
@@ -47,7 +47,7 @@ def sun_position_of_date_m(julian_date: ArrayLike) -> FloatArray:
     return _position_m(centuries, np.zeros(()), np.zeros(()))
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return the position of the Sun (..., 3) in ECEF, m, `time_s` seconds after an epoch
     (`numpy.datetime64`, UTC).
@@ -105,7 +105,7 @@ def _position_m(
     )
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def sun_position_eci_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return the position of the Sun (..., 3), m, in ECI, `time_s` seconds after an epoch
     (`numpy.datetime64`, UTC).
@@ -148,7 +148,7 @@ class _Discs(NamedTuple):
     separation: FloatArray
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatArray:
     """Return the share of the Sun's disc in view of positions (..., 3), in [0, 1]; both in one
     Earth-centred frame, m.
@@ -171,7 +171,7 @@ def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatAr
     return select(separation >= earth + sun, 1.0, shown)
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> BoolArray:
     """Return whether positions (..., 3) are outside the umbra: any part of the Sun's disc is in
     view.
@@ -191,7 +191,7 @@ class ShadowMargins(NamedTuple):
     umbra: FloatArray
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def shadow_margins_rad(position_m: ArrayLike, sun_position_m: ArrayLike) -> ShadowMargins:
     """Return how far the Sun is from touching the Earth's disc, and from being behind it, at
     positions (..., 3).

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from attrs import field, frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import IndexArray
+from opir_core.arrays import ByteArray, IndexArray
 from opir_core.interfaces.classification import Classifier
 from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.interfaces.outputs import Encoder
@@ -85,7 +84,7 @@ class ModelContext:
     """
 
     sensors: tuple[Sensor, ...]
-    target_type_code: NDArray[np.uint8] = field(
+    target_type_code: ByteArray = field(
         eq=False
     )  #: into `EMITTER_TYPES`: launches, then other hot sources
     surroundings: Surroundings | None = field(default=None, eq=False)

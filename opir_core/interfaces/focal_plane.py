@@ -18,7 +18,7 @@ _DIFFERENCE = (
 )
 
 
-@frozen(kw_only=True)
+@frozen
 class FocalPlaneConfig:
     """What a scene may set of a focal plane; pixels are as wide as the sensor's `ifov_urad`."""
 

@@ -97,7 +97,7 @@ def _perigee_complaint(semi_major_axis_km: float, eccentricity: float) -> str | 
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class SlotConfig:
     """A geosynchronous satellite; with inclination and eccentricity 0, a geostationary one."""
 
@@ -114,7 +114,7 @@ class SlotConfig:
         _require(_perigee_complaint(synchronous_semi_major_axis_m(1.0) * 1e-3, self.eccentricity))
 
 
-@frozen(kw_only=True)
+@frozen
 class KeplerConfig:
     """Any closed orbit, by its Kepler elements at the scene epoch."""
 
@@ -145,7 +145,7 @@ class KeplerConfig:
         )
 
 
-@frozen(kw_only=True)
+@frozen
 class CircularConfig:
     """A circular orbit."""
 
@@ -161,7 +161,7 @@ class CircularConfig:
         _require(_choice_complaint(self, "lon_asc_node_deg", "raan_deg"))
 
 
-@frozen(kw_only=True)
+@frozen
 class WalkerConfig:
     """One satellite of a Walker pattern of circular orbits; node and argument of latitude are the
     first satellite's.
@@ -201,7 +201,7 @@ class WalkerConfig:
         )
 
 
-@frozen(kw_only=True)
+@frozen
 class MolniyaConfig:
     """An orbit of half a day that dwells about its apogee; every other apogee is over the given
     longitude.
@@ -243,7 +243,7 @@ class MolniyaConfig:
         )
 
 
-@frozen(kw_only=True)
+@frozen
 class TundraConfig(MolniyaConfig):
     """An orbit of a day that dwells about its apogee, always over the given longitude."""
 
@@ -257,7 +257,7 @@ class TundraConfig(MolniyaConfig):
         return 1.0
 
 
-@frozen(kw_only=True)
+@frozen
 class OmmFileConfig:
     """A file of orbits, and the satellite in it."""
 
@@ -267,7 +267,7 @@ class OmmFileConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class OrbitFileConfig(OmmFileConfig):
     """A file of elements or of an ephemeris, and the satellite in it."""
 
@@ -278,7 +278,7 @@ class OrbitFileConfig(OmmFileConfig):
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class OrbitConfig:
     """The orbit of a sensor: exactly one of these blocks."""
 

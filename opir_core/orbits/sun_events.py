@@ -132,7 +132,7 @@ def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLik
     cap_1, cap_2, separation = np.broadcast_arrays(
         *(floats(angles) for angles in (one_rad, other_rad, apart_rad))
     )
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+    with np.errstate(all="ignore"):
         at_1 = _arc(cap_2, separation, cap_1)
         at_2 = _arc(cap_1, separation, cap_2)
         common = 2.0 * (

@@ -118,13 +118,8 @@ def _next_corner(x: list[float], y: list[float], corner: int, tolerance_m: float
 def _area_m2(ring: FloatArray) -> float:
     """Return the area of an open ring (n, 2), positive if it is counter-clockwise."""
     x, y = ring.T
-    next_x, next_y = _following(ring).T
+    next_x, next_y = np.concatenate([ring[1:], ring[:1]]).T
     return float(0.5 * np.sum(x * next_y - next_x * y))
-
-
-def _following(ring: FloatArray) -> FloatArray:
-    """Return the points (n, 2) that follow those of an open ring."""
-    return np.concatenate([ring[1:], ring[:1]])
 
 
 def sides_cross(rings: Sequence[FloatArray]) -> bool:

@@ -1,3 +1,4 @@
+from opir_core.doors import deferred as deferred
 from opir_core.host.components import (
     AtmosphereModel as AtmosphereModel,
     BackgroundModel as BackgroundModel,

@@ -90,7 +90,7 @@ def _chosen(kind: str, key: str) -> dict[str, Any]:
     }
 
 
-@frozen(kw_only=True)
+@frozen
 class SceneFile:
     """A scene as its file has it, its blocks unread."""
 

@@ -1,6 +1,7 @@
 """Faults of sensors during a scene: what fails, from when until when."""
 
 import math
+from typing import Any
 
 from attrs import frozen
 
@@ -18,18 +19,17 @@ _SETTINGS = {
 }
 
 
-def span_complaint(
-    at_s: float, until_s: float | None, mtbf_s: float | None, mttr_s: float | None
-) -> str | None:
-    """Return what is wrong with the times of a failure, None if nothing is."""
-    if until_s is not None and not at_s < until_s:
-        return f"the repair at {until_s:g} s is not after {at_s:g} s"
-    if (mtbf_s is None) != (mttr_s is None):
-        return "mtbf_s and mttr_s belong together"
-    return None
+def require_span(failure: Any) -> None:
+    """Raise a `ValueError` if the times of a failure are wrong: `at_s`, `until_s`, `mtbf_s` and
+    `mttr_s`.
+    """
+    if failure.until_s is not None and not failure.at_s < failure.until_s:
+        raise ValueError(f"the repair at {failure.until_s:g} s is not after {failure.at_s:g} s")
+    if (failure.mtbf_s is None) != (failure.mttr_s is None):
+        raise ValueError("mtbf_s and mttr_s belong together")
 
 
-@frozen(kw_only=True)
+@frozen
 class SensorFault:
     """A fault of one sensor, from `at_s` until `until_s`; repaired then. With `mtbf_s` and `mttr_s`
     it comes and goes at random in this time.
@@ -103,9 +103,7 @@ class SensorFault:
             raise ValueError(f"{self.fault} has no {unread[0]}")
         if own and not given:
             raise ValueError(f"{self.fault} needs {' or '.join(own)}")
-        complaint = span_complaint(self.at_s, self.until_s, self.mtbf_s, self.mttr_s)
-        if complaint:
-            raise ValueError(complaint)
+        require_span(self)
 
     @property
     def end_s(self) -> float:

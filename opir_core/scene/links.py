@@ -4,14 +4,14 @@ import math
 
 from attrs import frozen
 
-from opir_core.scene.faults import span_complaint
+from opir_core.scene.faults import require_span
 from opir_core.scene.fields import nested, number, text
 
 #: In a path: any other satellite of the scene, in the order of sensors, then relays.
 ANY = "any"
 
 
-@frozen(kw_only=True)
+@frozen
 class GroundStation:
     """A ground station, which receives where a satellite is above its elevation mask."""
 
@@ -48,7 +48,7 @@ class GroundStation:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class RelaySatellite:
     """A geostationary satellite that only passes reports on."""
 
@@ -66,7 +66,7 @@ class RelaySatellite:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class Downlink:
     """How sensors send reports: each has a transmitter of its own with a queue, first in, first out.
 
@@ -123,7 +123,7 @@ class Downlink:
         return self.message_bytes / self.rate_bytes_s
 
 
-@frozen(kw_only=True)
+@frozen
 class LinkOutage:
     """A time in which a station, a relay or a sensor's transmitter neither sends nor receives."""
 
@@ -150,9 +150,7 @@ class LinkOutage:
     )
 
     def __attrs_post_init__(self) -> None:
-        complaint = span_complaint(self.at_s, self.until_s, self.mtbf_s, self.mttr_s)
-        if complaint:
-            raise ValueError(complaint)
+        require_span(self)
 
     @property
     def end_s(self) -> float:
@@ -160,7 +158,7 @@ class LinkOutage:
         return math.inf if self.until_s is None else self.until_s
 
 
-@frozen(kw_only=True)
+@frozen
 class Links:
     """The links of a scene; a sensor without a downlink reports as if its link were perfect."""
 

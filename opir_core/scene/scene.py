@@ -123,7 +123,7 @@ class SceneSource:
     model: Choice
 
 
-@frozen(kw_only=True)
+@frozen
 class ExponentialAir:
     """Exponential air density."""
 
@@ -140,7 +140,7 @@ class ExponentialAir:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class SceneDrag:
     """Drag in free flight, in air that rotates with the Earth."""
 
@@ -180,7 +180,7 @@ class SceneForces:
 PLAUSIBLE_DURATION_S = (0.001, 604_800.0)
 
 
-@frozen(kw_only=True)
+@frozen
 class WorkLimits:
     """The most work of a scene that is accepted, for the whole run and for one cycle of a live
     run.
@@ -344,7 +344,7 @@ DROP_NEWEST = "drop-newest"
 _MIB = 1 << 20
 
 
-@frozen(kw_only=True)
+@frozen
 class SpoolConfig:
     """A spool: the file that keeps events until they are acknowledged, its size, and the policy
     when it is full.

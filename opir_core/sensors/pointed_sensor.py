@@ -17,7 +17,7 @@ def place_complaint(place_deg: tuple[float, float] | None) -> str | None:
     return f"[{place_deg[0]:g}, {place_deg[1]:g}] is no [latitude, longitude]"
 
 
-@frozen(kw_only=True)
+@frozen
 class PointingConfig:
     """The narrow field of a sensor, and how fast it is moved."""
 
@@ -112,7 +112,7 @@ class ModeConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class PointedSensorConfig(ScanningSensorConfig):
     """What a scene may set of a sensor with a narrow field: it looks only where it is pointed, and
     its field of regard is where it can be.

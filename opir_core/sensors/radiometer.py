@@ -26,7 +26,7 @@ _COMPARED = (
 )
 
 
-@frozen(kw_only=True)
+@frozen
 class RadiometerConfig:
     """What a scene may set of how a sensor measures light, for models that reckon with it
     (detection: snr).

@@ -11,7 +11,7 @@ from opir_core.scene.fields import nested, number
 _MOST_SIGMA = 10.0
 
 
-@frozen(kw_only=True)
+@frozen
 class ReportingStageConfig:
     """The latency of one stage of reporting: constant, or gamma distributed if it has a standard
     deviation.
@@ -46,7 +46,7 @@ class ReportingStageConfig:
 _AT_ONCE = "0: no latency"
 
 
-@frozen(kw_only=True)
+@frozen
 class ReportingConfig:
     """The stages between a look and its report; their latencies add up."""
 

@@ -78,7 +78,7 @@ _RASTER = (
 )
 
 
-@frozen(kw_only=True)
+@frozen
 class ScanningSensorConfig(RadiometerConfig):
     """What a scene may set of a scanning sensor: in a geostationary slot, or in any orbit.
 

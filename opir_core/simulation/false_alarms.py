@@ -273,8 +273,7 @@ class _NoDraws:
     def normals(self, purpose: str, count: int = 1) -> FloatArray:
         return np.zeros((self.rows, count))
 
-    def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
-        return np.full((self.rows, words), 0.5)
+    pair_uniforms = uniforms
 
     def take(self, rows: Any) -> "_NoDraws":
         return _NoDraws(len(np.arange(self.rows)[rows]))

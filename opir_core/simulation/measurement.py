@@ -7,6 +7,7 @@ import numpy as np
 from attrs import field, frozen
 
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
+from opir_core.geometry.vectors import vector
 from opir_core.host.boundary import PluginErrors
 from opir_core.interfaces.classification import Classifier, Confidence
 from opir_core.interfaces.columns import Deferred
@@ -244,7 +245,7 @@ def measured_lines_of_sight(
     direction = _directions(exposed)
     if states.bias is not None:
         direction = states.bias.applied(*direction, exposed.sensor, exposed.sensor_ecef_m)
-    return _rows(*_tilted(*direction, east_normal * sigma_rad, north_normal * sigma_rad))
+    return vector(*_tilted(*direction, east_normal * sigma_rad, north_normal * sigma_rad))
 
 
 def _directions(exposed: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -276,11 +277,3 @@ def _tilted(
     moved_z = z + level * second_rad
     per_length = 1.0 / np.sqrt(moved_x * moved_x + moved_y * moved_y + moved_z * moved_z)
     return moved_x * per_length, moved_y * per_length, moved_z * per_length
-
-
-def _rows(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-    rows = np.empty((len(x), 3))
-    rows[:, 0] = x
-    rows[:, 1] = y
-    rows[:, 2] = z
-    return rows

@@ -407,9 +407,7 @@ def _fault_in_covariance(name: str, covariance: FloatArray) -> str:
     spread = np.sqrt(np.maximum(np.diagonal(complete, axis1=1, axis2=2), 0.0))
     scale = spread[:, :, None] * spread[:, None, :]
     scaled = np.divide(complete, scale, out=np.zeros_like(complete), where=scale > 0.0)
-    if not np.isfinite(complete).all() or np.any(
-        np.abs(scaled - scaled.transpose(0, 2, 1)) > _SYMMETRY
-    ):
+    if not np.isfinite(complete).all() or np.any(np.abs(scaled - scaled.mT) > _SYMMETRY):
         return f"returned {name} that is not symmetric and finite"
     if (
         np.any(np.diagonal(complete, axis1=1, axis2=2) < 0.0)

@@ -151,12 +151,9 @@ class WindowWorkers:
             yield result
             self._written[number % len(self._slots)] += 1
 
-    def _slot_of(self, number: int) -> "_Slot":
-        return self._slots[number % len(self._slots)]
-
     def _assign(self, number: int) -> None:
         """Send a window to its worker; one that has ended gets it when it is replaced."""
-        slot = self._slot_of(number)
+        slot = self._slots[number % len(self._slots)]
         slot.waiting.append(number)
         with suppress(OSError):
             slot.link.send(number)

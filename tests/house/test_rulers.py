@@ -33,7 +33,7 @@ TOKENS: dict[str, int] = {
     "opir_readers": 66_000,
     "opir_render": 300,
     "opir_report": 50_200,
-    "opir_sbirs": 400,
+    "opir_sbirs": 370,
     "opir_scoring": 32_400,
     "opir_stonesoup": 6_500,
     "opir_studies": 46_800,

@@ -8,6 +8,7 @@ from typing import Any
 from opir_coverage import numbers_of
 
 from opir_core.cli import add_overrides
+from opir_core.plugin import deferred
 
 _CURVES = ("pd", "snr", "least-intensity", "first-report")
 _AGAINST = ("height", "aspect", "elevation", "cloud", "climate")
@@ -103,7 +104,10 @@ def _add_bands(quantities: Any) -> None:
 
 def _add_frames(quantities: Any) -> None:
     add = _on_bench(
-        quantities, "frame", "simulated frames of a focal plane, with masks and labels", run=_frame
+        quantities,
+        "frame",
+        "simulated frames of a focal plane, with masks and labels",
+        run=deferred("opir_bench.command.frame_command"),
     ).add_argument
     add("--band", default="", metavar="NAME", help="band of the frames (default: the first)")
     add(
@@ -156,7 +160,7 @@ def _on_bench(
     if run is None:
         add("--json", action="store_true", help="print JSON")
         add("--plot", metavar="FILE", help="draw it into a .png, .svg or .pdf")
-    parser.set_defaults(run=run or _physics)
+    parser.set_defaults(run=run or deferred("opir_bench.command.physics"))
     return parser
 
 
@@ -207,18 +211,6 @@ def _min_intensity(parser: argparse.ArgumentParser) -> None:
     from opir_bench.least_intensity import least_intensity_arguments
 
     least_intensity_arguments(parser)
-
-
-def _physics(arguments: argparse.Namespace) -> int:
-    from opir_bench.command import physics
-
-    return physics(arguments)
-
-
-def _frame(arguments: argparse.Namespace) -> int:
-    from opir_bench.command import frame_command
-
-    return frame_command(arguments)
 
 
 def _names(text: str) -> tuple[str, ...]:

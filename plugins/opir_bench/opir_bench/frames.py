@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 from opir_photons.detection import blur_rad, unlit_electrons_per_s
 from opir_photons.radiometry import (
     PointSpread,
@@ -21,7 +20,7 @@ from opir_photons.radiometry import (
 )
 
 from opir_bench.stand import Bench, Poses
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError
 from opir_core.geometry import components, length
 from opir_core.output import OutputFiles
@@ -47,7 +46,7 @@ class FocalFrame:
     electrons: FloatArray
     target: FloatArray
     background: FloatArray
-    mask: NDArray[np.bool_]
+    mask: BoolArray
     title: str
 
 
@@ -156,7 +155,7 @@ def frame(
     return FocalFrame(array.band, electrons, target, background, is_lit(target), title)
 
 
-def is_lit(target: FloatArray) -> NDArray[np.bool_]:
+def is_lit(target: FloatArray) -> BoolArray:
     """Return the mask of a target: pixels with a share of its brightest pixel's light."""
     return np.asarray(target > _MASKED * target.max(initial=0.0))
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_bench.movies import Clip, training_clips
+from opir_core.arrays import ByteArray
 from opir_core.output import OutputFiles
 
 #: Percentiles of a clip's electrons that are black and white in its pictures.
@@ -94,7 +95,7 @@ def _write_pictures(files: OutputFiles, folder: Path, number: int, clip: Clip) -
         files.write(folder / "labels" / f"{name}.txt", _yolo(box, rows, columns).encode(), "labels")
 
 
-def _grey(electrons: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _grey(electrons: NDArray[np.float32]) -> ByteArray:
     """Return grey levels that are linear in electrons."""
     black, white = np.percentile(electrons, _BLACK_WHITE)
     share = (electrons - black) / max(float(white - black), 1.0)
@@ -158,7 +159,7 @@ def _annotation(clip: Clip, step: int) -> dict[str, Any]:
     }
 
 
-def grey_png(grey: NDArray[np.uint8]) -> bytes:
+def grey_png(grey: ByteArray) -> bytes:
     """Return a picture of 8-bit grey levels (rows, columns) as PNG (ISO/IEC 15948)."""
     rows, columns = grey.shape
     lines = np.concatenate([np.zeros((rows, 1), dtype=np.uint8), grey], axis=1).tobytes()

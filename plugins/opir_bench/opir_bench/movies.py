@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from opir_bench.frames import FocalArray, is_lit
 from opir_bench.stand import Bench, PosedTargets, Poses
-from opir_core.arrays import FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic
 
@@ -40,7 +40,7 @@ class Clip:
     pixel_rad: float
     scale: float
     electrons: NDArray[np.float32]
-    mask: NDArray[np.bool_]
+    mask: BoolArray
     time_s: FloatArray
     row: FloatArray
     column: FloatArray
@@ -55,7 +55,7 @@ class Clip:
         return [_box(mask) for mask in self.mask]
 
 
-def _box(mask: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
+def _box(mask: BoolArray) -> tuple[int, int, int, int] | None:
     rows = np.flatnonzero(mask.any(axis=1))
     columns = np.flatnonzero(mask.any(axis=0))
     if not len(rows):
@@ -180,7 +180,7 @@ def _exposed(
     place: FloatArray,
     shift: FloatArray,
     rng: np.random.Generator,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], FloatArray]:
+) -> tuple[NDArray[np.float32], BoolArray, FloatArray]:
     """Return frames (N, rows, columns), masks of the target, and SNRs (N,)."""
     frames = [
         _exposed_frame(array, light, place[:, step], shift[:, step], rng)
@@ -196,7 +196,7 @@ def _exposed_frame(
     place: FloatArray,
     shift: FloatArray,
     rng: np.random.Generator,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], float]:
+) -> tuple[NDArray[np.float32], BoolArray, float]:
     """Return a frame, the mask of its target and the signal over noise of the brightest pixel."""
     background = array.background_e(_row_and_column(shift))
     target = array.target_e(light_w_m2, _row_and_column(place))

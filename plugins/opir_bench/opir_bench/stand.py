@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 from opir_coverage import detection_of, target_class_of
 from scipy.special import ndtr
 
 from opir_core import Plan, Scene, compile_plan, scene_from_mapping
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, length, local_axes
@@ -112,7 +111,7 @@ class Signals:
 class PosedTargets(Trajectories):
     """Targets in straight flight through their places, in the direction of their aspect."""
 
-    type_code: NDArray[np.uint8]
+    type_code: ByteArray
     ignition_s: FloatArray
     burnout_s: FloatArray
     class_names: Sequence[str]

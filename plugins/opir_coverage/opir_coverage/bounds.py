@@ -142,7 +142,7 @@ class LaunchInformation:
         shared = bias.information + np.eye(3) / sigma_rad**2
         self._lost = self._lost + np.matmul(
             bias.cross_information,
-            np.linalg.solve(shared, bias.cross_information.transpose(0, 2, 1)),
+            np.linalg.solve(shared, bias.cross_information.mT),
         )
 
     def whole(self) -> FloatArray:
@@ -150,7 +150,7 @@ class LaunchInformation:
         information = np.zeros((self._across.shape[2], 6, 6))
         for slopes, across in zip(self._slopes, self._across, strict=True):
             weighed = np.matmul(across[_MATRIX].transpose(2, 0, 1), slopes)
-            information += np.matmul(slopes.transpose(0, 2, 1), weighed)
+            information += np.matmul(slopes.mT, weighed)
         return information - self._lost
 
     def covariance(self) -> FloatArray:
@@ -158,7 +158,7 @@ class LaunchInformation:
         values, vectors = np.linalg.eigh(self.whole())
         is_known = values[:, 0] > _LEAST_INFORMATION * np.maximum(values[:, -1], 1e-300)
         with np.errstate(divide="ignore", invalid="ignore"):
-            covariance = np.matmul(vectors / values[:, None, :], vectors.transpose(0, 2, 1))
+            covariance = np.matmul(vectors / values[:, None, :], vectors.mT)
         return np.where(is_known[:, None, None], covariance, np.nan)
 
 
@@ -180,9 +180,7 @@ class BiasInformation:
         """Add looks at cells `rows` (n,) with slopes (n, 3, 6), as `LaunchInformation.add`."""
         along = np.matmul(direction[:, None, :], slopes)
         across = slopes - direction[:, :, None] * along
-        self.cross_information[rows] += (
-            across.transpose(0, 2, 1) * (weight / range_m)[:, None, None]
-        )
+        self.cross_information[rows] += across.mT * (weight / range_m)[:, None, None]
         self.information[rows] += (
             np.eye(3) - direction[:, :, None] * direction[:, None, :]
         ) * weight[:, None, None]

@@ -1,6 +1,5 @@
 """The coverage of a scene: its layers over a grid, from geometry to bounds at burnout."""
 
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,16 +65,11 @@ def computed_coverage(scene: Scene | Plan | str | Path, settings: CoverageSettin
         if name in dims
     }
     coverage_map = CoverageMap(grid, coordinates, layers, _attributes(plan, settings))
-    shares = _share_layers(coverage_map, settings.requirements)
-    return evolve(coverage_map, layers=[*layers, *shares])
-
-
-def _share_layers(coverage_map: CoverageMap, requirements: Sequence[Requirement]) -> list[Layer]:
-    """Return a layer for each requirement: the share of the day at which it is met."""
-    return [
+    shares = [
         _share_layer(coverage_map, requirement, number)
-        for number, requirement in enumerate(requirements, start=1)
+        for number, requirement in enumerate(settings.requirements, start=1)
     ]
+    return evolve(coverage_map, layers=[*layers, *shares])
 
 
 def _plan_of(scene: Scene | Plan | str | Path) -> Plan:

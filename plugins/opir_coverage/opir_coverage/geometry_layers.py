@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core import Plan
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray
 from opir_coverage import merits
 from opir_coverage.grid import PlaceGrid, SeenPoints
 from opir_coverage.layers import Layer
@@ -62,7 +62,7 @@ def _crossing(fleet: Fleet, sight: SightMap, points: SeenPoints) -> tuple[FloatA
 
 
 def _access_layers(
-    counts: NDArray[np.uint8], settings: CoverageSettings, shape: tuple[int, int]
+    counts: ByteArray, settings: CoverageSettings, shape: tuple[int, int]
 ) -> Iterator[Layer]:
     """Yield the layers of numbers in view (heights, T, cells)."""
     of_all = ("height", "time")
@@ -87,7 +87,7 @@ def _access_layers(
 
 
 def _merit_layers(
-    counts: NDArray[np.uint8], settings: CoverageSettings, shape: tuple[int, int]
+    counts: ByteArray, settings: CoverageSettings, shape: tuple[int, int]
 ) -> Iterator[Layer]:
     """Yield the figures of merit of numbers in view (heights, T, cells), by number of assets."""
     step_s = 3600.0 * settings.hours / settings.steps

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
-from numpy.typing import NDArray
 
 from opir_core import Plan
-from opir_core.arrays import FloatArray, IndexArray, IntArray, RowArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray, RowArray
 from opir_core.errors import ModelError
 from opir_core.flight import BoostPath, ascent, boost_path, launch_site
 from opir_core.interfaces import Surroundings
@@ -142,7 +141,7 @@ class GridBoosts:
 class GridLaunches(Trajectories):
     """The boosts of launches from a grid, as trajectories."""
 
-    type_code: NDArray[np.uint8]
+    type_code: ByteArray
     ignition_s: FloatArray
     burnout_s: FloatArray
     class_names: Sequence[str]

@@ -8,9 +8,8 @@ are in s. A point that is never covered has one gap, the whole interval, and no 
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 
 
 @frozen(eq=False)
@@ -95,7 +94,7 @@ def ages_of_data_s(covered: BoolArray, step_s: float) -> FloatArray:
     return age
 
 
-def is_covered(in_view: NDArray[np.uint8], assets: int) -> BoolArray:
+def is_covered(in_view: ByteArray, assets: int) -> BoolArray:
     """Return whether at least N sensors see a point: N Asset Coverage."""
     covered: BoolArray = np.asarray(in_view >= assets)
     return covered

@@ -5,7 +5,7 @@ from attrs import frozen
 from opir_core.plugin import number
 
 
-@frozen(kw_only=True)
+@frozen
 class CoverageMetricConfig:
     """What a study's coverage is of: points at rest above a grid, over a day from the scene's
     epoch.

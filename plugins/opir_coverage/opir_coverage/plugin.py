@@ -3,13 +3,12 @@
 Heavy modules are imported when used.
 """
 
-import argparse
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
 from opir_core.cli import add_scene_arguments
-from opir_core.plugin import MetricContext, MetricModel, hookimpl
+from opir_core.plugin import MetricModel, deferred, hookimpl
 from opir_coverage.metric_config import CoverageMetricConfig
 from opir_coverage.number_lists import numbers_of
 
@@ -32,14 +31,8 @@ def opir_metrics() -> Iterable[MetricModel]:
         summary="number of sensors, share of the Earth covered, on average and always, and the"
         " longest gap over a day",
         config=CoverageMetricConfig,
-        build=_coverage_metric,
+        build=deferred("opir_coverage.metric.coverage_metric"),
     )
-
-
-def _coverage_metric(config: CoverageMetricConfig, context: MetricContext) -> Any:
-    from opir_coverage.metric import coverage_metric
-
-    return coverage_metric(config, context)
 
 
 def _add_coverage(commands: Any) -> None:
@@ -62,7 +55,7 @@ def _add_coverage(commands: Any) -> None:
         default="coverage",
         help="folder of page and data (default coverage)",
     )
-    parser.set_defaults(run=_coverage, group="study")
+    parser.set_defaults(run=deferred("opir_coverage.command.coverage"), group="study")
 
 
 def _add_grid(add: Callable[..., Any]) -> None:
@@ -148,9 +141,3 @@ def _add_launches(add: Callable[..., Any]) -> None:
         metavar="LAYER<=X",
         help="share of the day that meets it; repeatable",
     )
-
-
-def _coverage(arguments: argparse.Namespace) -> int:
-    from opir_coverage.command import coverage
-
-    return coverage(arguments)

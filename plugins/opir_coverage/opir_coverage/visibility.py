@@ -10,10 +10,9 @@ import math
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
 from opir_core import Plan
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from opir_core.geometry import WGS84, angle_between_rad, is_sunlit, nadir_angle_rad, sun_ecef_m
 from opir_core.planning import visible_now
 from opir_core.plugin import Sensor
@@ -137,7 +136,7 @@ class Fleet:
 class SightMap:
     """Visibility of `cells` points as bits (T, sensors, ceil(cells / 8)); one time if constant."""
 
-    bits: NDArray[np.uint8]
+    bits: ByteArray
     cells: int
     steps: int
 
@@ -161,7 +160,7 @@ class SightMap:
         row = self.bits[min(step, len(self.bits) - 1)]
         return np.unpackbits(row, axis=1, count=self.cells).view(np.bool_)
 
-    def in_view(self) -> NDArray[np.uint8]:
+    def in_view(self) -> ByteArray:
         """Return the numbers (T, cells) of sensors that see each point."""
         counts = [self.at(step).sum(axis=0, dtype=np.uint8) for step in range(len(self.bits))]
         return np.broadcast_to(np.stack(counts), (self.steps, self.cells))

@@ -8,7 +8,7 @@ from attrs import frozen
 from opir_core.plugin import ExecutorContext, ExecutorModel, hookimpl, number, text
 
 
-@frozen(kw_only=True)
+@frozen
 class DaskConfig:
     """The settings of the executor `dask`."""
 

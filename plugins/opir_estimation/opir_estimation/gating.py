@@ -319,7 +319,7 @@ def _innovation_covariances(
     covariance = predicted.projected_covariances(track, geometry.time_s, geometry.weight, rows)
     if predicted.bias_covariance is not None:
         bias = predicted.bias_covariance[track, sensor]
-        covariance += (rows @ bias) @ rows.transpose(0, 2, 1)
+        covariance += (rows @ bias) @ rows.mT
     noise = sigma * sigma
     covariance[:, 0, 0] += noise
     covariance[:, 1, 1] += noise

@@ -67,7 +67,7 @@ def label_posterior(
     residual = pairs.measured
     pull = np.zeros((len(residual), 3))
     for _ in range(LAW.rounds):
-        spread = motion.slope @ covariance[motion.track] @ motion.slope.transpose(0, 2, 1)
+        spread = motion.slope @ covariance[motion.track] @ motion.slope.mT
         cavity, offset = _without_look(spread, pull)
         log_ratio, probability = _probabilities(looks, residual + offset, cavity)
         weight = probability / variance
@@ -87,7 +87,7 @@ def place_probabilities(
     slice say of them.
     """
     motion = _PathDeviations.of(looks.pairs, path, light_time=light_time)
-    spread = motion.slope @ motion.prior[motion.track] @ motion.slope.transpose(0, 2, 1)
+    spread = motion.slope @ motion.prior[motion.track] @ motion.slope.mT
     return _probabilities(looks, looks.pairs.measured, spread)[1]
 
 
@@ -112,14 +112,14 @@ class _PathDeviations(NamedTuple):
         slope = weight[:, None, :3, None] * axes[:, :, None, :]
         tracks, track = np.unique(pairs.track, return_inverse=True)
         root = path.root[tracks, :_SIZE]
-        prior = root @ root.transpose(0, 2, 1)
+        prior = root @ root.mT
         return cls(track, slope.reshape(len(track), 2, _SIZE), prior)
 
     def updated(self, weight: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return means (n, 9) and covariances (n, 9, 9) after innovations (k, 2) with weights (k,),
         1/rad².
         """
-        back = weight[:, None, None] * self.slope.transpose(0, 2, 1)
+        back = weight[:, None, None] * self.slope.mT
         information = group_sums(self.track, (back @ self.slope).reshape(len(back), -1))
         gram = information.reshape(self.prior.shape)
         whole = np.eye(_SIZE) + self.prior @ gram
@@ -137,7 +137,7 @@ def _without_look(spread: FloatArray, pull: FloatArray) -> tuple[FloatArray, Flo
     far (k, 2) the prediction is from the one with them; `pull` (k, 3) are the look's `_look_sums`.
     """
     remaining = np.eye(2) - pull[:, 2, None, None] * spread
-    turned = remaining.transpose(0, 2, 1)
+    turned = remaining.mT
     covariance = np.linalg.solve(turned, spread).astype(np.float64, copy=False)
     return covariance, matvec(covariance, np.ascontiguousarray(pull[:, :2]))
 

@@ -24,7 +24,7 @@ def triangular(rows: FloatArray) -> FloatArray:
         factor = _lapack().dgeqrf(rows[0], lwork=size)[0][:size]
         return (factor * _above(size, size, "F"))[None]
     raw: Any = np.linalg.qr(rows, mode="raw")[0]
-    side = raw.transpose(0, 2, 1)[:, : rows.shape[2]]
+    side = raw.mT[:, : rows.shape[2]]
     return side * _above(side.shape[1], side.shape[2])
 
 
@@ -74,8 +74,8 @@ def covariance(root: FloatArray) -> FloatArray:
 
 def gram(side: FloatArray) -> FloatArray:
     """Return the products A Aᵀ (n, d, d) of arrays A (n, d, m), exactly symmetric."""
-    product = side @ side.transpose(0, 2, 1)
-    return 0.5 * (product + product.transpose(0, 2, 1))
+    product = side @ side.mT
+    return 0.5 * (product + product.mT)
 
 
 def time_update(root: FloatArray, back: FloatArray, noise: FloatArray | None) -> FloatArray:

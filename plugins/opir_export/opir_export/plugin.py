@@ -3,12 +3,11 @@
 pyarrow is imported when a table is made.
 """
 
-import argparse
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin import EventEncoder, ExporterModel, RunView, SinkModel, hookimpl
+from opir_core.plugin import EventEncoder, ExporterModel, RunView, SinkModel, deferred, hookimpl
 from opir_export.settings import (
     ArrowConfig,
     CsvConfig,
@@ -23,25 +22,16 @@ from opir_export.settings import (
 _SUMMARY = "write a run in a format of other programs: tables, maps, ephemerides"
 
 
-def _called(module: str, function: str) -> Callable[..., Any]:
-    """Return a function that imports a module and calls its `function`."""
-
-    def call(*arguments: Any) -> Any:
-        return getattr(import_module(f"opir_export.{module}"), function)(*arguments)
-
-    return call
-
-
 @hookimpl
 def opir_exporters() -> Iterable[ExporterModel]:
     """Yield the exporters."""
     for name, config, module, function, summary in _EXPORTERS:
-        build = _exporter(f"formats.{module}", function)
+        build = _exporter(module, function)
         yield ExporterModel(name=name, summary=summary, config=config, build=build)
 
 
 def _exporter(module: str, function: str) -> Callable[..., Any]:
-    build = _called(module, function)
+    build = deferred(f"opir_export.formats.{module}.{function}")
     return lambda config, _context: build(config)
 
 
@@ -120,13 +110,13 @@ def opir_event_encoders() -> Iterable[EventEncoder]:
         name="avro",
         summary="the detection event in Avro's single-object encoding; needs the extra avro",
         build=_encoder("avro", "AvroEncoder"),
-        schema=_called("encoders.avro", "avro_schema_text"),
+        schema=deferred("opir_export.encoders.avro.avro_schema_text"),
     )
     yield EventEncoder(
         name="protobuf",
         summary="the detection event in Protocol Buffers; needs the extra protobuf",
         build=_encoder("protobuf", "ProtobufEncoder"),
-        schema=_called("encoders.protobuf", "proto_text"),
+        schema=deferred("opir_export.encoders.protobuf.proto_text"),
     )
     yield EventEncoder(
         name="forge-c2",
@@ -171,10 +161,10 @@ def opir_sinks() -> Iterable[SinkModel]:
         name="parquet",
         summary="detections as columns of a Parquet file",
         config=ParquetSinkConfig,
-        build=_called("parquet_sink", "parquet_sink"),
-        read=_called("parquet_events", "parquet_events"),
-        open_truth=_called("parquet_truth", "ParquetTruth"),
-        read_truth=_called("parquet_truth", "read_truth"),
+        build=deferred("opir_export.parquet_sink.parquet_sink"),
+        read=deferred("opir_export.parquet_events.parquet_events"),
+        open_truth=deferred("opir_export.parquet_truth.ParquetTruth"),
+        read_truth=deferred("opir_export.parquet_truth.read_truth"),
     )
 
 
@@ -188,7 +178,9 @@ def opir_run_views() -> Iterable[RunView]:
     }
     for name, summary in of_tables.items():
         function = name if name == "tables" else f"to_{name}"
-        yield RunView(name=name, summary=summary, build=_called("tabular.run_tables", function))
+        yield RunView(
+            name=name, summary=summary, build=deferred(f"opir_export.tabular.run_tables.{function}")
+        )
 
 
 @hookimpl
@@ -212,10 +204,4 @@ def opir_add_commands(commands: Any) -> None:
         help="a setting of the exporter",
     )
     parser.add_argument("--list", action="store_true", help="list the formats")
-    parser.set_defaults(run=_export, group="data")
-
-
-def _export(arguments: argparse.Namespace) -> int:
-    from opir_export.command import export
-
-    return export(arguments)
+    parser.set_defaults(run=deferred("opir_export.command.export"), group="data")

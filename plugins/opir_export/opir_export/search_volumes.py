@@ -209,7 +209,7 @@ class _Places(NamedTuple):
 def _places(estimates: Tracks, time_s: FloatArray, forces: Forces) -> _Places:
     """Return the places of targets at times (n,), s."""
     variance, axes = np.linalg.eigh(estimates.state_covariance)
-    steps = (axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :]).transpose(0, 2, 1)
+    steps = (axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :]).mT
     mean = estimates.state[:, None, :]
     states = np.concatenate([mean, mean + steps, mean - steps], axis=1)
     tick_s = estimates.tick_s[:, None]
@@ -217,7 +217,7 @@ def _places(estimates: Tracks, time_s: FloatArray, forces: Forces) -> _Places:
     arrived, _ = propagate(position, velocity, time_s[:, None] - tick_s, forces)
     arrived = eci_to_ecef(arrived, time_s[:, None])
     upper, lower = np.split(arrived[:, 1:], 2, axis=1)
-    root_m = 0.5 * (upper - lower).transpose(0, 2, 1)
+    root_m = 0.5 * (upper - lower).mT
     return _Places(estimates.available_s, time_s, arrived[:, 0], root_m)
 
 
@@ -229,7 +229,7 @@ def _volumes(run: Any, places: _Places, config: CuesConfig) -> list[Volume]:
     sight = _sight_axes(angles)
     root_m = axes @ places.root_m
     sight_root = sight @ root_m
-    covariance = root_m @ root_m.transpose(0, 2, 1)
+    covariance = root_m @ root_m.mT
     sigma = np.sqrt(np.sum(sight_root**2, axis=2)) / angles.range_m[:, None]
     azimuth_deg = np.degrees(sigma[:, 0] / np.cos(angles.elevation_rad))
     elevation_deg = np.degrees(sigma[:, 1])
@@ -266,7 +266,7 @@ def _sky_ellipse(root_rad: FloatArray) -> dict[str, FloatArray]:
     azimuth and elevation, have roots (n, 2, k), rad.
     """
     # The axes of an ellipse have the unit of the roots.
-    major_rad, minor_rad, turn_rad = containment_ellipse(root_rad @ root_rad.transpose(0, 2, 1))
+    major_rad, minor_rad, turn_rad = containment_ellipse(root_rad @ root_rad.mT)
     return {
         "semi_major_deg": np.degrees(major_rad),
         "semi_minor_deg": np.degrees(minor_rad),

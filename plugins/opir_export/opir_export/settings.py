@@ -36,7 +36,7 @@ def _tables_setting() -> str:
     return nested(default=ALL, check=_tables_complaint, help=words)
 
 
-@frozen(kw_only=True)
+@frozen
 class ParquetConfig:
     """One Parquet file for each table."""
 
@@ -44,7 +44,7 @@ class ParquetConfig:
     compression: str = _parquet_compression()
 
 
-@frozen(kw_only=True)
+@frozen
 class ArrowConfig:
     """One Arrow IPC file (Feather version 2) for each table."""
 
@@ -54,7 +54,7 @@ class ArrowConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class CsvConfig:
     """One CSV file for each table, with a line of names."""
 
@@ -64,7 +64,7 @@ class CsvConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class OemConfig:
     """States of the sensors and of the true flights."""
 
@@ -82,7 +82,7 @@ class OemConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class TdmConfig:
     """Measured angles of each sensor."""
 
@@ -98,7 +98,7 @@ class TdmConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class CuesConfig:
     """Site of the sensor that searches, and the estimate of each track that it is sent."""
 
@@ -140,7 +140,7 @@ class CuesConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class MapConfig:
     """Contents of a map: steps of paths, predicted regions, footprints."""
 
@@ -155,7 +155,7 @@ class MapConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class ParquetSinkConfig:
     """The settings of the sink `parquet`."""
 

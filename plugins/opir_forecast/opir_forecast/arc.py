@@ -89,7 +89,7 @@ def impact_moments_of(estimates: BoostEstimates, time_s: float) -> tuple[FloatAr
     east = EARTH_EQUATORIAL_RADIUS_M * turn * np.cos(mean[:, :1])
     north = EARTH_EQUATORIAL_RADIUS_M * offset[..., 0]
     slopes = np.stack([east, north, offset[..., 2]], axis=1)
-    covariance = slopes @ slopes.transpose(0, 2, 1)
+    covariance = slopes @ slopes.mT
     unknown = ~np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     mean[unknown] = np.nan
     covariance[unknown] = np.nan

@@ -132,7 +132,7 @@ def _drawn_states(estimates: BoostEstimates, burn_kind: IntArray) -> FloatArray:
     """Return drawn states (n, m, 10) of the filter's densities of kinds of burns (n, m)."""
     root = widened(inverse_root(estimates.burn_root.reshape(-1, 10, 10)))
     root = root.reshape(estimates.burn_root.shape)
-    states = draws().state[BURNING] @ root.swapaxes(2, 3) + estimates.burn_mean[:, :, None]
+    states = draws().state[BURNING] @ root.mT + estimates.burn_mean[:, :, None]
     return np.take_along_axis(states, burn_kind[:, None, :, None], axis=1)
 
 

@@ -5,7 +5,7 @@ from attrs import frozen
 from opir_core.plugin import number
 
 
-@frozen(kw_only=True)
+@frozen
 class RegionsConfig:
     """Settings of the forecaster `regions`."""
 

@@ -109,7 +109,7 @@ def _free(coast: _Coast, share: FloatArray, draw: IntArray, rows: IntArray) -> P
     # Families take turns, so that each has states of all kinds.
     family = families_of_particles(number, size)[:, _turns(size)]
     weight = (share[rows] / np.maximum(number, 1))[np.arange(count)[:, None], family]
-    state = draws().state[draw, :6] @ coast.root[rows].swapaxes(1, 2) + coast.mean[rows, None]
+    state = draws().state[draw, :6] @ coast.root[rows].mT + coast.mean[rows, None]
     nothing = np.zeros((count * size, STAGES))
     return Particles(
         nothing,

@@ -383,7 +383,7 @@ def path_moments(
     """
     count = len(predicted.root)
     weight = taylor_weights(when - predicted.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
-    path = predicted.derivative.transpose(0, 2, 1)
+    path = predicted.derivative.mT
     covariance = _covariances(predicted, weight)
     _add_noise(covariance, noise * noise, predicted.time_s - when)
     if biased is not None:
@@ -462,7 +462,7 @@ def _covariances(predicted: PredictedMeasurements, weight: FloatArray) -> FloatA
     share[:, :, 0] = weight[:, :4]
     share[:, 1:, 1] = weight[:, :3]
     products = share[:, :, None, :, None] * share[:, None, :, None]
-    gram = predicted.root @ predicted.root.transpose(0, 2, 1)
+    gram = predicted.root @ predicted.root.mT
     gram = gram.reshape(count, 4, 3, 4, 3).transpose(0, 2, 4, 1, 3)
     sums = gram.reshape(count, 9, 16) @ products.reshape(count, 16, 4 * times)
     # Tracks, two axes of space, position or velocity twice, times.
@@ -494,7 +494,7 @@ def moment_matched(
     weight = chance[:, :, None]
     mean = points @ weight
     offset = points - mean
-    total = (chance[:, None] * offset) @ offset.transpose(0, 2, 1)
+    total = (chance[:, None] * offset) @ offset.mT
     spreads = covariance.reshape(9, count, times).transpose(1, 0, 2)
     total[:, :3, :3] += (spreads @ weight).reshape(count, 3, 3)
     return on_ground(mean[:, :, 0], total)
@@ -509,9 +509,9 @@ def on_ground(mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Flo
     flat = np.zeros((len(mean), 3, 4))
     flat[:, :2, :3] = level
     flat[:, 2, 3] = 1.0
-    spread = flat @ covariance @ flat.transpose(0, 2, 1)
+    spread = flat @ covariance @ flat.mT
     # Rounding leaves the two halves of a product different.
-    return points, 0.5 * (spread + spread.transpose(0, 2, 1))
+    return points, 0.5 * (spread + spread.mT)
 
 
 def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:

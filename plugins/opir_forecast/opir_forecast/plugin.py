@@ -1,28 +1,9 @@
 """The forecasters `regions` and `none`; each is imported when it is built."""
 
 from collections.abc import Iterable
-from typing import Any
 
-from opir_core.plugin import TrackerPart, hookimpl
+from opir_core.plugin import TrackerPart, deferred, hookimpl
 from opir_forecast.configs import ArcConfig, NoForecastConfig, RegionsConfig
-
-
-def _regions(config: RegionsConfig, context: Any) -> Any:
-    from opir_forecast.region_forecaster import region_forecaster
-
-    return region_forecaster(config, context)
-
-
-def _arc(config: ArcConfig, context: Any) -> Any:
-    from opir_forecast.arc import arc_forecaster
-
-    return arc_forecaster(config, context)
-
-
-def _none(config: NoForecastConfig, context: Any) -> Any:
-    from opir_forecast.forecaster import no_forecast
-
-    return no_forecast(config, context)
 
 
 @hookimpl
@@ -34,7 +15,7 @@ def opir_tracker_parts() -> Iterable[TrackerPart]:
         " track",
         role="forecast",
         config=RegionsConfig,
-        build=_regions,
+        build=deferred("opir_forecast.region_forecaster.region_forecaster"),
         reads=(),
     )
     yield TrackerPart(
@@ -43,7 +24,7 @@ def opir_tracker_parts() -> Iterable[TrackerPart]:
         " impact",
         role="forecast",
         config=ArcConfig,
-        build=_arc,
+        build=deferred("opir_forecast.arc.arc_forecaster"),
         reads=(),
     )
     yield TrackerPart(
@@ -51,6 +32,6 @@ def opir_tracker_parts() -> Iterable[TrackerPart]:
         summary="no forecast: states and launch points alone",
         role="forecast",
         config=NoForecastConfig,
-        build=_none,
+        build=deferred("opir_forecast.forecaster.no_forecast"),
         reads=(),
     )

@@ -208,13 +208,9 @@ def _starts(passes: _Passes, motion: _LaunchMotion, position_m: FloatArray) -> F
     start = start_radius * (up * np.cos(rows.angle) - course * np.sin(rows.angle)) - radius_m * up
     turned = 2.0 * start @ SPIN.T @ across / max(float(motion.values[2]), LAW.slowest_m_s)
     shift = RADIUS_M * rows.angle * turned[:, None] * across
-    deflection = _deflection(rows, up, course)
+    # By the Coriolis force, m.
+    deflection = 2.0 * (rows.distance_s * course + rows.height_s * up) @ SPIN.T
     return start + shift + deflection + passes.raised_m[:, None] * motion.shift
-
-
-def _deflection(rows: AscentRows, up: FloatArray, course: FloatArray) -> FloatArray:
-    """Return the displacements (n, 3), m, by the Coriolis force on ascents along a course."""
-    return 2.0 * (rows.distance_s * course + rows.height_s * up) @ SPIN.T
 
 
 def _site_heights_m(draws: FloatArray, inland: float) -> FloatArray:

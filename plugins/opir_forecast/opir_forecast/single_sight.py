@@ -129,7 +129,7 @@ class _Paths(NamedTuple):
         velocity -= 2.0 * SPIN @ (place - self.start_m[:, path])
         place = place - 2.0 * SPIN @ (distance_s * course + height_s * zenith)
         first_velocity = self.first[0, path] * course + self.first[1, path] * zenith
-        return np.stack([place, velocity, force, first_velocity]).transpose(0, 2, 1)
+        return np.stack([place, velocity, force, first_velocity]).mT
 
     def compared(
         self, sighting: Sighting, path: IntArray, azimuth: FloatArray

@@ -2,10 +2,9 @@
 run.
 """
 
-import argparse
 from typing import Any
 
-from opir_core.plugin import hookimpl
+from opir_core.plugin import deferred, hookimpl
 
 _SUMMARY = "run a scene in real time, with an HTTP interface and a web page"
 _VIEW = "show a saved run on a web page, with a time axis"
@@ -19,31 +18,13 @@ def opir_add_commands(commands: Any) -> None:
 
     parser = commands.add_parser("serve", help=_SUMMARY)
     add_arguments(parser)
-    parser.set_defaults(run=_serve, group="run")
+    parser.set_defaults(run=deferred("opir_http.serving.serve"), group="run")
     view = commands.add_parser("view", help=_VIEW)
     view.add_argument(
         "run_path", metavar="RUN", help="the folder of a run, or its events (opir run --out)"
     )
     add_address(view)
-    view.set_defaults(run=_view, group="look")
+    view.set_defaults(run=deferred("opir_http.viewing.view"), group="look")
     doctor = commands.add_parser("doctor", help=_DOCTOR)
     add_examined(doctor)
-    doctor.set_defaults(run=_doctor, group="maintain")
-
-
-def _serve(arguments: argparse.Namespace) -> int:
-    from opir_http.serving import serve
-
-    return serve(arguments)
-
-
-def _view(arguments: argparse.Namespace) -> int:
-    from opir_http.viewing import view
-
-    return view(arguments)
-
-
-def _doctor(arguments: argparse.Namespace) -> int:
-    from opir_http.doctor import doctor
-
-    return doctor(arguments)
+    doctor.set_defaults(run=deferred("opir_http.doctor.doctor"), group="maintain")

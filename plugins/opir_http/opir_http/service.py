@@ -180,9 +180,7 @@ class Service:
         track = -1 if isinstance(task.track_id, UnsetType) else task.track_id
         try:
             record = self.run.task(
-                SensorTask(
-                    sensor=sensor_id, position_ecef_m=place_m, track=track, mode=task.mode
-                )
+                SensorTask(sensor=sensor_id, position_ecef_m=place_m, track=track, mode=task.mode)
             )
         except OpirError as error:
             raise problem_of(error) from error

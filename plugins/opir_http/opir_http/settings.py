@@ -32,7 +32,7 @@ LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 MAXIMUM_PAGE = 1000
 
 
-@frozen(kw_only=True)
+@frozen
 class HttpSettings:
     """Address and limits of the service."""
 

@@ -22,7 +22,7 @@ SASL = "SASL_PLAINTEXT"
 SASL_TLS = "SASL_SSL"
 
 
-@frozen(kw_only=True)
+@frozen
 class SecurityConfig:
     """Encryption and login. Secrets come from environment variables; a scene has only the
     variables' names.
@@ -93,7 +93,7 @@ def _topic_complaint(topic: str) -> str | None:
     return None
 
 
-@frozen(kw_only=True)
+@frozen
 class KafkaConfig:
     """Broker, topic, batches and timeouts. All replicas acknowledge; the producer is idempotent."""
 

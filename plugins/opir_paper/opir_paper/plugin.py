@@ -1,9 +1,8 @@
 """The command `opir paper`; what it computes with is imported when the command is given."""
 
-import argparse
 from typing import Any
 
-from opir_core.plugin import hookimpl
+from opir_core.plugin import deferred, hookimpl
 
 
 @hookimpl
@@ -21,10 +20,4 @@ def opir_add_commands(commands: Any) -> None:
         action="store_true",
         help="print the scene that is simulated, and simulate nothing",
     )
-    parser.set_defaults(run=_paper, group="study")
-
-
-def _paper(arguments: argparse.Namespace) -> int:
-    from opir_paper.command import paper
-
-    return paper(arguments)
+    parser.set_defaults(run=deferred("opir_paper.command.paper"), group="study")

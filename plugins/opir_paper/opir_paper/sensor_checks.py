@@ -95,14 +95,12 @@ def _parameters(name: str, sensor: Sensor) -> Iterator[tuple[str, str, str]]:
     yield "bands, um", _BANDS[name], ", ".join(_band_text(band) for band in sensor.bands)
     yield "scan period, ms", period_ms, f"{sensor.scan.period_ns * 1e-6:g}"
     yield "P_d, ICBM", probability, f"{sensor.detection_probability['ICBM']:.2f}"
-    yield "false alarm rate, discrimination", _WORDS[name], _words(sensor)
-    yield "threshold, sigma", "5", f"{sensor.radiometer.threshold:g}"
-
-
-def _words(sensor: Sensor) -> str:
-    return f"{sensor.false_alarm_susceptibility}, {sensor.spectral_discrimination}".replace(
-        "-", " "
+    yield (
+        "false alarm rate, discrimination",
+        _WORDS[name],
+        f"{sensor.false_alarm_susceptibility}, {sensor.spectral_discrimination}".replace("-", " "),
     )
+    yield "threshold, sigma", "5", f"{sensor.radiometer.threshold:g}"
 
 
 def _band_text(band: Band) -> str:

@@ -299,7 +299,11 @@ def _require_states(known: Mapping[str, Column], names: Sequence[str], line: int
         needed.remove(TIME)
     if ALTITUDE in known and "height" in needed:
         needed.remove("height")
-    missing = [_with_unit(quantity) for quantity in needed if quantity not in known]
+    missing = [
+        _joined(quantity, next(iter(UNITS[quantity])))
+        for quantity in needed
+        if quantity not in known
+    ]
     unknown = unread(names, known)
     if missing and {name.casefold() for name in names} >= _FIRE_PIXELS:
         raise BadFileError(
@@ -387,10 +391,6 @@ def _words_of(name: str) -> tuple[str, str]:
 
 def _joined(quantity: str, unit: str) -> str:
     return f"{quantity}_{unit}" if unit else quantity
-
-
-def _with_unit(quantity: str) -> str:
-    return _joined(quantity, next(iter(UNITS[quantity])))
 
 
 def _names_with_units(units: Mapping[str, Units]) -> list[str]:

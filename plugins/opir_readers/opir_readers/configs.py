@@ -21,7 +21,7 @@ def _scene_time(meaning: str, default: float | None = None) -> Any:
     return number(default=default, unit="s", minimum=0.0, maximum=31_557_600.0, help=meaning)
 
 
-@frozen(kw_only=True)
+@frozen
 class TableConfig:
     """What a scene may set of a target of the model `table`."""
 
@@ -61,7 +61,7 @@ class TableConfig:
 _TO_ORBIT = ("with flight: orbit", lambda config: config.flight == "orbit")
 
 
-@frozen(kw_only=True)
+@frozen
 class AscentConfig:
     """What a scene may set of a target of the model `ascent`."""
 

@@ -7,7 +7,7 @@ from attrs import frozen
 from opir_core.plugin import number, text
 
 
-@frozen(kw_only=True)
+@frozen
 class SiteConfig:
     """Where a file's local places count from."""
 

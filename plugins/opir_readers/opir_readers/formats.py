@@ -6,12 +6,12 @@ from typing import Any
 
 from attrs import Factory, frozen
 
-from opir_core.plugin import FileReader, nested, text
+from opir_core.plugin import FileReader, deferred, nested, text
 from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
 from opir_readers.detections.formats import DETECTIONS
 from opir_readers.flights.formats import FLIGHTS
 from opir_readers.orbits.formats import ORBITS
-from opir_readers.reader_calls import later, reads
+from opir_readers.reader_calls import reads
 
 #: The keyword that every Orbit Ephemeris Message begins with.
 FIRST_KEYWORD = "CCSDS_OEM_VERS"
@@ -31,10 +31,14 @@ OBJECT_HELP = "OBJECT_NAME or OBJECT_ID, for an OEM with several objects"
 
 def columns_setting() -> Any:
     """Return the field of a column map."""
-    return nested(default=Factory(dict), check=later("columns", "map_complaint"), help=COLUMNS_HELP)
+    return nested(
+        default=Factory(dict),
+        check=deferred("opir_readers.columns.map_complaint"),
+        help=COLUMNS_HELP,
+    )
 
 
-@frozen(kw_only=True)
+@frozen
 class ReadCsvConfig:
     """The settings of the reader `csv`."""
 
@@ -43,7 +47,7 @@ class ReadCsvConfig:
     site: SiteConfig | None = nested(default=None, help=SITE_HELP)
 
 
-@frozen(kw_only=True)
+@frozen
 class ReadOemConfig:
     """The settings of the reader `oem`."""
 

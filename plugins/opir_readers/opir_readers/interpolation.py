@@ -85,7 +85,10 @@ def rows_apart(time_s: FloatArray, step_s: float) -> RowArray:
 
 def interpolant(tables: Sequence[StateTable]) -> Interpolant:
     """Return the polynomials of tables."""
-    intervals = [_intervals(table) for table in tables]
+    intervals = [
+        _joined(_intervals_of_run(table, rows) for rows in runs(table) if len(rows) > 1)
+        for table in tables
+    ]
     first = np.cumsum([0, *(len(table.start_s) for table in intervals)])
     joined = _joined(intervals)
     # Contiguous, for `take` copies the whole of what is not.
@@ -134,11 +137,6 @@ def _thinned(table: StateTable, rows: RowArray) -> StateTable:
         velocity_m_s=velocity,
         run=np.zeros(len(rows), np.intp),
     )
-
-
-def _intervals(table: StateTable) -> _Intervals:
-    """Return the intervals of a table."""
-    return _joined(_intervals_of_run(table, rows) for rows in runs(table) if len(rows) > 1)
 
 
 def runs(table: StateTable) -> list[RowArray]:

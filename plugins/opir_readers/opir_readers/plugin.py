@@ -4,10 +4,9 @@ import argparse
 from collections.abc import Iterable
 from typing import Any
 
-from opir_core.plugin import FileReader, TargetModel, hookimpl
+from opir_core.plugin import FileReader, TargetModel, deferred, hookimpl
 from opir_readers.configs import AscentConfig, TableConfig
 from opir_readers.formats import READERS
-from opir_readers.reader_calls import later
 
 
 @hookimpl
@@ -18,13 +17,13 @@ def opir_target_models() -> Iterable[TargetModel]:
         summary="a space launch: two burns with a dark gap into orbit, or the booster of one that"
         " lands",
         config=AscentConfig,
-        build=later("ascents", "ascent_targets"),
+        build=deferred("opir_readers.ascents.ascent_targets"),
     )
     yield TargetModel(
         name="table",
         summary="a trajectory from a file: a table of states, CSV or CCSDS OEM",
         config=TableConfig,
-        build=later("table_targets", "table_targets"),
+        build=deferred("opir_readers.table_targets.table_targets"),
     )
 
 
@@ -73,7 +72,7 @@ def _import_arguments(parser: argparse.ArgumentParser) -> None:
     add("--numbers", metavar="N[:M],…", help="only these catalogue numbers")
     add("--max-age-days", metavar="D", type=float, help="only elements within D days of --epoch")
     add("--epoch", metavar="TIME", help="the scene's epoch, for --max-age-days")
-    parser.set_defaults(run=later("import_command", "import_file"), group="data")
+    parser.set_defaults(run=deferred("opir_readers.import_command.import_file"), group="data")
 
 
 def _reading_arguments(parser: argparse.ArgumentParser, columns: str) -> None:
@@ -124,4 +123,4 @@ def _track_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("-o", "--out", metavar="PATH", default="tracked.jsonl", help="events with their tracks")
     add("-q", "--quiet", action="store_true", help="print nothing but errors")
-    parser.set_defaults(run=later("detections.command", "track_file"), group="data")
+    parser.set_defaults(run=deferred("opir_readers.detections.command.track_file"), group="data")

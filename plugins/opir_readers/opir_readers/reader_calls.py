@@ -1,19 +1,9 @@
 """Functions of readers, imported when they are first called: a scene without files pays nothing."""
 
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
-from opir_core.plugin import ReaderContext
-
-
-def later(module: str, function: str) -> Callable[..., Any]:
-    """Return a function of a module of this package that imports it when it is called."""
-
-    def called(*arguments: Any) -> Any:
-        return getattr(import_module(f"opir_readers.{module}"), function)(*arguments)
-
-    return called
+from opir_core.plugin import ReaderContext, deferred
 
 
 def reads(module: str, function: str, *settings: str) -> Callable[[Any, ReaderContext], Any]:
@@ -21,7 +11,7 @@ def reads(module: str, function: str, *settings: str) -> Callable[[Any, ReaderCo
 
     `epoch_us` is that of the scene; `start_s` counts as 0 if it is not set.
     """
-    read = later(module, function)
+    read = deferred(f"opir_readers.{module}.{function}")
 
     def build(config: Any, context: ReaderContext) -> Any:
         values = {name: getattr(config, name, context.epoch_us) for name in settings}

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 from attrs import define, evolve, frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray
 from opir_core.errors import Problem, SceneError
 from opir_core.flight import Ephemeris, joined_burns_s, plain_gaps_s
 from opir_core.geometry import ecef_to_geodetic
@@ -32,7 +31,7 @@ class TableTargets(Trajectories):
     follows them.
     """
 
-    type_code: NDArray[np.uint8]
+    type_code: ByteArray
     ignition_s: FloatArray
     burnout_s: FloatArray
     end_s: FloatArray

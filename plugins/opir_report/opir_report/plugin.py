@@ -1,11 +1,10 @@
 """The command `opir report` and views of runs; matplotlib is imported when one is used."""
 
-import argparse
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
-from opir_core.plugin import RunView, hookimpl
+from opir_core.plugin import RunView, deferred, hookimpl
 
 _SUMMARY = "write a report of a run or a study, one HTML file with plots"
 
@@ -16,30 +15,18 @@ def opir_run_views() -> Iterable[RunView]:
     yield RunView(
         name="plot",
         summary="plots of a run with matplotlib, `run.plot.map()` for instance",
-        build=_plots,
+        build=deferred("opir_report.run_plots.RunPlots"),
     )
     yield RunView(
         name="map",
         summary="the map of a run's launches, an svg element for notebooks",
-        build=_map_svg,
+        build=deferred("opir_report.run_plots.map_svg"),
     )
     yield RunView(
         name="report",
         summary="a function that writes the report of a run, which `run.report(PATH)` calls",
         build=_report_writer,
     )
-
-
-def _plots(run: Any) -> Any:
-    from opir_report.run_plots import RunPlots
-
-    return RunPlots(run)
-
-
-def _map_svg(run: Any) -> str:
-    from opir_report.run_plots import map_svg
-
-    return map_svg(run)
 
 
 def _report_writer(run: Any) -> Callable[..., Any]:
@@ -80,10 +67,4 @@ def opir_add_commands(commands: Any) -> None:
         default="png,svg,pdf",
         help="formats of the figures (default png,svg,pdf)",
     )
-    parser.set_defaults(run=_report, group="look")
-
-
-def _report(arguments: argparse.Namespace) -> int:
-    from opir_report.command import report
-
-    return report(arguments)
+    parser.set_defaults(run=deferred("opir_report.command.report"), group="look")

@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from opir_scoring import (
     Ownership,
     RunEvidence,
@@ -23,7 +22,7 @@ from opir_scoring import (
 )
 
 from opir_core import Run
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray, ObjectArray
 from opir_core.estimation import containment_ellipse
 from opir_core.geometry import geodesic_direct
 from opir_core.interfaces import TRACK_CONTAINMENTS
@@ -91,7 +90,7 @@ class RunFacts:
         latitude, longitude, _ = place_of(self.truth[target].get(name))
         return float(latitude), float(longitude)
 
-    def target_names(self, targets: IntArray) -> NDArray[np.object_]:
+    def target_names(self, targets: IntArray) -> ObjectArray:
         """Return the ids (n,) of launches (n,)."""
         return np.array([self.ids[target] for target in targets.tolist()], dtype=object)
 

@@ -144,7 +144,7 @@ class _InertialLooks(NamedTuple):
         turns = detected.turn_ecef_rad.reshape(-1, 3)
         turn = ecef_to_eci(turns, np.repeat(look_s, shape[1])).reshape(shape)
         shift = np.cross(turn, line_m[:, None])
-        return cls(look_s, target_m, slope, slope @ shift.transpose(0, 2, 1))
+        return cls(look_s, target_m, slope, slope @ shift.mT)
 
     @property
     def biases(self) -> int:

@@ -274,7 +274,7 @@ def _normalised(evidence: RunEvidence, rows: IntArray, tracks: Tracks) -> FloatA
     measured = measured[:, :2] / measured[:, 2:]
     slope = axes[:, :2] / range_m[:, None, None]
     slope = np.concatenate([slope, slope * age_s[:, None, None]], axis=2)
-    spread = slope @ tracks.state_covariance @ slope.transpose(0, 2, 1)
+    spread = slope @ tracks.state_covariance @ slope.mT
     spread[:, [0, 1], [0, 1]] += np.square(evidence.sigma_rad[rows])[:, None]
     return np.sum(measured * np.linalg.solve(spread, measured[:, :, None])[:, :, 0], axis=1)
 

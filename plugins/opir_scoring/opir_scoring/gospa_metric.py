@@ -5,7 +5,6 @@ Functions of arrays. The assignment is optimal (scipy.optimize.linear_sum_assign
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from opir_core.arrays import FloatArray, IntArray
@@ -78,7 +77,7 @@ def _require_valid(cutoff: float, order: float, alpha: float) -> None:
 
 def _assigned(
     estimate: FloatArray, truth: FloatArray, cutoff: float, order: float
-) -> tuple[FloatArray, NDArray[np.int64]]:
+) -> tuple[FloatArray, IntArray]:
     """Return the p-th powers of the cut-off distances of the best assignment, and its pairs, by
     estimate.
     """

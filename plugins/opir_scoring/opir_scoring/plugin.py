@@ -1,11 +1,10 @@
 """The command `opir score`; what computes scores is imported when the command is given."""
 
-import argparse
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
-from opir_core.plugin import RunView, hookimpl
+from opir_core.plugin import RunView, deferred, hookimpl
 
 
 @hookimpl
@@ -31,10 +30,4 @@ def opir_add_commands(commands: Any) -> None:
 
     parser = commands.add_parser("score", help="score the tracks of a run against the truth")
     score_arguments(parser)
-    parser.set_defaults(run=_score, group="look")
-
-
-def _score(arguments: argparse.Namespace) -> int:
-    from opir_scoring.command import score
-
-    return score(arguments)
+    parser.set_defaults(run=deferred("opir_scoring.command.score"), group="look")

@@ -110,7 +110,7 @@ def _gain_of_radii(
     variance, axes = np.linalg.eigh(covariance)
     root = (axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :])[:, components]
     points = _normal_points(error.shape[1])
-    normal = points @ root.transpose(0, 2, 1)
+    normal = points @ root.mT
     factor = _stretch(np.sqrt(np.sum(points * points, axis=1)), sigmas, error.shape[1])
     stated = factor[:, :, None] * normal
     return _sampled(stated, error[:, components]) - _sampled(normal, error[:, components])

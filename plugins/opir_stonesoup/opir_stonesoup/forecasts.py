@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import evolve
-from opir_estimation import earth_rotated
+from opir_estimation import COAST, earth_rotated
 from opir_forecast import BoostEstimates, Forecaster, burning_probability, launch_probability
 from opir_trackers import GROUND, LAUNCH, Composition, PartContext, made_part
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor
@@ -23,8 +23,7 @@ from opir_stonesoup.settings import StoneSoupConfig
 #: Number of detections whose times give the mean pause between them.
 _RECENT = 20
 
-#: States of free flight, and the most that a forecast uses: position, velocity, specific force.
-_COAST = 6
+#: The most states that a forecast uses: position, velocity, specific force.
 _BURN = 9
 
 #: Groups of hypotheses.
@@ -83,14 +82,14 @@ class TrackForecasts(NamedTuple):
         estimates = BoostEstimates.of_moments(
             tracks.track, *burns, burning, silent_s, pause_s, self.hypotheses
         )
-        return estimates.with_coasts(*_moments(coasts, _COAST, tick_s))
+        return estimates.with_coasts(*_moments(coasts, COAST, tick_s))
 
 
 def track_forecasts(config: StoneSoupConfig, context: TrackerContext) -> TrackForecasts:
     """Return the forecasts that the settings ask for."""
     forces = free_forces(context.forces)
     part = PartContext(tracker=context, settings=config, forces=forces_of(context.forces))
-    free_flight = EarthFixedTransition(ndim_state=_COAST, noise=config.coast_noise, forces=forces)
+    free_flight = EarthFixedTransition(ndim_state=COAST, noise=config.coast_noise, forces=forces)
     return TrackForecasts(
         made_part(Forecaster, "forecast", part),
         Composition.of(context.hypotheses),
@@ -102,8 +101,8 @@ def track_forecasts(config: StoneSoupConfig, context: TrackerContext) -> TrackFo
 
 def _free(state: Any) -> GaussianState:
     """Return position and velocity of a state."""
-    mean = np.asarray(state.mean, dtype=np.float64)[:_COAST]
-    return GaussianState(mean, state.covar[:_COAST, :_COAST], timestamp=state.timestamp)
+    mean = np.asarray(state.mean, dtype=np.float64)[:COAST]
+    return GaussianState(mean, state.covar[:COAST, :COAST], timestamp=state.timestamp)
 
 
 def _moments(states: Sequence[Any], most: int, time_s: float) -> tuple[FloatArray, FloatArray]:

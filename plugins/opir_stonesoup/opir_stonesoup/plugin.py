@@ -1,19 +1,9 @@
 """The tracker `stonesoup`: Stone Soup is imported when the tracker is built."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
-from opir_core.plugin import TrackerModel, hookimpl
+from opir_core.plugin import TrackerModel, deferred, hookimpl
 from opir_stonesoup.settings import StoneSoupConfig
-
-if TYPE_CHECKING:
-    from opir_core.plugin import Tracker, TrackerContext
-
-
-def _stonesoup(config: StoneSoupConfig, context: "TrackerContext") -> "Tracker":
-    from opir_stonesoup.tracker import stone_soup_tracker
-
-    return stone_soup_tracker(config, context)
 
 
 @hookimpl
@@ -24,6 +14,6 @@ def opir_trackers() -> Iterable[TrackerModel]:
         summary="Stone Soup's multi-target tracker: EKF or UKF, GNN or JPDA, with opir's motion and"
         " measurement models",
         config=StoneSoupConfig,
-        build=_stonesoup,
+        build=deferred("opir_stonesoup.tracker.stone_soup_tracker"),
         reads=(),
     )

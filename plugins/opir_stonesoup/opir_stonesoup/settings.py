@@ -11,7 +11,7 @@ ASSOCIATIONS = ("gnn", "jpda")
 MOTIONS = ("acceleration", "jerk", "two-body")
 
 
-@frozen(kw_only=True)
+@frozen
 class StoneSoupConfig:
     """Settings of the tracker `stonesoup`."""
 

@@ -7,7 +7,7 @@ from attrs import frozen
 from opir_core.plugin import nested, number
 
 
-@frozen(kw_only=True)
+@frozen
 class ProcessesConfig:
     """The settings of the executor `processes`."""
 
@@ -26,7 +26,7 @@ def _times_complaint(times: Any) -> str | None:
     return None
 
 
-@frozen(kw_only=True)
+@frozen
 class DetectionByTimeConfig:
     """The settings of the metric `detection_by_time`."""
 
@@ -40,7 +40,7 @@ class DetectionByTimeConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class CustodyConfig:
     """The settings of the metric `custody`."""
 
@@ -53,7 +53,7 @@ class CustodyConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class HandOverConfig:
     """The settings of the metric `hand_over_gap`."""
 
@@ -66,7 +66,7 @@ class HandOverConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class LinksConfig:
     """The settings of the metric `links`."""
 
@@ -123,7 +123,7 @@ def _require_containment(percent: float) -> None:
         raise ValueError(f"containment_percent: {percent:g} is not 50, 90 or 95")
 
 
-@frozen(kw_only=True)
+@frozen
 class ImpactConfig:
     """The settings of the metric `impact_region`."""
 
@@ -149,7 +149,7 @@ class ImpactConfig:
             raise ValueError("give phases or times_s")
 
 
-@frozen(kw_only=True)
+@frozen
 class WarningConfig:
     """The settings of the metric `warning_time`: requirements on a warning; null for not
     required.
@@ -214,7 +214,7 @@ def _bounds(what: str, unit: str, default: tuple[float, ...], largest: float) ->
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class MilestonesConfig:
     """The settings of the metric `milestones`: bounds, each reached when all later estimates of a
     launch are within it too.

@@ -2,11 +2,11 @@
 them is used.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin import ExecutorModel, MetricModel, hookimpl
+from opir_core.plugin import ExecutorModel, MetricModel, deferred, hookimpl
 from opir_studies.configs import (
     CustodyConfig,
     DetectionByTimeConfig,
@@ -29,66 +29,57 @@ _SUMMARIES = {
 }
 
 
-def _built_by(module: str, name: str) -> Callable[[Any, Any], Any]:
-    def build(config: Any, context: Any) -> Any:
-        return getattr(import_module(f"opir_studies.{module}"), name)(config, context)
-
-    return build
-
-
 @hookimpl
 def opir_metrics() -> Iterable[MetricModel]:
     """Yield the standard metrics."""
-    detection = "metrics.detection_metrics"
     yield MetricModel(
         name="latency",
         summary="time from ignition to the first detection and to its report; share of launches"
         " detected",
-        build=_built_by(detection, "latency_metric"),
+        build=deferred("opir_studies.metrics.detection_metrics.latency_metric"),
     )
     yield MetricModel(
         name="detection_by_time",
         summary="share of launches detected by given times: cumulative probability of detection",
         config=DetectionByTimeConfig,
-        build=_built_by(detection, "detection_by_time_metric"),
+        build=deferred("opir_studies.metrics.detection_metrics.detection_by_time_metric"),
     )
     yield MetricModel(
         name="false_events",
         summary="detections of no launch, and false alarms, per day",
-        build=_built_by(detection, "false_events_metric"),
+        build=deferred("opir_studies.metrics.detection_metrics.false_events_metric"),
     )
     yield MetricModel(
         name="links",
         summary="time from looks to their reports, shares of late and lost reports",
         config=LinksConfig,
-        build=_built_by("metrics.link_metric", "links_metric"),
+        build=deferred("opir_studies.metrics.link_metric.links_metric"),
     )
     yield from _track_metrics()
     yield from _direction_metrics()
 
 
 def _track_metrics() -> Iterable[MetricModel]:
-    tracks = "metrics.track_metrics"
     yield MetricModel(
         name="tracks",
         summary="share of launches tracked, completeness, false tracks, time to the first track",
-        build=_built_by(tracks, "tracks_metric"),
+        build=deferred("opir_studies.metrics.track_metrics.tracks_metric"),
     )
     yield MetricModel(
         name="accuracy",
         summary="errors of tracked position and velocity, root mean square",
-        build=_built_by(tracks, "accuracy_metric"),
+        build=deferred("opir_studies.metrics.track_metrics.accuracy_metric"),
     )
     yield MetricModel(
         name="launch_error",
         summary="errors of estimated launch points and times, root mean square",
-        build=_built_by(tracks, "launch_error_metric"),
+        build=deferred("opir_studies.metrics.track_metrics.launch_error_metric"),
     )
     yield MetricModel(
         name="impact_region",
         summary="area, containment and availability of predicted impact regions, by phase and time",
         config=ImpactConfig,
-        build=_built_by(tracks, "impact_region_metric"),
+        build=deferred("opir_studies.metrics.track_metrics.impact_region_metric"),
     )
     yield MetricModel(
         name="warning_time",
@@ -96,42 +87,41 @@ def _track_metrics() -> Iterable[MetricModel]:
         " times to report,"
         " track, region and warning",
         config=WarningConfig,
-        build=_built_by("metrics.warning_metric", "warning_time_metric"),
+        build=deferred("opir_studies.metrics.warning_metric.warning_time_metric"),
     )
     yield MetricModel(
         name="milestones",
         summary="time from ignition until impact region, launch point or P(missile) stay within each"
         " of some bounds; shares of launches and regions that hold the impact then",
         config=MilestonesConfig,
-        build=_built_by("metrics.warning_metric", "milestones_metric"),
+        build=deferred("opir_studies.metrics.warning_metric.milestones_metric"),
     )
 
 
 def _direction_metrics() -> Iterable[MetricModel]:
-    direction = "metrics.direction_metrics"
     yield MetricModel(
         name="custody",
         summary="share of the time from ignition to impact in which a launch is tracked",
         config=CustodyConfig,
-        build=_built_by(direction, "custody_metric"),
+        build=deferred("opir_studies.metrics.direction_metrics.custody_metric"),
     )
     yield MetricModel(
         name="cue_delay",
         summary="time from the first track to the first detection by a narrow field; share of"
         " launches with one",
-        build=_built_by(direction, "cue_delay_metric"),
+        build=deferred("opir_studies.metrics.direction_metrics.cue_delay_metric"),
     )
     yield MetricModel(
         name="hand_over_gap",
         summary="hand-overs of launches between narrow fields, and the time that none detects",
         config=HandOverConfig,
-        build=_built_by(direction, "hand_over_gap_metric"),
+        build=deferred("opir_studies.metrics.direction_metrics.hand_over_gap_metric"),
     )
     yield MetricModel(
         name="looks_used",
         summary="shares of the looks of narrow fields that detect a launch, and of their time that"
         " they turn",
-        build=_built_by(direction, "looks_used_metric"),
+        build=deferred("opir_studies.metrics.direction_metrics.looks_used_metric"),
     )
 
 
@@ -141,13 +131,13 @@ def opir_executors() -> Iterable[ExecutorModel]:
     yield ExecutorModel(
         name="serial",
         summary="one run after another, in this process",
-        build=_built_by("executors", "serial_executor"),
+        build=deferred("opir_studies.executors.serial_executor"),
     )
     yield ExecutorModel(
         name="processes",
         summary="worker processes on this computer; a worker that dies is replaced",
         config=ProcessesConfig,
-        build=_built_by("executors", "processes_executor"),
+        build=deferred("opir_studies.executors.processes_executor"),
     )
 
 
@@ -158,11 +148,4 @@ def opir_add_commands(commands: Any) -> None:
     for name, summary in _SUMMARIES.items():
         parser = commands.add_parser(name, help=summary)
         getattr(arguments, f"{name}_arguments")(parser)
-        parser.set_defaults(run=_run(f"{name}_command", name), group="study")
-
-
-def _run(module: str, name: str) -> Callable[[Any], int]:
-    def run(arguments: Any) -> int:
-        return int(getattr(import_module(f"opir_studies.{module}"), name)(arguments))
-
-    return run
+        parser.set_defaults(run=deferred(f"opir_studies.{name}_command.{name}"), group="study")

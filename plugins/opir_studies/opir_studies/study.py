@@ -37,7 +37,7 @@ MAXIMUM_RUNS = 1_000_000
 MINIMUM_RUNS = 20
 
 
-@frozen(kw_only=True)
+@frozen
 class Study:
     """A study, as its file has it.
 

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, fields, frozen
-from numpy.typing import NDArray
 
 from opir_core import DetectionTruth, Plan, Scene
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
 from opir_core.builtin import NoTracker
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces import TRACK_CONTAINMENTS
@@ -226,7 +225,7 @@ class VerticalTargets(Trajectories):
     speed_m_s: float = 1000.0
 
     @property
-    def type_code(self) -> NDArray[np.uint8]:
+    def type_code(self) -> ByteArray:
         """Return ICBM for all."""
         return np.zeros(len(self.ignition_s), dtype=np.uint8)
 
@@ -276,7 +275,7 @@ class CertainDetection(DetectionProbability):
 class UnknownClassifier(Classifier):
     """A classifier that reports UNKNOWN."""
 
-    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> ByteArray:
         """Return UNKNOWN for all."""
         return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
 

@@ -45,7 +45,7 @@ def _check_scans(needed: int | None, recent: int) -> None:
         raise ValueError(f"recent_scans is {recent}, less than needed_scans, {needed}")
 
 
-@frozen(kw_only=True)
+@frozen
 class ThrustConfig:
     """Priors and process noise of a boost."""
 
@@ -171,7 +171,7 @@ class ThrustConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class AreaConfig:
     """Rates within a part of the Earth between two parallels and two meridians; it may cross the
     date line.
@@ -240,7 +240,7 @@ class AreaConfig:
         )
 
 
-@frozen(kw_only=True)
+@frozen
 class HypothesesConfig:
     """Prior rates and densities of what a track may be."""
 
@@ -405,7 +405,7 @@ def _least_launch_probability() -> float:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class ImmConfig:
     """Settings of the tracker `imm`."""
 
@@ -554,7 +554,7 @@ class ImmConfig:
         _check_scans(self.needed_scans, self.recent_scans)
 
 
-@frozen(kw_only=True)
+@frozen
 class KeplerArcConfig:
     """Settings of the tracker `kepler-arc`."""
 

@@ -1,23 +1,20 @@
 """The trackers `kepler-arc` and `imm`; each is imported when it is built."""
 
 from collections.abc import Iterable, Sequence
-from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from opir_core.plugin import TrackerModel, TrackerPart, hookimpl
+from opir_core.plugin import TrackerModel, TrackerPart, deferred, hookimpl
 from opir_trackers.configs import MOTION_STATES, ImmConfig, KeplerArcConfig
 
 if TYPE_CHECKING:
     from opir_core.plugin import TrackerContext
 
 
-def _built(module: str, function: str, config: Any, context: Any) -> Any:
-    return getattr(import_module(f"opir_trackers.{module}"), function)(config, context)
+_imm = deferred("opir_trackers.imm.tracker.imm_tracker")
 
 
 def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> Any:
-    return _built("imm.tracker", "imm_tracker", config.imm(), context)
+    return _imm(config.imm(), context)
 
 
 def _subjects_read(config: ImmConfig) -> Sequence[str]:
@@ -40,46 +37,41 @@ def opir_trackers() -> Iterable[TrackerModel]:
         summary="an IMM filter of boost and coast for one or more sensors, with impact regions from"
         " the first track on",
         config=ImmConfig,
-        build=partial(_built, "imm.tracker", "imm_tracker"),
+        build=_imm,
         reads=_subjects_read,
     )
 
 
-#: Role, name, module, function that builds it, and summary of each part.
+#: Role, name, place of the function that builds it, and summary of each part.
 _PARTS = (
     (
         "association",
         "jpda",
-        "associators.jpda",
-        "joint_associator",
+        "associators.jpda.joint_associator",
         "joint probabilistic data association: shared lines update each track by their probability",
     ),
     (
         "association",
         "gnn",
-        "associators.gnn",
-        "nearest_associator",
+        "associators.gnn.nearest_associator",
         "global nearest neighbour: the most likely one-to-one assignment of each scan",
     ),
     (
         "initiation",
         "m-of-n",
-        "imm.initiate",
-        "m_of_n_initiator",
+        "imm.initiate.m_of_n_initiator",
         "clusters of unassigned lines with detections in M of the last N scans",
     ),
     (
         "motion",
         "thrust",
-        "track_priors",
-        "thrust_motion",
+        "track_priors.thrust_motion",
         "thrust along the velocity: a gravity turn whose specific force slowly grows",
     ),
     (
         "pruning",
         "unlikely",
-        "imm.prune",
-        "unlikely_pruner",
+        "imm.prune.unlikely_pruner",
         "tracks that are silent for too long, lost, down, or a copy of another one",
     ),
 )
@@ -88,12 +80,12 @@ _PARTS = (
 @hookimpl
 def opir_tracker_parts() -> Iterable[TrackerPart]:
     """Yield the parts of `imm`; the module of each is imported when it is built."""
-    for role, name, module, function, summary in _PARTS:
+    for role, name, place, summary in _PARTS:
         yield TrackerPart(
             name=name,
             summary=summary,
             role=role,
             state_size=MOTION_STATES if role == "motion" else None,
-            build=partial(_built, module, function),
+            build=deferred(f"opir_trackers.{place}"),
             reads=(),
         )

@@ -221,7 +221,7 @@ def _standing_roots(covariance: FloatArray, speed_sigma_m_s: float, size: int) -
     that stand on the ground.
     """
     root = np.zeros((len(covariance), size, size))
-    root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).transpose(0, 2, 1)
+    root[:, :3, :3] = np.linalg.cholesky(np.linalg.inv(covariance)).mT
     root[:, range(3, 6), range(3, 6)] = 1.0 / speed_sigma_m_s
     root[:, range(6, size), range(6, size)] = 1.0 / LAW.standing_sigma
     return root

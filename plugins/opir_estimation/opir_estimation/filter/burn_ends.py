@@ -239,7 +239,7 @@ class _Bins(NamedTuple):
         # A lone sensor sees nothing along its line.
         variance, axes = np.linalg.eigh(sums[:, :, :3])
         sharp = np.sqrt(np.maximum(variance, 1e-12 * variance[:, -1:]))
-        turned = axes.transpose(0, 2, 1)
+        turned = axes.mT
         rows = sharp[:, :, None] * turned
         middle_s = np.bincount(group, time_s) / np.bincount(group)
         offset = matvec(turned, sums[:, :, 3]) / sharp
@@ -251,7 +251,7 @@ def _products(residual: FloatArray, slope: FloatArray) -> FloatArray:
     (n, 2).
     """
     columns = np.concatenate([slope, residual[:, :, None]], axis=2)
-    return (slope.transpose(0, 2, 1) @ columns).reshape(-1, 12)
+    return (slope.mT @ columns).reshape(-1, 12)
 
 
 class BurnPrior(NamedTuple):
@@ -469,13 +469,13 @@ class _Reduced(NamedTuple):
         looks = sizes[:, :, None] * columns.looks.T
         gram = (looks @ columns.looks) * sizes[:, None] + np.eye(sizes.shape[1])
         cross = looks @ stages.reshape(len(stages), -1)
-        solved = np.linalg.solve(gram, np.concatenate([cross, end.swapaxes(1, 2)], axis=2))
+        solved = np.linalg.solve(gram, np.concatenate([cross, end.mT], axis=2))
         width = cross.shape[2]
         shape = (*sizes.shape, *stages.shape[1:])
         weights = solved[:, :, :width].reshape(shape).transpose(0, 2, 1, 3)
         squares = stages.transpose(1, 2, 0) @ stages.transpose(1, 0, 2)
         products = squares - cross.reshape(shape).transpose(0, 2, 3, 1) @ weights
-        lever = reach[:, 1:] - (end[:, None] @ weights[:, :, :, 1:]).swapaxes(2, 3)
+        lever = reach[:, 1:] - (end[:, None] @ weights[:, :, :, 1:]).mT
         log = np.linalg.slogdet(gram)[1]
         return cls(products, lever, weights, end, end @ solved[:, :, width:], log)
 
@@ -505,9 +505,9 @@ class _Posteriors(NamedTuple):
         explained = np.sum(staged * products[:, :, 1:, 0], axis=2)
         log = products[:, :, 0, 0] - explained + np.linalg.slogdet(inner)[1]
         others = reduced.weights[:, :, :, 0] - matvec(reduced.weights[:, :, :, 1:], staged)
-        mean = reach[:, 0] + matvec(reach[:, 1:].swapaxes(1, 2), staged)
+        mean = reach[:, 0] + matvec(reach[:, 1:].mT, staged)
         mean = mean + matvec(reduced.end[:, None], others)
-        covariance = reduced.own[:, None] + reduced.lever.swapaxes(2, 3) @ found[:, :, :, 1:]
+        covariance = reduced.own[:, None] + reduced.lever.mT @ found[:, :, :, 1:]
         evidence = -0.5 * (log + reduced.log[:, None])
         return cls(evidence, staged, sizes[:, None] * others, mean, covariance)
 

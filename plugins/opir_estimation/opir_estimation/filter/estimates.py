@@ -54,9 +54,9 @@ class PredictedMeasurements(NamedTuple):
         if len(self.root) == 1:
             side = weight[:, :4].dot(self.root.reshape(4, 3 * BOOST)).reshape(-1, 3, BOOST)
             projected = rows @ side
-            spread: FloatArray = projected @ projected.transpose(0, 2, 1)
+            spread: FloatArray = projected @ projected.mT
         else:
-            spread = (rows @ self.position_covariances(track, time_s)) @ rows.transpose(0, 2, 1)
+            spread = (rows @ self.position_covariances(track, time_s)) @ rows.mT
         spread[:, 1, 0] = spread[:, 0, 1]
         return spread
 
@@ -82,7 +82,7 @@ class PredictedMeasurements(NamedTuple):
         count = len(self.root)
         orders = 4 if np.count_nonzero(self.root[:, 6:]) else 2
         scaled = self.root[:, : 3 * orders] * _SHARES[: 3 * orders]
-        products = (scaled @ scaled.transpose(0, 2, 1)).reshape(count, orders, 3, orders, 3)
+        products = (scaled @ scaled.mT).reshape(count, orders, 3, orders, 3)
         blocks = products.transpose(0, 1, 3, 2, 4).reshape(count, orders * orders, 9)
         return _SUMS[orders] @ blocks
 

@@ -31,7 +31,7 @@ def glided(
     weight = _carried_m_s2(place, velocity + ground_velocities(place))
     moved = np.stack([0.5 * since_s * since_s, since_s], axis=1) * weight[:, None]
     side = (moved[:, :, None, None] * axes[:, None]).reshape(-1, 6, 3)
-    return state + side @ _MEAN, covariance + (side * _SIGMA**2) @ side.transpose(0, 2, 1)
+    return state + side @ _MEAN, covariance + (side * _SIGMA**2) @ side.mT
 
 
 def glide_drag_m_s2(state: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -23,9 +23,7 @@ def replaced(
         rows[:, order, 3 * order : 3 * order + 3] = axis
     side = square_root.inverse_root(burn.root)
     projected = rows @ side
-    gain = np.linalg.solve(
-        projected @ projected.transpose(0, 2, 1), projected @ side.transpose(0, 2, 1)
-    ).transpose(0, 2, 1)
+    gain = np.linalg.solve(projected @ projected.mT, projected @ side.mT).mT
     shift = (gain @ (along[:, :, None] - rows @ burn.mean[:, :, None]))[:, :, 0]
     spread = gain @ np.linalg.cholesky(covariance)
     wide = np.concatenate([side - gain @ projected, spread], axis=2)

@@ -23,8 +23,8 @@ class Gaussian(NamedTuple):
 
 def information_root(side: FloatArray) -> FloatArray:
     """Return R (n, d, d) for the covariance A Aᵀ, with A (n, d, m), m ≥ d, of full rank."""
-    upper = triangular(side.transpose(0, 2, 1))
-    return triangular(inverse_root(upper).transpose(0, 2, 1))
+    upper = triangular(side.mT)
+    return triangular(inverse_root(upper).mT)
 
 
 def measurement_update(

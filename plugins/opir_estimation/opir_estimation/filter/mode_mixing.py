@@ -71,7 +71,7 @@ def with_velocity_prior(estimates: Gaussian) -> Gaussian:
     inverse_sigma = np.sqrt(1.0 / limit - 1.0 / np.maximum(variance, limit))
     ground = ground_velocities(mean[:, :3])
     rows = np.zeros((len(mean), 3, mean.shape[1] + 1))
-    rows[:, :, 3:6] = axes.transpose(0, 2, 1) * inverse_sigma[:, :, None]
+    rows[:, :, 3:6] = axes.mT * inverse_sigma[:, :, None]
     rows[:, :, -1] = np.sum(rows[:, :, 3:6] * (ground - mean[:, 3:6])[:, None], axis=2)
     bounded, step, _ = measurement_update(root, np.zeros_like(mean), rows)
     return Gaussian(mean + step, bounded)

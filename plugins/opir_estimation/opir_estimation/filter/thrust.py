@@ -229,7 +229,7 @@ class Thrust(MotionModel):
         basis = terms[:, :9].reshape(-1, 3, 3)
         weights = terms[:, 9:27].reshape(-1, 2, 3, 3).swapaxes(0, 1)
         slopes = np.empty((len(state), 3, 7))
-        slopes[:, :, :6] = np.concatenate(basis.transpose(0, 2, 1) @ (weights @ basis), axis=2)
+        slopes[:, :, :6] = np.concatenate(basis.mT @ (weights @ basis), axis=2)
         slopes[:, range(3), range(3)] += terms[:, 27:28]
         slopes[:, range(3), range(3, 6)] += terms[:, 28:]
         slopes[:, :, 6] = state[:, 6:9]

@@ -171,7 +171,7 @@ class ErrorFilter:
     def _covariance_after(self, gain: FloatArray) -> FloatArray:
         """Return the covariances (g, q, q) after information with gains (g, q, q)."""
         covariance = self.covariance @ np.linalg.inv(gain)
-        covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
+        covariance = 0.5 * (covariance + covariance.mT)
         # An assumed error stays so: rounding must not give it a variance.
         is_assumed = self.prior == 0.0
         covariance[is_assumed[:, :, None] | is_assumed[:, None]] = 0.0

@@ -174,7 +174,7 @@ def _look_rows(
     rows = np.zeros((len(sensor), 2, width))
     rows[:, :, :3] = slope
     columns = 3 + ERRORS * sensor[:, None] + np.arange(ERRORS)
-    rows[np.arange(len(sensor))[:, None], :, columns] = shift.transpose(0, 2, 1)
+    rows[np.arange(len(sensor))[:, None], :, columns] = shift.mT
     rows[:, :, -1] = residual
     return rows
 
@@ -183,7 +183,7 @@ def _without_position(track: IntArray, stack: FloatArray, degrees: FloatArray) -
     """Return the information of whitened rows (k, 2 s, 3 + q + 1) of position, errors and
     residuals, position free.
     """
-    gram = stack.transpose(0, 2, 1) @ stack
+    gram = stack.mT @ stack
     inner = gram[:, :3, :3] + np.eye(3) / LAW.position_sigma_m**2
     errors = gram[:, 3:, 3:] - gram[:, 3:, :3] @ np.linalg.solve(inner, gram[:, :3, 3:])
     return Misfits(track, errors[:, :-1, :-1], errors[:, :-1, -1], errors[:, -1, -1], degrees)

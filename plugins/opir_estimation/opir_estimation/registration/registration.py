@@ -254,14 +254,14 @@ class Registration:
         of.
         """
         relative = _relative_shifts(state, is_seen, vantages)
-        return relative @ self._of_gates.covariance @ relative.transpose(0, 1, 3, 2)
+        return relative @ self._of_gates.covariance @ relative.mT
 
     def covariance(self, state: FloatArray, is_seen: BoolArray, vantages: Vantages) -> FloatArray:
         """Return the covariances (n, 6, 6) of inertial states (n, 9) with accelerations due to all
         errors.
         """
         shift = state_shifts(state, is_seen, vantages)
-        return shift @ self.known.covariance @ shift.transpose(0, 2, 1)
+        return shift @ self.known.covariance @ shift.mT
 
     def at(self, time_s: float) -> "Registration":
         """Return the registration at a later time."""
@@ -414,7 +414,7 @@ def _apart(errors: Moments, tracks: Followed, vantages: Vantages) -> FloatArray:
     rows = (tracks.is_seen.sum(axis=1) > 1).nonzero()[0]
     is_seen = tracks.is_seen[rows]
     relative = _relative_shifts(tracks.state[rows], is_seen, vantages)
-    spread = relative @ errors.covariance @ relative.transpose(0, 1, 3, 2)
+    spread = relative @ errors.covariance @ relative.mT
     line = tracks.state[rows, None, :3] - vantages.origin_m
     variance = np.where(is_seen, _angle_variances(line, spread), 0.0)
     return np.sqrt(np.max(variance, axis=0, initial=0.0))

@@ -33,7 +33,7 @@ def _sources_complaint(sources: Mapping[str, Any]) -> str | None:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class SpectralConfig:
     """Settings of the classifier `spectral`."""
 

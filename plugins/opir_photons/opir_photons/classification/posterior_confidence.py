@@ -4,9 +4,8 @@ computes it.
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import ByteArray, FloatArray
 from opir_core.errors import ModelError
 from opir_core.interfaces import has_own
 from opir_core.plugin import REPORTED_TYPES, Classifier, ClassifierInputs, Confidence, ModelContext
@@ -28,7 +27,7 @@ class PosteriorConfidence(Confidence):
         assert log_probability is not None
         return self.of_types(self.classifier.reported(log_probability), log_probability)
 
-    def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
+    def of_types(self, reported_type: ByteArray, log_probability: FloatArray) -> FloatArray:
         """Return confidences (n,) of reported types (n,)."""
         log_types = self.classifier.over_types(log_probability, self.reported_types)
         log_reported = log_types[np.arange(len(log_types)), reported_type]

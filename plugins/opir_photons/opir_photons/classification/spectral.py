@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import ByteArray, FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.plugin import (
     REPORTED_TYPES,
@@ -61,7 +60,7 @@ class SpectralClassifier(Classifier):
         """The densities of distinct sensors."""
         return self.make_banks()
 
-    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, rng: RandomDraws) -> ByteArray:
         """Return codes (n,) into the scene's reported types; no random numbers are drawn."""
         return self.reported(self.log_posterior(sightings))
 
@@ -125,7 +124,7 @@ class SpectralClassifier(Classifier):
         revised[np.ix_(rows, missiles)] = log_shares(split[rows]) + missile
         return revised
 
-    def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
+    def reported(self, log_posterior: FloatArray) -> ByteArray:
         """Return codes (n,): the most probable type but UNKNOWN, if it is probable enough, else
         UNKNOWN.
 

@@ -55,7 +55,9 @@ def synthetic_glides(
     sensor_m, site = sites(radius_m, drawn[:, :3])
     path = boosts(site, flown, drawn[:, 3:5])
     launch = np.arange(len(flown))
-    glide = GlidePath.from_burnout(*path.state(launch, path.burnout_s), _shape(flown))
+    glide = GlidePath.from_burnout(
+        *path.state(launch, path.burnout_s), GlideShape.of(flight.after_burnout for flight in flown)
+    )
     row = np.repeat(launch, MOMENTS)
     glide_s = glide.duration_s / (MOMENTS - 1)
     step_s = np.repeat(glide_s, MOMENTS)
@@ -74,19 +76,6 @@ def synthetic_glides(
         share=np.where(is_burn, 0.0, step_s / launches),
         step_s=step_s,
     )
-
-
-def _shape(flown: Sequence[ClassFlight]) -> GlideShape:
-    """Return the constants of the glides of flights."""
-    glides = [
-        flight.after_burnout
-        for flight in flown
-        if isinstance(flight.after_burnout, EquilibriumGlide)
-    ]
-    columns = [
-        (glide.lift_to_drag, glide.final_speed_m_s, glide.scale_height_m) for glide in glides
-    ]
-    return GlideShape(*np.array(columns, dtype=np.float64).reshape(-1, 3).T)
 
 
 def _intensities_w_sr(

@@ -15,10 +15,9 @@ probabilities of the single conditions determine P_d.
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, ndtr, ndtri
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from opir_photons.detection.gate_density import (
     FAR,
     LOG_HALF,
@@ -72,7 +71,7 @@ class AnyBand:
             passed |= measured[:, band] >= self.threshold
         return passed
 
-    def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
+    def confirming(self, measured: FloatArray) -> ByteArray:
         """Return masks (n,) of the confirming bands of measurements (n, B) that detect."""
         bands = np.zeros(len(measured), dtype=np.uint8)
         for band in range(measured.shape[1]):
@@ -198,7 +197,7 @@ class RatioGates(Gates):
             passed &= (measured[:, band] >= low) & (measured[:, band] <= high)
         return passed
 
-    def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
+    def confirming(self, measured: FloatArray) -> ByteArray:
         """Return masks (n,) of the confirming bands of measurements (n, B) that detect: all."""
         return np.full(len(measured), (1 << measured.shape[1]) - 1, dtype=np.uint8)
 

@@ -7,7 +7,7 @@ from opir_core.plugin import flag, number, text
 CALIBRATIONS = ("none", "paper")
 
 
-@frozen(kw_only=True)
+@frozen
 class SnrConfig:
     """Settings of the detection model `snr`."""
 

@@ -47,7 +47,7 @@ def repeated_crossing_probability(
     end = np.arcsin(np.clip(floats(correlation), -1.0, 1.0))[..., None]
     sine = np.sin(0.5 * end * (1.0 + nodes))
     squared_threshold = float(ndtri(false_alarm_probability)) ** 2
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         density = np.exp(-squared_threshold / (1.0 + sine))
     joint = (density * weights).sum(axis=-1) * end[..., 0] / (4.0 * np.pi)
     is_possible = false_alarm_probability > 0.0

@@ -15,10 +15,9 @@ slightly larger T. Noise alone is weighed as the reference target.
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri
 
-from opir_core.arrays import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray
 from opir_photons.detection.rejection_sampling import LEAST_UNIFORM, tail_normals
 
 
@@ -72,7 +71,7 @@ class FusedBands:
         """Return the SNR (n,) of measurements: that of the weighted sum."""
         return _dot(measured, slopes)
 
-    def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
+    def confirming(self, measured: FloatArray) -> ByteArray:
         """Return masks (n,) of the bands of measurements (n, B) that are above `coincidence`; the
         brightest always.
         """

@@ -1,19 +1,9 @@
 """The detection model `snr`, imported for scenes that name it."""
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
-from opir_core.plugin import DetectionModel, hookimpl
+from opir_core.plugin import DetectionModel, deferred, hookimpl
 from opir_photons.detection.configs import SnrConfig
-
-if TYPE_CHECKING:
-    from opir_core.plugin import DetectionProbability, ModelContext
-
-
-def _snr(config: SnrConfig, context: "ModelContext") -> "DetectionProbability":
-    from opir_photons.detection.snr import snr_detection
-
-    return snr_detection(config, context)
 
 
 def _subjects_read(config: SnrConfig) -> Sequence[str]:
@@ -28,7 +18,7 @@ def opir_detection_models() -> Iterable[DetectionModel]:
         summary="signal over noise in each band against a threshold, and the sensor's rule over its"
         " bands",
         config=SnrConfig,
-        build=_snr,
+        build=deferred("opir_photons.detection.snr.snr_detection"),
         classifier="spectral",
         reads=_subjects_read,
     )

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import Problem
 from opir_core.geometry import components, length
 from opir_core.planning import blocks
@@ -54,7 +53,7 @@ from opir_photons.environment import RadiometricEnvironment, heights_m, make_env
 class MeasuredColumns:
     """Columns of measurements, filled by kinds of receivers; nan beyond a sensor's bands."""
 
-    bands: NDArray[np.uint8]
+    bands: ByteArray
     snr: FloatArray
     sigma_rad: FloatArray
     irradiance_w_m2: FloatArray

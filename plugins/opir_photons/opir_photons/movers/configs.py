@@ -11,7 +11,7 @@ _DAYLIGHT_1972 = "daylight fireball of 10 August 1972: 15 km/s, perigee 57 km, 1
 _STROKES = "1174 negative flashes: Poelman et al., Nat. Hazards Earth Syst. Sci. 21 (2021), 1909"
 
 
-@frozen(kw_only=True)
+@frozen
 class MoverConfig(SourceConfig):
     """What a scene may set of every source that moves over the ground: it is at its place at
     `start_s` and shines from then on.
@@ -81,7 +81,7 @@ class BalloonConfig(MoverConfig):
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class SatelliteConfig(PlacedConfig):
     """What a scene may set of `satellites`: at `start_s` they are over their places, on circular
     orbits; spheres of a cross-section `area_m2`.
@@ -130,7 +130,7 @@ class SatelliteConfig(PlacedConfig):
     emissivity: float = number(default=0.8, above=0.0, maximum=1.0, help="emissivity")
 
 
-@frozen(kw_only=True)
+@frozen
 class LegConfig:
     """One leg of a flight: straight with an acceleration, or a level or climbing turn; after the
     last leg the aircraft flies straight and level.
@@ -264,7 +264,7 @@ class ReentryConfig(SourceConfig):
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class SpentStagesConfig:
     """What a scene may set of `spent_stages`: the stages that one of its launches drops."""
 
@@ -352,7 +352,7 @@ class GrazerConfig(SourceConfig):
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class StormConfig(PlacedConfig):
     """What a scene may set of `storms`: each place is the middle of a thunderstorm, each flash of
     lightning one emitter.

@@ -123,7 +123,7 @@ def falls(
     """Return the ephemeris of falls from places and velocities (n, 3), ECEF, down to a height, and
     the times (n,) at which they end.
     """
-    forces = _forces(emitters["ballistic_coefficient_kg_m2"])
+    forces = Forces(drag=Drag(ballistic_coefficient_kg_m2=emitters["ballistic_coefficient_kg_m2"]))
     states = ecef_to_eci_state(start_m, velocity_m_s, np.zeros(len(emitters)))
     within_s = np.maximum(emitters["end_s"] - emitters["start_s"], 1.0)
     fall_s, _ = impact(*states, lowest_m, forces, within_s=within_s)
@@ -161,10 +161,6 @@ def speeds_m_s(flight: Ephemeris, target: IndexArray, since_s: FloatArray) -> Fl
     start_s = flight.start_s[target]
     time_s = np.clip(start_s + since_s, start_s, flight.end_s[target])
     return length(*components(flight.state(target, time_s)[1]))
-
-
-def _forces(ballistic_coefficient_kg_m2: FloatArray) -> Forces:
-    return Forces(drag=Drag(ballistic_coefficient_kg_m2=ballistic_coefficient_kg_m2))
 
 
 def _flight(

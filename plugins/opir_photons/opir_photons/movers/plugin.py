@@ -2,11 +2,9 @@
 use imports.
 """
 
-from collections.abc import Callable, Iterable
-from importlib import import_module
-from typing import Any
+from collections.abc import Iterable
 
-from opir_core.plugin import SourceModel, hookimpl
+from opir_core.plugin import SourceModel, deferred, hookimpl
 from opir_photons.movers.configs import (
     AircraftConfig,
     BalloonConfig,
@@ -70,18 +68,13 @@ _MODELS = (
 )
 
 
-def _built_by(place: str) -> Callable[..., Any]:
-    """Return a `build` that imports its module of this package when it is called."""
-    module, _, function = place.partition(".")
-
-    def build(config: Any, context: Any) -> Any:
-        return getattr(import_module(f"opir_photons.movers.{module}"), function)(config, context)
-
-    return build
-
-
 @hookimpl
 def opir_source_models() -> Iterable[SourceModel]:
     """Yield what moves over the ground, what falls through the air, and lightning."""
     for name, summary, config, place in _MODELS:
-        yield SourceModel(name=name, summary=summary, config=config, build=_built_by(place))
+        yield SourceModel(
+            name=name,
+            summary=summary,
+            config=config,
+            build=deferred(f"opir_photons.movers.{place}"),
+        )

@@ -53,7 +53,10 @@ class FlashTrajectories(StraightTrajectories):
 def storm_sources(config: StormConfig, context: SourceContext) -> Sources:
     """Return the flashes of thunderstorms, in the order of storms, then times."""
     storms = emitters_of(config, context)
-    expected = float(np.sum(storms["flashes_per_minute"] * _spans_s(storms)) / 60.0)
+    expected = float(
+        np.sum(storms["flashes_per_minute"] * np.maximum(storms["end_s"] - storms["start_s"], 0.0))
+        / 60.0
+    )
     if expected > MOST_EMITTERS:
         raise ModelError(
             f"{context.path}: {expected:.0f} flashes are expected; a block has at most"
@@ -79,10 +82,6 @@ _COLUMNS = (
     "energy_j",
     "temperature_k",
 )
-
-
-def _spans_s(storms: Emitters) -> FloatArray:
-    return np.maximum(storms["end_s"] - storms["start_s"], 0.0)
 
 
 def _flashes_of(

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray
 from opir_core.flight import Ephemeris
 from opir_core.plugin import EMITTER_TYPES, Signatures, SourceContext, Sources, Trajectories
 from opir_photons.radiometry.emitters import Emitters, uniforms
@@ -22,7 +21,7 @@ class MovingTrajectories(Trajectories):
     """
 
     kind: str
-    type_code: NDArray[np.uint8]
+    type_code: ByteArray
     ignition_s: FloatArray
     burnout_s: FloatArray
     flight: Ephemeris

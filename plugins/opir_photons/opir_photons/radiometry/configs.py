@@ -19,7 +19,7 @@ def _peaks_complaint(peaks: Mapping[str, Any]) -> str | None:
     return f"{unknown[0]!r} is not one of the bands {', '.join(_TABLE_BANDS)}" if unknown else None
 
 
-@frozen(kw_only=True)
+@frozen
 class PlumeConfig:
     """What a scene may set of the signature model `plume`.
 
@@ -222,7 +222,7 @@ def _stand_ins_complaint(bands: Mapping[str, Any]) -> str | None:
     return f"{unknown[0]!r} is not one of {', '.join(known)}" if unknown else None
 
 
-@frozen(kw_only=True)
+@frozen
 class CloudConfig:
     """A thin opaque deck of cloud that hides what is below its top."""
 
@@ -250,7 +250,7 @@ class CloudConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class LowtranConfig:
     """What a scene may set of the atmosphere `lowtran`."""
 
@@ -286,7 +286,7 @@ class LowtranConfig:
             )
 
 
-@frozen(kw_only=True)
+@frozen
 class StructureConfig:
     """The structure of a part of the background: its power spectrum falls as k^-`exponent` beyond
     1/`scale_km`.
@@ -319,7 +319,7 @@ class StructureConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class LimbStructureConfig(StructureConfig):
     """The structure beyond the limb: shares are of the radiance at the horizon."""
 
@@ -332,7 +332,7 @@ class LimbStructureConfig(StructureConfig):
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class StructuresConfig:
     """The structure of the background, which sensors with a focal plane see as clutter."""
 
@@ -369,7 +369,7 @@ class StructuresConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class EarthConfig:
     """What a scene may set of the background `earth`."""
 

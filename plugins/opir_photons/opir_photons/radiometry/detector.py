@@ -26,7 +26,7 @@ def dark_current_density_a_cm2(cutoff_um: ArrayLike, temperature_k: ArrayLike) -
     scale_um = rule["scale_um"]
     short = np.maximum(scale_um / cutoff - scale_um / rule["threshold_um"], 0.0)
     effective_um = cutoff / (1.0 - short ** rule["power"])
-    with np.errstate(divide="ignore", over="ignore", under="ignore"):
+    with np.errstate(all="ignore"):
         energy_j = rule["exponent_factor"] * rule["photon_ev_um"] * ELECTRON_C
         exponent = energy_j / (BOLTZMANN_J_K * effective_um * floats(temperature_k))
         return np.asarray(rule["density_a_cm2"] * np.exp(exponent))

@@ -6,9 +6,8 @@ from io import StringIO
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, WordArray
 from opir_core.errors import ModelError, Problem, SceneError
 from opir_core.plugin import SourceContext
 from opir_core.random_streams import Stream, normal_pairs, stream_key, uniforms_of
@@ -209,5 +208,5 @@ def normals(context: SourceContext, purpose: str, count: int) -> FloatArray:
     return normal_pairs(_words(context, purpose, count))[0]
 
 
-def _words(context: SourceContext, purpose: str, count: int) -> NDArray[np.uint64]:
+def _words(context: SourceContext, purpose: str, count: int) -> WordArray:
     return Stream(stream_key(context.seed, "source", context.id, purpose)).words(0, count)

@@ -20,7 +20,7 @@ from opir_photons.columns import floats
 from opir_photons.radiometry.planck import COLDEST_K, HOTTEST_K, band_radiance, band_radiance_slope
 
 
-@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+@np.errstate(all="ignore")
 def brightness_temperature_k(radiance_w_m2_sr: ArrayLike, band: Band) -> FloatArray:
     """Return the temperatures of the black bodies that have in-band radiances, K.
 

@@ -37,7 +37,7 @@ STEFAN_BOLTZMANN_W_M2_K4 = (
 )
 
 
-@np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
+@np.errstate(all="ignore")
 def planck_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> FloatArray:
     """Return spectral radiances of black bodies, W m⁻² sr⁻¹ µm⁻¹; arguments broadcast. 0 at 0 K,
     nan below it.
@@ -102,7 +102,7 @@ def grey_body_intensity(
     return size * band_radiance(temperature_k, lower_um, upper_um)
 
 
-@np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
+@np.errstate(all="ignore")
 def _integral(
     temperature: FloatArray, lower_um: ArrayLike, upper_um: ArrayLike, power: int
 ) -> FloatArray:
@@ -152,7 +152,7 @@ class Temperature(NamedTuple):
     variance_k2: FloatArray
 
 
-@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+@np.errstate(all="ignore")
 def two_colour_temperature(
     shorter_w: ArrayLike,
     longer_w: ArrayLike,

@@ -2,11 +2,16 @@
 imports.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from importlib import import_module
-from typing import Any
+from collections.abc import Iterable, Sequence
 
-from opir_core.plugin import AtmosphereModel, BackgroundModel, SignatureModel, SourceModel, hookimpl
+from opir_core.plugin import (
+    AtmosphereModel,
+    BackgroundModel,
+    SignatureModel,
+    SourceModel,
+    deferred,
+    hookimpl,
+)
 from opir_photons.radiometry.configs import EarthConfig, LowtranConfig, PlumeConfig
 from opir_photons.radiometry.source_configs import (
     BolideConfig,
@@ -14,17 +19,6 @@ from opir_photons.radiometry.source_configs import (
     FlareConfig,
     GlintConfig,
 )
-
-
-def _built_by(module: str, function: str) -> Callable[..., Any]:
-    """Return a `build` that imports its module of this package when it is called."""
-
-    def build(config: Any, context: Any) -> Any:
-        return getattr(import_module(f"opir_photons.radiometry.{module}"), function)(
-            config, context
-        )
-
-    return build
 
 
 @hookimpl
@@ -35,7 +29,7 @@ def opir_signature_models() -> Iterable[SignatureModel]:
         summary="notional plume by class, thrust phase, altitude and aspect, with a spectrum for"
         " any band",
         config=PlumeConfig,
-        build=_built_by("plume", "plume_signatures"),
+        build=deferred("opir_photons.radiometry.plume.plume_signatures"),
     )
 
 
@@ -53,7 +47,7 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
         summary="band transmittances of LOWTRAN7 for six climates, with a deck of cloud where one"
         " is set",
         config=LowtranConfig,
-        build=_built_by("lowtran", "lowtran_atmosphere"),
+        build=deferred("opir_photons.radiometry.lowtran.lowtran_atmosphere"),
         reads=_skies,
     )
 
@@ -70,7 +64,7 @@ def opir_background_models() -> Iterable[BackgroundModel]:
         summary="radiance of the Earth by sun, sky, cloud and look angle from LOWTRAN7, and the"
         " clutter it leaves",
         config=EarthConfig,
-        build=_built_by("earth", "earth_background"),
+        build=deferred("opir_photons.radiometry.earth.earth_background"),
         reads=_clouds,
     )
 
@@ -82,23 +76,23 @@ def opir_source_models() -> Iterable[SourceModel]:
         name="fires",
         summary="flat grey bodies on the ground",
         config=FireConfig,
-        build=_built_by("sources", "fire_sources"),
+        build=deferred("opir_photons.radiometry.sources.fire_sources"),
     )
     yield SourceModel(
         name="flares",
         summary="gas flares: grey bodies that shine alike to all sides",
         config=FlareConfig,
-        build=_built_by("sources", "flare_sources"),
+        build=deferred("opir_photons.radiometry.sources.flare_sources"),
     )
     yield SourceModel(
         name="glints",
         summary="water that mirrors the Sun, by the slopes that wind gives it",
         config=GlintConfig,
-        build=_built_by("sources", "glint_sources"),
+        build=deferred("opir_photons.radiometry.sources.glint_sources"),
     )
     yield SourceModel(
         name="bolides",
         summary="meteors that flash on a straight way down",
         config=BolideConfig,
-        build=_built_by("sources", "bolide_sources"),
+        build=deferred("opir_photons.radiometry.sources.bolide_sources"),
     )

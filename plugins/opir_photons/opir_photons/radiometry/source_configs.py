@@ -71,7 +71,7 @@ def own_fields(kind: type) -> tuple[str, ...]:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class RegionConfig:
     """Part of the Earth between two parallels and two meridians; it may cross the date line."""
 
@@ -97,7 +97,7 @@ class RegionConfig:
             raise ValueError("west_deg and east_deg are equal: the region has no width")
 
 
-@frozen(kw_only=True)
+@frozen
 class PlacesConfig:
     """Random places in a region: independent, their number by the law of Poisson."""
 
@@ -109,7 +109,7 @@ class PlacesConfig:
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class FieldConfig(PlacesConfig):
     """A random field: emitters at random places, with random areas."""
 
@@ -121,7 +121,7 @@ class FieldConfig(PlacesConfig):
     )
 
 
-@frozen(kw_only=True)
+@frozen
 class PlacedConfig:
     """What a scene may set of every kind of source: where, in one of three ways; the third is the
     `field` of a kind.
@@ -154,7 +154,7 @@ class PlacedConfig:
                 raise ValueError(f"at[{number_}]: {complaint}")
 
 
-@frozen(kw_only=True)
+@frozen
 class SourceConfig(PlacedConfig):
     """What a scene may set of sources that are grey bodies: where, when, and how bright."""
 

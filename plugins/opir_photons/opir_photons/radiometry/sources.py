@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray
 from opir_core.geometry import (
     components,
     dot,
@@ -133,7 +132,7 @@ def glint_signatures(
 class StraightTrajectories(Trajectories):
     """Emitters that stand still or move straight: at `start_ecef_m` (n, 3) from `ignition_s` on."""
 
-    type_code: NDArray[np.uint8]
+    type_code: ByteArray
     ignition_s: FloatArray
     burnout_s: FloatArray
     start_ecef_m: FloatArray

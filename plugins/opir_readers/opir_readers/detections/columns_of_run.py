@@ -8,10 +8,9 @@ from uuid import UUID
 
 import numpy as np
 from attrs import fields_dict, frozen
-from numpy.typing import NDArray
 
 from opir_core import Detections, DetectionTruth, Plan
-from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
+from opir_core.arrays import ByteArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import nearest_names
 from opir_core.geometry import line_of_sight, unit_vectors
 from opir_core.plugin import BadFileError, FieldInfo, ScanningSensorConfig
@@ -268,14 +267,14 @@ def _sigmas_rad(sights: _Sights) -> FloatArray:
     return np.where(np.isnan(sigma), defaults[sights.sensor], sigma)
 
 
-def _types(rows: Rows, reported_types: Sequence[str]) -> NDArray[np.uint8]:
+def _types(rows: Rows, reported_types: Sequence[str]) -> ByteArray:
     """Return the codes of reported types; those that the scene does not know are UNKNOWN."""
     code = {name: number for number, name in enumerate(reported_types)}
     names = (str(row.get("target_type")) for row in rows)
     return np.array([code.get(name, code["UNKNOWN"]) for name in names], dtype=np.uint8)
 
 
-def _bands(sights: _Sights) -> NDArray[np.uint8]:
+def _bands(sights: _Sights) -> ByteArray:
     """Return the masks of bands; a row without them has the sensor's first."""
     names = [[band.name for band in sensor.bands] for sensor in sights.plan.sensors]
     masks = []

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 from attrs import Factory, frozen
 
-from opir_core.plugin import FileReader, nested
+from opir_core.plugin import FileReader, deferred, nested
 from opir_readers.configs_of_sites import start_setting
-from opir_readers.reader_calls import later, reads
+from opir_readers.reader_calls import reads
 
 SIGHTS_HELP = (
     "columns of a text with other names, by quantity and unit: {time_s: T, azimuth_deg: AZ,"
@@ -16,13 +16,13 @@ SIGHTS_HELP = (
 )
 
 
-@frozen(kw_only=True)
+@frozen
 class SightsConfig:
     """The settings of the reader `sights`."""
 
     columns: Mapping[str, str] = nested(
         default=Factory(dict),
-        check=later("detections.sights", "sights_complaint"),
+        check=deferred("opir_readers.detections.sights.sights_complaint"),
         help=SIGHTS_HELP,
     )
     start_s: float | None = start_setting()
@@ -34,7 +34,7 @@ DETECTIONS = (
         summary="opir's events (JSON, one a line, or a list): lines of sight of sensors",
         yields="detections",
         build=reads("detections.events", "event_rows"),
-        recognises=later("detections.events", "is_of_events"),
+        recognises=deferred("opir_readers.detections.events.is_of_events"),
         example="""{"timestamp":"2026-04-01T12:01:00.5Z","sensor_id":"A","azimuth_deg":10.1,"elevation_deg":-84.2}
 {"timestamp":"2026-04-01T12:01:10.5Z","sensor_id":"A","azimuth_deg":10.2,"elevation_deg":-84.1}
 """,
@@ -46,7 +46,7 @@ DETECTIONS = (
         yields="detections",
         config=SightsConfig,
         build=reads("detections.sights", "sight_rows", "start_s", "columns"),
-        recognises=later("detections.sights", "is_of_sights"),
+        recognises=deferred("opir_readers.detections.sights.is_of_sights"),
         example="time_s,sensor_id,azimuth_deg,elevation_deg\n60.5,A,10.1,-84.2\n70.5,A,10.2,-84.1\n",
     ),
     FileReader(
@@ -55,7 +55,7 @@ DETECTIONS = (
         " XSYE",
         yields="detections",
         build=reads("detections.tdm", "tdm_rows"),
-        recognises=later("detections.tdm", "is_tdm"),
+        recognises=deferred("opir_readers.detections.tdm.is_tdm"),
         example="""CCSDS_TDM_VERS = 2.0
 CREATION_DATE = 2026-04-01T00:00:00
 ORIGINATOR = EXAMPLE

@@ -4,12 +4,12 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.plugin import FileReader, ReaderContext, StateTable, nested, text
+from opir_core.plugin import FileReader, ReaderContext, StateTable, deferred, nested, text
 from opir_readers.configs_of_sites import SITE_HELP, SiteConfig, start_setting
-from opir_readers.reader_calls import later, reads
+from opir_readers.reader_calls import reads
 
 
-@frozen(kw_only=True)
+@frozen
 class RocketConfig:
     """The settings of exports of rocket simulators."""
 
@@ -17,7 +17,7 @@ class RocketConfig:
     start_s: float | None = start_setting()
 
 
-@frozen(kw_only=True)
+@frozen
 class WebcastConfig:
     """The settings of telemetry of webcasts."""
 
@@ -25,14 +25,14 @@ class WebcastConfig:
     start_s: float | None = start_setting()
 
 
-@frozen(kw_only=True)
+@frozen
 class TrackConfig:
     """The settings of files with several objects."""
 
     object: str | None = text(default=None, help="name of the object, where the file has several")
 
 
-_has_root = later("xml_nodes", "has_root")
+_has_root = deferred("opir_readers.xml_nodes.has_root")
 
 
 def _rocket(name: str, program: str, **described: Any) -> FileReader:
@@ -43,7 +43,7 @@ def _rocket(name: str, program: str, **described: Any) -> FileReader:
 
         return rocket_table(context.text, program, config.site, config.start_s or 0.0)
 
-    recognises = later("flights.rocket_exports", f"is_{name}")
+    recognises = deferred(f"opir_readers.flights.rocket_exports.is_{name}")
     return FileReader(
         name=name, config=RocketConfig, build=build, recognises=recognises, **described
     )
@@ -96,7 +96,7 @@ FLIGHTS = (
         summary="JSON or CSV of speed and altitude over time, from a launch point along an azimuth",
         config=WebcastConfig,
         build=_webcast,
-        recognises=later("flights.webcast", "is_webcast"),
+        recognises=deferred("opir_readers.flights.webcast.is_webcast"),
         example="".join(
             f'{{"time": {time}, "velocity": {20 * time}, "altitude": {time * time / 100}}}\n'
             for time in range(30)
@@ -134,7 +134,7 @@ FLIGHTS = (
         summary="CCSDS Orbit Ephemeris Message, XML form",
         config=TrackConfig,
         build=_of_object("oem_table", "oem_xml_table"),
-        recognises=later("oem_table", "is_oem_xml"),
+        recognises=deferred("opir_readers.oem_table.is_oem_xml"),
         example="""<?xml version="1.0"?>
 <oem id="CCSDS_OEM_VERS" version="2.0"><body><segment><metadata>
 <OBJECT_NAME>ONE</OBJECT_NAME><OBJECT_ID>2026-001A</OBJECT_ID><CENTER_NAME>EARTH</CENTER_NAME>
@@ -153,7 +153,7 @@ FLIGHTS = (
         summary="SP3 orbit of a satellite, Earth-fixed",
         config=TrackConfig,
         build=_of_object("sp3_table", "sp3_table"),
-        recognises=later("sp3_table", "is_sp3"),
+        recognises=deferred("opir_readers.sp3_table.is_sp3"),
         example="""#cP2026  4  1 12  0  0.00000000       2 ORBIT IGS20 HLM  IGS
 ## 2412 302400.00000000   900.00000000 61131 0.5000000000000
 +    1   G01

@@ -32,7 +32,7 @@ def _numbers_complaint(numbers: str | None) -> str | None:
     return None
 
 
-@frozen(kw_only=True)
+@frozen
 class FleetConfig:
     """The settings of `fleet` in a sensor's block: one of `file`, `walker` and `slots`, and
     filters.

@@ -34,7 +34,7 @@ def require_single(config: Any, names: Sequence[str], words: str) -> None:
         raise ValueError(f"{' and '.join(present)} exclude each other" if present else words)
 
 
-@frozen(kw_only=True)
+@frozen
 class WalkerFleetConfig:
     """A Walker pattern i: T/P/F of circular orbits, plane by plane."""
 
@@ -147,7 +147,7 @@ class WalkerFleetConfig:
         return 1e-3 * (math.cbrt(EARTH_MU_M3_S2 / motion_rad_s**2) - EARTH_EQUATORIAL_RADIUS_M)
 
 
-@frozen(kw_only=True)
+@frozen
 class SlotFleetConfig:
     """A ring of geostationary slots."""
 

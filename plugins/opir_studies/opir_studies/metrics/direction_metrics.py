@@ -15,7 +15,7 @@ from opir_core.planning import whole_flights
 from opir_core.plugin import MetricContext, NoConfig
 from opir_studies.configs import CustodyConfig, HandOverConfig
 from opir_studies.metrics.detection_metrics import mean_of_known, share_of_known
-from opir_studies.metrics.track_metrics import run_evidence
+from opir_studies.metrics.track_metrics import first_tracked_s, run_evidence
 
 
 @frozen
@@ -80,17 +80,11 @@ class CueDelayMetric:
 
     def launches(self, run: Run) -> Mapping[str, FloatArray]:
         """Return the delay of each launch, inf without a track or such a detection."""
-        evidence, owners = run_evidence(run)
-        launches = len(run.plan.scene.targets)
-        target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
-        rows = np.flatnonzero(target >= 0)
-        available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
-        tracked_s = np.full(launches, np.inf)
-        np.minimum.at(tracked_s, target[rows], available_s[rows])
-        seen_s = np.full(launches, np.inf)
+        tracked_s = first_tracked_s(run)
+        seen_s = np.full_like(tracked_s, np.inf)
         rows = _narrow_rows(run)
         np.minimum.at(seen_s, run.truth.target[rows], run.detections.time_s[rows])
-        delay_s = np.full(launches, np.inf)
+        delay_s = np.full_like(tracked_s, np.inf)
         np.subtract(seen_s, tracked_s, out=delay_s, where=np.isfinite(tracked_s))
         return {"cue_delay_s": np.maximum(delay_s, 0.0)}
 

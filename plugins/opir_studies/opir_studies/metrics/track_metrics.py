@@ -40,6 +40,19 @@ def run_evidence(run: Run) -> tuple[RunEvidence, Ownership]:
     return evidence, ownership(evidence)
 
 
+def first_tracked_s(run: Run) -> FloatArray:
+    """Return the scene times (launches,) at which the first estimate of each launch is available;
+    inf without one.
+    """
+    evidence, owners = run_evidence(run)
+    target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
+    rows = np.flatnonzero(target >= 0)
+    available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
+    tracked_s = np.full(len(run.plan.scene.targets), np.inf)
+    np.minimum.at(tracked_s, target[rows], available_s[rows])
+    return tracked_s
+
+
 @frozen
 class TracksMetric:
     """How completely the launches of a run are tracked, and how many tracks belong to none."""
@@ -81,16 +94,10 @@ class TracksMetric:
 
         The second is nan for a tracker that weighs no launches.
         """
-        evidence, owners = run_evidence(run)
-        launches = len(run.plan.scene.targets)
-        target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
-        rows = np.flatnonzero(target >= 0)
-        available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
-        tracked_s = np.full(launches, np.inf)
-        np.minimum.at(tracked_s, target[rows], available_s[rows])
-        recognised = recognition(evidence, owners, RECOGNITION_PROBABILITY)
+        tracked_s = first_tracked_s(run)
+        recognised = recognition(*run_evidence(run), RECOGNITION_PROBABILITY)
         return {
-            "tracked_s": tracked_s - run.plan.targets.ignition_s[:launches],
+            "tracked_s": tracked_s - run.plan.targets.ignition_s[: len(tracked_s)],
             "recognised_s": recognised.recognised_after_s,
         }
 

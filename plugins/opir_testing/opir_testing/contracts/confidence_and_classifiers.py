@@ -1,7 +1,7 @@
 """Conformance tests of confidence models and classifiers."""
 
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from opir_core.plugin import (
     Classifier,
     ClassifierInputs,
     ClassifierModel,
-    Component,
     ConfidenceModel,
 )
 from opir_testing.bench import classifier_inputs
@@ -30,8 +29,8 @@ from opir_testing.contracts.scenes import SceneContract
 class ConfidenceContract(SceneContract):
     """Conformance tests of a confidence model."""
 
-    kind: ClassVar[type[Component]] = ConfidenceModel
-    key: ClassVar[str] = "confidence"
+    kind = ConfidenceModel
+    key = "confidence"
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
@@ -95,8 +94,8 @@ class ConfidenceContract(SceneContract):
 class ClassifierContract(SceneContract):
     """Conformance tests of a classifier."""
 
-    kind: ClassVar[type[Component]] = ClassifierModel
-    key: ClassVar[str] = "classification"
+    kind = ClassifierModel
+    key = "classification"
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:

@@ -1,12 +1,12 @@
 """Conformance tests of detection models."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.plugin import Component, DetectionModel, DetectionProbability, RandomDraws
+from opir_core.plugin import DetectionModel, DetectionProbability, RandomDraws
 from opir_testing.contracts.contract import (
     count_excess,
     rate_excess,
@@ -88,8 +88,8 @@ def reported_chances(
 class DetectionContract(SceneContract):
     """Conformance tests of a detection model."""
 
-    kind: ClassVar[type[Component]] = DetectionModel
-    key: ClassVar[str] = "detection"
+    kind = DetectionModel
+    key = "detection"
 
     @classmethod
     def model(cls) -> DetectionProbability:

@@ -3,14 +3,13 @@
 import json
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.interfaces import command_fault
 from opir_core.plugin import (
-    Component,
     Detections,
     Director,
     DirectorContext,
@@ -35,8 +34,8 @@ _POINTED = {"model": "generic-pointed", "id": "POINTED", "orbital_slot_deg": -11
 class DirectorContract(SceneContract):
     """Conformance tests of a director."""
 
-    kind: ClassVar[type[Component]] = DirectorModel
-    key: ClassVar[str] = "director"
+    kind = DirectorModel
+    key = "director"
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:

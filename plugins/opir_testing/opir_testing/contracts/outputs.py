@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from attrs import evolve
@@ -11,7 +11,6 @@ from attrs import evolve
 from opir_core import Plan, plan_windows
 from opir_core.output import event_counter, framed_messages, only_encodable
 from opir_core.plugin import (
-    Component,
     Encoder,
     EncoderContext,
     EventEncoder,
@@ -121,7 +120,7 @@ class OutputContract(Contract):
 class EncoderContract(OutputContract):
     """Conformance tests of an event encoder."""
 
-    kind: ClassVar[type[Component]] = EventEncoder
+    kind = EventEncoder
 
     @classmethod
     @cache

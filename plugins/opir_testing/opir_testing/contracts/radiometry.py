@@ -17,7 +17,6 @@ from opir_core.plugin import (
     BackgroundContext,
     BackgroundModel,
     Band,
-    Component,
     Paths,
     SignatureContext,
     SignatureModel,
@@ -133,7 +132,7 @@ class EmitterContract(RadiometricContract):
 class SignatureContract(EmitterContract):
     """Conformance tests of a signature model, built for a target of each type."""
 
-    kind: ClassVar[type[Component]] = SignatureModel
+    kind = SignatureModel
 
     @classmethod
     def count(cls) -> int:
@@ -161,7 +160,7 @@ class SourceContract(EmitterContract):
     follows launches.
     """
 
-    kind: ClassVar[type[Component]] = SourceModel
+    kind = SourceModel
     launched: ClassVar[Callable[[str], tuple[Trajectories, int]] | None] = None
 
     @classmethod
@@ -280,7 +279,7 @@ class EnvironmentContract(RadiometricContract):
 class AtmosphereContract(EnvironmentContract):
     """Conformance tests of an atmosphere model."""
 
-    kind: ClassVar[type[Component]] = AtmosphereModel
+    kind = AtmosphereModel
 
     @classmethod
     @cache
@@ -343,7 +342,7 @@ class AtmosphereContract(EnvironmentContract):
 class BackgroundContract(EnvironmentContract):
     """Conformance tests of a background model."""
 
-    kind: ClassVar[type[Component]] = BackgroundModel
+    kind = BackgroundModel
 
     @classmethod
     @cache

@@ -1,14 +1,13 @@
 """Conformance tests of readers of files."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from opir_core.plugin import (
     FILE_CONTENTS,
     BadFileError,
-    Component,
     FileReader,
     ReaderContext,
     StateTable,
@@ -33,7 +32,7 @@ _ALONE = "Compute everything from the text that is passed: no clock, no network,
 class ReaderContract(Contract):
     """Conformance tests of a reader; they read its `example`."""
 
-    kind: ClassVar[type[Component]] = FileReader
+    kind = FileReader
 
     @classmethod
     def read(cls, text: str) -> Any:

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from opir_core.errors import kind_of
 from opir_core.output import Column, Decimal, Ids, Looked, Times, reference
-from opir_core.plugin import Component, Renderer, RendererContext, RendererModel
+from opir_core.plugin import Renderer, RendererContext, RendererModel
 from opir_testing.contracts.contract import Contract, require, require_documented, require_pickling
 
 _ROWS = 60
@@ -17,7 +17,7 @@ _ROWS = 60
 class RendererContract(Contract):
     """Conformance tests of a renderer."""
 
-    kind: ClassVar[type[Component]] = RendererModel
+    kind = RendererModel
 
     @classmethod
     @cache

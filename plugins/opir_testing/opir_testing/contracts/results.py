@@ -7,13 +7,12 @@ from collections.abc import Mapping
 from functools import cache
 from inspect import signature
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from attrs import evolve
 
 from opir_core import Run, run_of_plan
 from opir_core.plugin import (
-    Component,
     Executor,
     ExecutorContext,
     ExecutorModel,
@@ -87,7 +86,7 @@ class ResultContract(Contract):
 class MetricContract(ResultContract):
     """Conformance tests of a metric."""
 
-    kind: ClassVar[type[Component]] = MetricModel
+    kind = MetricModel
 
     @classmethod
     @cache
@@ -184,7 +183,7 @@ class MetricContract(ResultContract):
 class ExporterContract(ResultContract):
     """Conformance tests of an exporter, in folders of their own."""
 
-    kind: ClassVar[type[Component]] = ExporterModel
+    kind = ExporterModel
 
     @classmethod
     @cache
@@ -256,7 +255,7 @@ class ExporterContract(ResultContract):
 class RunViewContract(ResultContract):
     """Conformance tests of a run view."""
 
-    kind: ClassVar[type[Component]] = RunView
+    kind = RunView
 
     def view(self, run: Run) -> Any:
         """Return the view of a run."""
@@ -318,7 +317,7 @@ class RunViewContract(ResultContract):
 class ExecutorContract(Contract):
     """Conformance tests of an executor; its workers can import this module."""
 
-    kind: ClassVar[type[Component]] = ExecutorModel
+    kind = ExecutorModel
 
     @classmethod
     def executor(cls) -> Executor:

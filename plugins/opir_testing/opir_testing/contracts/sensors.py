@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from attrs import fields_dict
@@ -14,7 +14,6 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin import (
     TARGET_TYPES,
-    Component,
     Constellation,
     ScanningSensorConfig,
     Sensor,
@@ -66,7 +65,7 @@ class SensorContract(SceneContract):
     degrees west.
     """
 
-    kind: ClassVar[type[Component]] = SensorModel
+    kind = SensorModel
 
     @classmethod
     def block(cls) -> Mapping[str, Any]:

@@ -7,14 +7,14 @@ import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from attrs import fields_dict
 
 from opir_core import ModelError, Plan, SceneError, SinkError
 from opir_core.live import LiveRun, LiveSettings
 from opir_core.output import OutputFiles, RunOutcome, deliver, opened_sink
-from opir_core.plugin import Component, Delivery, EventEncoder, Sink, SinkModel, Window
+from opir_core.plugin import Delivery, EventEncoder, Sink, SinkModel, Window
 from opir_core.random_streams import uuid_text
 from opir_core.scene import Choice
 from opir_testing.bench import bench_scene, encoder_of, planned
@@ -42,7 +42,7 @@ _RESUMING = (
 class SinkContract(OutputContract):
     """Conformance tests of a sink, in an empty folder; a setting `path` gets a file there."""
 
-    kind: ClassVar[type[Component]] = SinkModel
+    kind = SinkModel
 
     @classmethod
     def block(cls) -> Mapping[str, Any]:

@@ -11,7 +11,6 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces import has_own
 from opir_core.plugin import (
     EMITTER_TYPES,
-    Component,
     TargetClass,
     TargetContext,
     TargetModel,
@@ -42,7 +41,7 @@ class TargetContract(SceneContract):
     have type, launch and aim.
     """
 
-    kind: ClassVar[type[Component]] = TargetModel
+    kind = TargetModel
     launches: ClassVar[Sequence[Mapping[str, Any]]] = TARGETS
 
     @classmethod

@@ -1,11 +1,11 @@
 """Conformance tests of tracker parts: a tracker with the part conforms, and the part does its work."""
 
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from opir_core.plugin import Component, Tracker, TrackerPart
+from opir_core.plugin import Tracker, TrackerPart
 from opir_testing.contracts.contract import require
 from opir_testing.contracts.trackers import TrackerContract
 
@@ -20,7 +20,7 @@ _FOLLOWED_SHARE = 0.5
 class TrackerPartContract(TrackerContract):
     """Conformance tests of a tracker part: those of trackers, for one with the part."""
 
-    kind: ClassVar[type[Component]] = TrackerPart
+    kind = TrackerPart
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:

@@ -239,7 +239,7 @@ class TrackerContract(SceneContract):
     """
 
     kind: ClassVar[type[Component]] = TrackerModel
-    key: ClassVar[str] = "tracker"
+    key = "tracker"
 
     @classmethod
     def tracker(cls) -> Tracker:

@@ -254,4 +254,4 @@ def _by_filter(models: TrackingModels, young: _Young) -> tuple[FloatArray, Float
     changes = np.array([to_earth(time_s) for time_s in when_s.tolist()])
     states = changes @ np.concatenate([position, velocity]).T[:, :, None]
     spread = covariance.transpose(2, 0, 1)
-    return states[:, :, 0], changes @ spread @ changes.transpose(0, 2, 1)
+    return states[:, :, 0], changes @ spread @ changes.mT

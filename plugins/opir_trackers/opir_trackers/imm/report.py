@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import evolve
-from numpy.typing import NDArray
 from opir_estimation import ModeEstimates, glided
 from opir_forecast import BoostEstimates, LaunchForecasts
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.plugin import REPORTED_TYPES, TARGET_TYPES, Sensor, Tracks
 from opir_trackers.imm.state import TrackTable
@@ -29,7 +28,7 @@ class ReportedTracks(NamedTuple):
     covariance: FloatArray
     is_brief: BoolArray
     reports: FloatArray
-    end: NDArray[np.uint8]
+    end: ByteArray
 
 
 def boost_estimates(reported: ReportedTracks, launched: BoolArray) -> BoostEstimates:
@@ -129,7 +128,7 @@ def mixed_with(
     state[rows] += share[:, None] * difference
     spread = weight * (1.0 - weight) * difference[:, :, None] * difference[:, None, :]
     mixed = weight * alternative[1] + (1.0 - weight) * covariance[rows] + spread
-    covariance[rows] = 0.5 * (mixed + mixed.transpose(0, 2, 1))
+    covariance[rows] = 0.5 * (mixed + mixed.mT)
     return state, covariance
 
 
@@ -165,7 +164,7 @@ def earth_fixed(
     """
     change = to_earth(time_s)
     moved = change @ covariance @ change.T
-    return state @ change.T, 0.5 * (moved + moved.transpose(0, 2, 1))
+    return state @ change.T, 0.5 * (moved + moved.mT)
 
 
 def to_earth(time_s: float) -> FloatArray:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 from opir_estimation import (
     AngleMeasurements,
     LinesOfSight,
@@ -16,7 +15,7 @@ from opir_estimation import (
     no_lines_of_sight,
 )
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces import Columns, names_of
 from opir_trackers.imm.outliers import FRACTIONS
 from opir_trackers.onset.motion_statistics import MotionStatistics
@@ -193,7 +192,7 @@ class EndedTracks:
     """Tracks (n,) as they were when they ended, and how: codes into `TRACK_ENDS`."""
 
     table: TrackTable
-    end: NDArray[np.uint8]
+    end: ByteArray
 
     def take(self, rows: IntArray) -> "EndedTracks":
         """Return some of the tracks."""

@@ -251,9 +251,9 @@ class MotionPriors:
         expected = np.array([_ALOFT_M[0], *np.zeros(6)]) / self.bounds[rows]
         surprise = expected - (state @ mean[:, :, None])[:, :, 0]
         shared = state @ root
-        factor = np.linalg.cholesky(np.eye(mean.shape[1]) + shared.transpose(0, 2, 1) @ shared)
-        root = root @ np.linalg.inv(factor).transpose(0, 2, 1)
-        pull = root.transpose(0, 2, 1) @ (state.transpose(0, 2, 1) @ surprise[:, :, None])
+        factor = np.linalg.cholesky(np.eye(mean.shape[1]) + shared.mT @ shared)
+        root = root @ np.linalg.inv(factor).mT
+        pull = root.mT @ (state.mT @ surprise[:, :, None])
         means = self.mean.copy()
         means[rows] += (root @ pull)[:, :, 0]
         roots = self.root.copy()

@@ -309,9 +309,9 @@ class MotionStatistics(Columns):
         """Return the columns of places of lines before the statistics began anew, about the points
         of others (n,).
         """
-        turn = other.axes @ self.axes.transpose(0, 2, 1)
+        turn = other.axes @ self.axes.mT
         shift = _components(other.axes, self.reference_m - other.reference_m)
-        information = turn @ self.label_information @ turn.transpose(0, 2, 1)
+        information = turn @ self.label_information @ turn.mT
         pull = _components(turn, self.label_pull) + _components(information, shift)
         return {"label_information": information, "label_pull": pull}
 
@@ -374,7 +374,7 @@ class MotionStatistics(Columns):
         rows = self._state_of_cubic(since_s)
         state = (rows @ (covariance @ pull[:, :, None]))[:, :, 0]
         state[:, :3] += self.reference_m - self.height_m[:, None] * self.axes[:, 2]
-        return state, rows @ covariance @ rows.transpose(0, 2, 1)
+        return state, rows @ covariance @ rows.mT
 
     def _of_burn(self, lift: FloatArray, growth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the information and pull of `of_motion` with the priors of `moved`."""
@@ -394,7 +394,7 @@ class MotionStatistics(Columns):
         share = np.zeros((count, 2, ORDERS))
         share[:, 0] = weight
         share[:, 1, 1:] = weight[:, :-1]
-        turned = self.axes.transpose(0, 2, 1)
+        turned = self.axes.mT
         rows = share[:, :, None, :, None] * turned[:, None, :, None, :]
         return rows.reshape(count, 6, 3 * ORDERS)
 
@@ -453,7 +453,7 @@ class MotionStatistics(Columns):
         standard deviation of the height, m; the standard deviation of places is `wide_m`, m.
         """
         local, covariance = _mixture(*self._places_by_ground(grounds, wide_m))
-        turned = self.axes.transpose(0, 2, 1)
+        turned = self.axes.mT
         position_m = self.reference_m + np.sum(turned * local[:, None, :], axis=2)
         return position_m, turned @ covariance @ self.axes
 

@@ -336,10 +336,10 @@ def _bordered(
     """Return A = I + Sᵀ J S (n, c, 12, 12), bordered by v = Sᵀ (b - J m) and `least` + 1."""
     count, kinds = least.shape
     size = root.shape[1]
-    turned = root.transpose(0, 2, 1)
+    turned = root.mT
     bordered = np.empty((count, kinds, size + 1, size + 1))
     bordered[:, :, :size, :size] = (turned @ information[:, None]) @ root + np.eye(size)
-    border = (turned @ off.transpose(0, 2, 1)[..., None])[..., 0]
+    border = (turned @ off.mT[..., None])[..., 0]
     bordered[:, :, size, :size] = border
     bordered[:, :, :size, size] = border
     bordered[:, :, size, size] = least + 1.0
