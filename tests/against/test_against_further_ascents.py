@@ -101,17 +101,17 @@ def test_its_states_are_held(followed: Followed) -> None:
 
 def test_it_is_no_missile_in_its_second_burn(followed: Followed) -> None:
     """Half a minute into it, and to the end."""
-    late = followed.since_lift_off_s() > 250.0
-    assert np.all(followed.estimates.probability_missile[late] < 0.6)
+    rows = followed.since_lift_off_s() > 250.0
+    assert np.all(followed.estimates.probability_missile[rows] < 0.6)
     assert followed.estimates.probability_missile[-1] < 0.3
 
 
 def test_no_small_region_during_the_second_burn(followed: Followed) -> None:
     """What goes to orbit comes down nowhere: a region of under 10 000 km² would be wrong."""
-    late = np.flatnonzero(followed.since_lift_off_s() > 250.0)
+    rows = np.flatnonzero(followed.since_lift_off_s() > 250.0)
     areas_km2 = [
         region.area_km2
-        for row in late
+        for row in rows
         for region in (followed.estimates.impact_regions[row] or ())
         if region.probability > 0.5
     ]

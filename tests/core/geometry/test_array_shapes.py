@@ -39,6 +39,7 @@ ARGUMENTS = {
     "is_occluded": [(3,), (3,), ()],
     "is_sunlit": [(3,), (3,)],
     "julian_date": [None, ()],
+    "limb_angle_rad": [(3,), (3,)],
     "line_of_sight": [(3,), (), ()],
     "local_axes": [(3,)],
     "nadir_angle_rad": [(3,), (3,)],

@@ -139,8 +139,8 @@ def test_launch_and_impact_points_have_their_ellipses():
     assert numbers(launch.find("detail/shape/ellipse")) == pytest.approx(northward, abs=0.01)
     eastward = {"major": 12_000.0, "minor": 3000.0, "angle": 90.0}
     assert numbers(impact.find("detail/shape/ellipse")) == pytest.approx(eastward, abs=0.01)
-    said = "simulated; impact at 2026-04-01T12:25:00.000000Z"
-    assert impact.find("detail/remarks").text == said
+    remarks = "simulated; impact at 2026-04-01T12:25:00.000000Z"
+    assert impact.find("detail/remarks").text == remarks
     # The paper's law states no area.
     (_, paper) = events(tracked(1, track=3, impact_method=1, **columns))
     assert paper.get("type") == "b-m-p-s-m"
@@ -149,15 +149,15 @@ def test_launch_and_impact_points_have_their_ellipses():
 
 
 def test_a_track_that_has_ended_is_stale_at_once_and_a_late_one_tells_both_times():
-    ended, late = events(
+    ended, delayed = events(
         tracked(2, track=[1, 2], tick_s=10.0, available_s=[10.0, 14.0], end=[1, 0], state=STATE),
         affiliation="h",
         stale_s=5.0,
     )
     assert ended.get("stale") == ended.get("time")
-    assert late.get("type") == "a-h-A"
-    assert seconds(late, "time") - seconds(late, "start") == 4.0
-    assert seconds(late, "stale") - seconds(late, "time") == 5.0
+    assert delayed.get("type") == "a-h-A"
+    assert seconds(delayed, "time") - seconds(delayed, "start") == 4.0
+    assert seconds(delayed, "stale") - seconds(delayed, "time") == 5.0
 
 
 def test_a_track_of_which_nothing_is_known_is_withheld():

@@ -90,8 +90,8 @@ def test_fields_that_do_not_change_have_the_standards_values():
     assert row["timestamp"] == 2**30
     assert (row["character_set"], row["marking"]) == (1, b"T6 IRBM".ljust(11, b"\0"))
     assert row["algorithm"] == 2
-    rest = ("status", "padding", "variable_parameters", "appearance", "capabilities")
-    assert not any(row[name] for name in rest)
+    zero_names = ("status", "padding", "variable_parameters", "appearance", "capabilities")
+    assert not any(row[name] for name in zero_names)
     assert not any(
         (
             *row["parameters"],
@@ -146,8 +146,8 @@ def test_heartbeats_are_kept_between_estimates_and_windows():
 
 def test_a_track_that_says_nothing_for_12_s_is_given_up():
     assert times(straight([0.0, 1.0], end_s=60.0)) == [0.0, 5.0, 10.0]
-    again = tracked(1, tick_s=70.0, end_s=71.0, state=STATE)
-    assert times(straight([0.0, 1.0], end_s=60.0), again) == [0.0, 5.0, 10.0, 70.0]
+    revival = tracked(1, tick_s=70.0, end_s=71.0, state=STATE)
+    assert times(straight([0.0, 1.0], end_s=60.0), revival) == [0.0, 5.0, 10.0, 70.0]
 
 
 def test_a_track_off_its_dead_reckoning_is_sent_at_once():
@@ -176,6 +176,6 @@ def test_a_change_of_type_is_sent():
 
 def test_windows_of_any_length_give_the_same_pdus():
     ticks_s = np.arange(0.0, 20.0)
-    whole = straight(ticks_s, end_s=20.0)
+    window = straight(ticks_s, end_s=20.0)
     halves = [straight(ticks_s[:7], end_s=7.0), straight(ticks_s[7:], start_s=7.0, end_s=20.0)]
-    assert pdus(*halves) == pdus(whole)
+    assert pdus(*halves) == pdus(window)

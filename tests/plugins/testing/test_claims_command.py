@@ -20,7 +20,7 @@ def test_the_list_ends_with_the_count_of_all(capsys):
     assert "250 s liquid, 170 s solid" in " ".join(text.split())
     *_, count = text.split("\n\n")
     assert count.startswith(
-        "110 claims: 86 VALIDATED (33 by published figures, 21 by another library"
+        "110 claims: 87 VALIDATED (34 by published figures, 21 by another library"
     )
 
 

@@ -37,23 +37,23 @@ def test_prior_odds_are_the_ratio_of_the_densities_within_the_area() -> None:
 
 
 def test_a_rate_adds_to_its_own_kind_and_leaves_the_odds_of_others() -> None:
-    before, some, more = (
+    usual, rare, frequent = (
         begun(INSIDE[:1], flashes_per_day=rate)[0] for rate in (0.0, 100.0, 300.0)
     )
-    odds = [each[LAUNCH] / each[GROUND] for each in (before, some, more)]
+    odds = [prior[LAUNCH] / prior[GROUND] for prior in (usual, rare, frequent)]
     assert odds == pytest.approx([1e-3] * 3, rel=1e-9)
-    none = [each[NONE] / each[GROUND] for each in (before, some, more)]
+    none = [prior[NONE] / prior[GROUND] for prior in (usual, rare, frequent)]
     assert none[2] - none[0] == pytest.approx(3.0 * (none[1] - none[0]), rel=1e-9)
 
 
 def test_rates_hold_only_within_the_area_and_its_time() -> None:
     default = begun(OUTSIDE, flashes_per_day=7.5)
     elsewhere = begun(OUTSIDE, flashes_per_day=5e4)
-    early = begun(INSIDE, first_s=9.0, start_s=10.0, flashes_per_day=5e4)
+    unchanged = begun(INSIDE, first_s=9.0, start_s=10.0, flashes_per_day=5e4)
     assert np.array_equal(elsewhere, default)
-    assert np.array_equal(early, default)
-    late = begun(INSIDE, first_s=10.0, start_s=10.0, flashes_per_day=5e4)
-    assert np.all(late[:, LAUNCH] < default[:, LAUNCH])
+    assert np.array_equal(unchanged, default)
+    lowered = begun(INSIDE, first_s=10.0, start_s=10.0, flashes_per_day=5e4)
+    assert np.all(lowered[:, LAUNCH] < default[:, LAUNCH])
 
 
 def tracked(*changes: str) -> Tracks:
@@ -77,10 +77,10 @@ def test_odds_of_a_track_change_by_the_ratio_of_the_rates() -> None:
         * (np.sin(np.radians(launch.lat_deg + 2)) - np.sin(np.radians(launch.lat_deg - 2)))
         * np.radians(4.0)
     )
-    few = 100.0 * area_m2 / VIEW_M2
+    rate_per_day = 100.0 * area_m2 / VIEW_M2
     plain = tracked()
     within = tracked(
-        f"tracker.hypotheses.areas=[{box}, rates: {{ground_sources_per_day: {few}}}}}]"
+        f"tracker.hypotheses.areas=[{box}, rates: {{ground_sources_per_day: {rate_per_day}}}}}]"
     )
     assert np.array_equal(within.tick_s[:3], plain.tick_s[:3])
     odds = [
