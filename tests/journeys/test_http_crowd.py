@@ -189,3 +189,15 @@ def test_numbers_of_tracks_close_together_do_not_hide_each_other(page):
     page.evaluate("opirMap.selected = 'track 1005'")
     page.evaluate(NUMBERS)  # the frame that was under way
     assert 1005 in page.evaluate(NUMBERS)
+
+
+@pytest.mark.slow
+def test_ellipses_that_are_too_wide_to_be_drawn_are_not_said_to_be(page):
+    expect(page.locator("#left")).to_contain_text("areas of 12 of", timeout=PATIENCE_MS)
+    page.evaluate(
+        "for (const { past } of opirStore.tracks.values()) for (const { document } of past) {"
+        " document.impact_regions = [];"
+        " if (document.impact_point) document.impact_point.ellipse ="
+        " { semi_major_m: 3e6, semi_minor_m: 1e6, bearing_deg: 0 }; }"
+    )
+    expect(page.locator("#left")).to_be_hidden(timeout=PATIENCE_MS)

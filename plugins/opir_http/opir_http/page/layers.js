@@ -38,7 +38,7 @@ function edges(geometry) {
 
 // Whether a region of a track, or its ellipse, is small enough to be drawn.
 function hasDrawable({ impact_regions: regions, impact_point: impact }) {
-  return regions.length ? regions.some((each) => each.area_km2 <= CONTINENT_KM2) : Boolean(impact && impact.ellipse);
+  return regions.length ? regions.some((each) => each.area_km2 <= CONTINENT_KM2) : Boolean(impact && impact.ellipse && impact.ellipse.semi_major_m <= WIDEST_M);
 }
 
 export class Layers {
