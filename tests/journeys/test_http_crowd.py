@@ -155,3 +155,49 @@ def test_a_track_of_a_crowd_is_selected_by_a_click_and_by_its_row(page):
     page.wait_for_function("() => opirMap.selected === 'track 1045'")
     page.locator("#track-rows tr[data-track='1046'] button").press("Enter", timeout=PATIENCE_MS)
     page.wait_for_function("() => opirMap.selected === 'track 1046'")
+
+
+#: The numbers that the map shows in its next frame; null if one lies over another.
+NUMBERS = """() => new Promise((done) => {
+  const { pen } = opirMap.layers, write = pen.fillText, boxes = [];
+  pen.fillText = (text, x, y) => {
+    const size = parseFloat(pen.font.match(/([\\d.]+)px/)[1]), width = pen.measureText(text).width;
+    if (/^1\\d{3}$/.test(text)) boxes.push([Number(text), x, y - size, x + width, y]);
+    write.call(pen, text, x, y);
+  };
+  const look = () => {
+    if (!boxes.length) { requestAnimationFrame(look); return; }
+    delete pen.fillText;
+    const meet = ([, left, top, right, bottom], [, ...box]) => (
+      box[0] < right && box[2] > left && box[1] < bottom && box[3] > top);
+    const isHidden = boxes.some((one, at) => boxes.slice(0, at).some((other) => meet(one, other)));
+    done(isHidden ? null : boxes.map(([id]) => id));
+  };
+  requestAnimationFrame(look);
+})"""
+
+#: Leaves some of the added tracks.
+FEWER = "for (const id of [...opirStore.tracks.keys()]) if (id >= 1040) opirStore.tracks.delete(id)"
+
+
+@pytest.mark.slow
+def test_numbers_of_tracks_close_together_do_not_hide_each_other(page):
+    page.locator("#play").click()
+    page.evaluate(FEWER)
+    page.wait_for_function("() => opirMap.drawn.tracks >= 40 && opirMap.drawn.tracks <= 60")
+    assert len(page.evaluate(NUMBERS)) > 1
+    page.evaluate("opirMap.selected = 'track 1005'")
+    page.evaluate(NUMBERS)  # the frame that was under way
+    assert 1005 in page.evaluate(NUMBERS)
+
+
+@pytest.mark.slow
+def test_ellipses_that_are_too_wide_to_be_drawn_are_not_said_to_be(page):
+    expect(page.locator("#left")).to_contain_text("areas of 12 of", timeout=PATIENCE_MS)
+    page.evaluate(
+        "for (const { past } of opirStore.tracks.values()) for (const { document } of past) {"
+        " document.impact_regions = [];"
+        " if (document.impact_point) document.impact_point.ellipse ="
+        " { semi_major_m: 3e6, semi_minor_m: 1e6, bearing_deg: 0 }; }"
+    )
+    expect(page.locator("#left")).to_be_hidden(timeout=PATIENCE_MS)

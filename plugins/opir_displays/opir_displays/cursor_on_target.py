@@ -4,6 +4,7 @@ The elements are those of MITRE's public schema (Event.xsd, version 2.0, MITRE c
 its sub-schemas contact, track, shape and remarks. Every event says that it is simulated.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.estimation import containment_ellipse
-from opir_core.geometry import ecef_to_geodetic, length, local_axes
+from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces import IMPACT_METHODS
 from opir_core.output import (
     rounded_bearing_deg,
@@ -24,8 +25,8 @@ from opir_core.plugin import Tracks, Window
 from opir_displays.reported_types import UNKNOWN, reported_types
 from opir_displays.settings import CotConfig
 
-#: Half the interval that holds a normal variable with 95 %, in standard deviations.
-_SIGMAS = 1.959964
+#: The probability that a place is within the ellipse of one standard deviation.
+_ONE_SIGMA = -math.expm1(-0.5)
 
 _EVENT = (
     '<event version="2.0" uid="opir.{scene}.{uid}" type="{type}" how="m-s" opex="s"'
@@ -68,11 +69,14 @@ class CotEvents:
         axes = local_axes(position)
         east, north, up = np.einsum("nij,nj->in", axes, velocity)
         spread = axes @ tracks.state_covariance[:, :3, :3] @ axes.swapaxes(1, 2)
+        over_ground = np.hypot(east, north)
         motion = (
             rounded_bearing_deg(np.arctan2(east, north), 360.0),
-            length(*velocity.T),
-            np.degrees(np.arctan2(up, np.hypot(east, north))),
+            over_ground,
+            np.degrees(np.arctan2(up, over_ground)),
         )
+        # Errors are those of one standard deviation (Event.xsd, point).
+        ellipse = containment_ellipse(spread[:, :2, :2], _ONE_SIGMA)
         names, shares = reported_types(tracks)
         atom = f"a-{self._config.affiliation}-A"
         numbers = tracks.track.tolist()
@@ -88,8 +92,8 @@ class CotEvents:
                 "lat": np.degrees(place.latitude_rad),
                 "lon": np.degrees(place.longitude_rad),
                 "hae": place.height_m,
-                "ce": _known(containment_ellipse(spread[:, :2, :2]).semi_major_m),
-                "le": _known(_SIGMAS * np.sqrt(np.maximum(spread[:, 2, 2], 0.0))),
+                "ce": _known(ellipse.semi_major_m),
+                "le": _known(np.sqrt(np.maximum(spread[:, 2, 2], 0.0))),
                 "detail": [_TRACK.format(*row) for row in zip(*motion, strict=True)],
                 "remarks": [
                     f"{name} {share:.2f}" for name, share in zip(names, shares, strict=True)

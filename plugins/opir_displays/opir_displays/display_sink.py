@@ -47,7 +47,10 @@ class Datagrams:
         self._interval_s = 1.0 / config.rate_per_s
         self._turn_s = 0.0
         family = socket.AF_INET6 if ":" in config.host else socket.AF_INET
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        except OSError as error:
+            raise self._failure(error) from error
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, config.allow_remote)
 
     def send(self, message: bytes, give_up_s: float) -> bool:
@@ -61,14 +64,15 @@ class Datagrams:
         try:
             self._socket.sendto(message, self._address)
         except OSError as error:
-            raise SinkError(
-                f"{self.name}: {reason_of(error)}; give a host that this machine reaches"
-            ) from error
+            raise self._failure(error) from error
         return True
 
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+
+    def _failure(self, error: OSError) -> SinkError:
+        return SinkError(f"{self.name}: {reason_of(error)}; give a host that this machine reaches")
 
 
 class MessageFile:

@@ -205,8 +205,6 @@ class AreaConfig:
     )
     rates: Mapping[str, float] = nested(
         unit="1/day",
-        minimum=0.0,
-        maximum=1e9,
         help="rates within the area by their names, such as flashes_per_day",
     )
 

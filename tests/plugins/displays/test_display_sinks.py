@@ -1,7 +1,9 @@
 """The sinks `cot` and `dis`: from the command line and from Python, their datagrams, bad settings."""
 
+import errno
 from collections.abc import Mapping
 from typing import Any, ClassVar
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -136,3 +138,10 @@ def test_what_the_system_refuses_fails_the_output(monkeypatch):
     ):
         sink.write(tracked(1, state=STATE))
     assert sink.close().delivered == 0
+
+
+def test_a_kind_of_address_that_the_system_lacks_fails_the_output(monkeypatch):
+    refused = Mock(side_effect=OSError(errno.EAFNOSUPPORT, "not supported"))
+    monkeypatch.setattr("opir_displays.display_sink.socket.socket", refused)
+    with pytest.raises(SinkError, match=r"UDP to ::1, port 3000: .*; give a host"):
+        opened("dis", host="::1")

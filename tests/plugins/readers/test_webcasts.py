@@ -253,6 +253,9 @@ def test_noise_of_rounding_is_that_of_its_step():
     digits = np.array([0.0, 0.4, 0.9, 1.0, 7.3, 12.5, 12.6, 99.9, 101.0, 103.0, 104.0, 170.0])
     steps = np.where(digits < 100.0, 0.1, 1.0)
     np.testing.assert_allclose(rounding_sigma(digits), steps / 12**0.5)
+    # Three altitudes above 100 km whose differences are those of the flight, multiples of 7 km.
+    few = np.array([0.1, 0.2, 50.3, 99.9, 105.0, 112.0, 119.0])
+    np.testing.assert_allclose(rounding_sigma(few)[-3:], 1.0 / 12**0.5)
     speed_m_s = np.array([0.0, 0.277, 0.555, 7.222])
     assert speed_rounding_sigma(speed_m_s) == pytest.approx(1 / 3.6 / 12**0.5)
 

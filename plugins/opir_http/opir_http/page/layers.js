@@ -38,7 +38,7 @@ function edges(geometry) {
 
 // Whether a region of a track, or its ellipse, is small enough to be drawn.
 function hasDrawable({ impact_regions: regions, impact_point: impact }) {
-  return regions.length ? regions.some((each) => each.area_km2 <= CONTINENT_KM2) : Boolean(impact && impact.ellipse);
+  return regions.length ? regions.some((each) => each.area_km2 <= CONTINENT_KM2) : Boolean(impact && impact.ellipse && impact.ellipse.semi_major_m <= WIDEST_M);
 }
 
 export class Layers {
@@ -47,7 +47,7 @@ export class Layers {
     this.ground = document.createElement("canvas"); this.shade = document.createElement("canvas"); this.crowd = new Crowd(this);
     this.shadeVersion = null; this.shadeMs = -Infinity; this.showsCoverage = false; this.gaps = null; this.left = { drawn: 0, all: 0 };
     this.land = {}; this.groundVersion = null; this.shapes = new Map(); this.sites = new Map();
-    this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
+    this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 }; this.labels = [];
     for (const detail of ["110m", "50m"]) {
       fetch(`/page/coast-${detail}.json`).then((answer) => answer.json()).then((land) => { this.land[detail] = landOf(land); this.groundVersion = null; });
     }
@@ -148,8 +148,10 @@ export class Layers {
       seen.push({ track, report, count, last, isOld, isSelected });
     }
     this.chooseRegions(seen);
+    this.labels = [];
     if (seen.length > FEW) this.crowd.draw(seen, isMoving);
     else { this.drawn.tracks = seen.length; seen.forEach((one) => this.drawTrack(one, true)); }
+    this.drawLabels();
     this.drawCounts(seen);
     this.pen.globalAlpha = 1;
   }
@@ -191,8 +193,10 @@ export class Layers {
     if (hasRegion) this.drawRegions(track.id, report, isSelected);
     this.drawTrail(track.trail, count, isSelected);
     if (report.launch_point) this.drawLaunch(track.id, report.launch_point);
-    if (report.impact_point) this.drawImpact(track.id, report, hasLabel);
-    if (last && !isOld) this.drawNow(track.id, last, isSelected, hasLabel);
+    // Labels of tracks with regions come first, that of the selected one before all.
+    const rank = hasLabel ? 1 + Boolean(hasRegion) + 2 * isSelected : 0;
+    if (report.impact_point) this.drawImpact(track.id, report, rank);
+    if (last && !isOld) this.drawNow(track.id, last, isSelected, rank);
   }
 
   drawTrail(trail, count, isSelected) {
@@ -258,7 +262,7 @@ export class Layers {
     pen.beginPath(); pen.moveTo(x, y - size); pen.lineTo(x + size, y + size); pen.lineTo(x - size, y + size); pen.fill();
   }
 
-  drawImpact(id, report, hasLabel) {
+  drawImpact(id, report, rank) {
     const { pen, view } = this, size = 4.5 * this.unit;
     this.drawn.impacts += 1;
     if (!view.at(this.site(`impact ${id}`, report.impact_point))) return;
@@ -266,21 +270,35 @@ export class Layers {
     this.marks.push({ key: `track ${id}`, x, y });
     pen.strokeStyle = pen.fillStyle = this.colour.impact; pen.lineWidth = 1.8 * this.unit;
     pen.beginPath(); pen.moveTo(x - size, y - size); pen.lineTo(x + size, y + size); pen.moveTo(x - size, y + size); pen.lineTo(x + size, y - size); pen.stroke();
-    if (hasLabel) this.label(`${id}`, x + 7 * this.unit, y + 4 * this.unit, 11);
+    if (rank) this.label(id, x + 7 * this.unit, y + 4 * this.unit, 11, rank);
   }
 
-  drawNow(id, sample, isSelected, hasLabel) {
+  drawNow(id, sample, isSelected, rank) {
     const { pen, view } = this;
     if (!view.at(sample.place)) return;
     const x = view.px, y = view.py;
     this.marks.push({ key: `track ${id}`, x, y });
     pen.strokeStyle = pen.fillStyle = isSelected ? this.colour.select : this.colour.ink; pen.lineWidth = (isSelected ? 2.6 : 1.6) * this.unit;
-    pen.beginPath(); pen.arc(x, y, (hasLabel ? 7 : 4) * this.unit, 0, 7); pen.stroke();
-    if (hasLabel) this.label(`${id}`, x + 9 * this.unit, y - 6 * this.unit, 12);
+    pen.beginPath(); pen.arc(x, y, (rank ? 7 : 4) * this.unit, 0, 7); pen.stroke();
+    if (rank) this.label(id, x + 9 * this.unit, y - 6 * this.unit, 12, rank);
   }
 
-  label(text, x, y, size) {
-    this.pen.font = `600 ${size * this.unit}px system-ui, sans-serif`; this.pen.textAlign = "left"; this.pen.fillText(text, x, y);
+  label(id, x, y, size, rank) {
+    this.labels.push({ id, x, y, size, rank, colour: this.pen.fillStyle, alpha: this.pen.globalAlpha });
+  }
+
+  // Numbers where there is room: of many tracks close together all would be a blot.
+  drawLabels() {
+    const { pen, unit } = this, taken = [];
+    pen.textAlign = "left";
+    for (const { id, x, y, size, colour, alpha } of this.labels.sort((a, b) => b.rank - a.rank || b.id - a.id)) {
+      pen.font = `600 ${size * unit}px system-ui, sans-serif`;
+      const right = x + pen.measureText(`${id}`).width + 3 * unit, top = y - size * unit;
+      if (taken.some((box) => x < box.right && box.x < right && top < box.y && box.top < y)) continue;
+      taken.push({ id, x, y, right, top });
+      pen.fillStyle = colour; pen.globalAlpha = alpha; pen.fillText(`${id}`, x, y);
+    }
+    this.labels = taken;
   }
 
   drawHits(store, nowS, speed, isCalm) {

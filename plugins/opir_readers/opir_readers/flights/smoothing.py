@@ -1,5 +1,7 @@
 """Smoothing splines: the smoothest curve that stays as near to values as their noise lets it."""
 
+from itertools import pairwise
+
 import numpy as np
 from attrs import evolve, frozen
 
@@ -78,14 +80,19 @@ def rounding_sigma(values: FloatArray) -> FloatArray:
     """Return the standard deviations (n,) of the rounding of values, 0 where they are not rounded.
 
     Displays of three digits show 0.1 below 100 and 1 above: each order of magnitude has the
-    smallest step of its values and of larger ones.
+    smallest step of its values and of larger ones, but at most ten times the one below: few
+    values may be multiples of a step of the flight.
     """
     order = np.floor(np.log10(np.maximum(np.abs(values), 1e-300)))
     orders, group = np.unique(order, return_inverse=True)
     quantum = np.array([_quantum(values[order >= least]) for least in orders])
-    if quantum.any():
+    known = quantum.nonzero()[0].tolist()
+    for below, row in pairwise(known):
+        if quantum[row] > 11.0 * quantum[below]:
+            quantum[row] = 10.0 * quantum[below]
+    if known:
         # The largest order may have one value, and no step.
-        quantum[quantum == 0.0] = quantum[quantum > 0.0][-1]
+        quantum[quantum == 0.0] = quantum[known[-1]]
     return quantum[group] / 12.0**0.5
 
 

@@ -95,6 +95,7 @@ def test_odds_of_a_track_change_by_the_ratio_of_the_rates() -> None:
     [
         ("[{BOX, rates: {flash_per_day: 1}}]", "no rate; the nearest is 'flashes_per_day'"),
         ("[{BOX, rates: {launches_per_day: 0}}]", "launches_per_day: 0.0 is outside"),
+        ("[{BOX, rates: {launches_per_day: 1, flashes_per_day: -1}}]", "flashes_per_day: -1.0 is"),
         ("[{BOX, rates: {}}]", "give one at least"),
         ("[{BOX, start_s: 9, end_s: 9, rates: {flashes_per_day: 1}}]", "not after start_s"),
         (
