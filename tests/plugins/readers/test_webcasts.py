@@ -135,7 +135,7 @@ def test_a_display_of_three_digits_is_smooth_above_a_hundred_kilometres(ascent):
     rows = json.loads(telemetry(ascent, "arrays", is_rounded=False))
     rows["altitude"] = [round(h, 1 if h < 100.0 else 0) for h in rows["altitude"]]
     table = flight_of(json.dumps(rows))
-    assert "rounding, 28.9 to 289 m" in table.notes[1]
+    assert "a noise of 50 to 289 m" in table.notes[1]
     late_s = np.arange(220.0, 400.0)
     flown, read_back = (
         np.linalg.norm(np.gradient(states[np.searchsorted(moments, late_s)], axis=0), axis=1)
@@ -146,8 +146,8 @@ def test_a_display_of_three_digits_is_smooth_above_a_hundred_kilometres(ascent):
 
 def test_what_the_splines_leave_is_reported(ascent):
     table = flight_of(telemetry(ascent))
-    assert table.notes[0].startswith("speed smoothed to the noise of its rounding, 0.0802 m/s: 0.0")
-    assert table.notes[1].startswith("altitude smoothed to the noise of its rounding, 28.9 m: 2")
+    assert table.notes[0].startswith("speed smoothed to a noise of 0.0802 m/s: 0.0")
+    assert table.notes[1].startswith("altitude smoothed to a noise of 50 m: ")
 
 
 def test_misread_digits_are_left_out(ascent):
@@ -249,7 +249,7 @@ def test_a_smoothing_spline_has_the_noise_that_is_stated():
 def test_noise_of_rounding_is_that_of_its_step():
     """A step over the square root of 12; speeds may be whole km/h in m/s."""
     assert rounding_sigma(np.array([0.1, 0.2, 0.7, 1.2])) == pytest.approx(0.1 / 12**0.5)
-    assert rounding_sigma(np.ones(4)) == pytest.approx(0.0)
+    assert rounding_sigma(np.sqrt([2.0, 3.0, 5.0, 70.0])) == pytest.approx(0.0)
     digits = np.array([0.0, 0.4, 0.9, 1.0, 7.3, 12.5, 12.6, 99.9, 101.0, 103.0, 104.0, 170.0])
     steps = np.where(digits < 100.0, 0.1, 1.0)
     np.testing.assert_allclose(rounding_sigma(digits), steps / 12**0.5)

@@ -89,7 +89,7 @@ def test_the_highest_speed_is_that_of_the_velocities(tmp_path: Path, imported: I
 def test_notes_are_no_warnings(tmp_path: Path, imported: Imported) -> None:
     path = written(tmp_path, "w.json", webcast_json(launch(rng(6), 1.0)))
     text = imported(path, "--site=34.7,-120.6,100,270")
-    assert "note: speed smoothed to the noise of" in text
+    assert "note: speed smoothed to a noise of" in text
     assert "warning:" not in text
 
 

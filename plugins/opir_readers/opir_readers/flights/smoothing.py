@@ -1,7 +1,5 @@
 """Smoothing splines: the smoothest curve that stays as near to values as their noise lets it."""
 
-from itertools import pairwise
-
 import numpy as np
 from attrs import evolve, frozen
 
@@ -11,6 +9,9 @@ from opir_readers.interpolation import runs
 
 #: Values farther from the curve than this, in standard deviations, are left out of a second fit.
 _OUTLIER = 6.0
+
+#: Most digits that rounded values have.
+_DIGITS = 9.0
 
 #: The fewest values of a run that are smoothed.
 _FEWEST = 8
@@ -77,33 +78,31 @@ def _spikes(values: FloatArray, sigma: FloatArray) -> BoolArray:
 
 
 def rounding_sigma(values: FloatArray) -> FloatArray:
-    """Return the standard deviations (n,) of the rounding of values, 0 where they are not rounded.
+    """Return the standard deviations (n,) of the rounding of values to powers of ten, 0 where they
+    are not rounded.
 
-    Displays of three digits show 0.1 below 100 and 1 above: each order of magnitude has the
-    smallest step of its values and of larger ones, but at most ten times the one below: few
-    values may be multiples of a step of the flight.
+    Displays of three digits show 0.1 below 100 and 1 above: each order of magnitude has the step of
+    its values and of larger ones, but at most ten times that of the order below, for few values may
+    be round by chance.
     """
     order = np.floor(np.log10(np.maximum(np.abs(values), 1e-300)))
-    orders, group = np.unique(order, return_inverse=True)
-    quantum = np.array([_quantum(values[order >= least]) for least in orders])
-    known = quantum.nonzero()[0].tolist()
-    for below, row in pairwise(known):
-        if quantum[row] > 11.0 * quantum[below]:
-            quantum[row] = 10.0 * quantum[below]
-    if known:
-        # The largest order may have one value, and no step.
-        quantum[quantum == 0.0] = quantum[known[-1]]
-    return quantum[group] / 12.0**0.5
+    orders, group = np.unique(order[values != 0.0], return_inverse=True)
+    if not len(orders):
+        return np.zeros(len(values))
+    step = np.array([_step(values[order >= least], least) for least in orders])
+    for row, digits in enumerate(np.diff(orders), 1):
+        step[row] = min(step[row], step[row - 1] * 10.0**digits)
+    sigma = np.full(len(values), step[0])
+    sigma[values != 0.0] = step[group]
+    return sigma / 12.0**0.5
 
 
-def _quantum(values: FloatArray) -> float:
-    """Return the step of which values are multiples, 0 where they are not rounded."""
-    steps = np.diff(np.unique(values))
-    steps = steps[steps > 1e-9 * max(float(np.abs(values).max(initial=0.0)), 1e-300)]
-    if not len(steps):
-        return 0.0
-    quantum = float(steps.min())
-    return quantum if _are_whole(values / quantum, 1e-3) else 0.0
+def _step(values: FloatArray, order: float) -> float:
+    """Return the largest power of ten, up to one, of which nearly all values are multiples; 0 if
+    there is none.
+    """
+    powers = 10.0 ** np.arange(order, order - _DIGITS, -1.0)
+    return next((power for power in powers.tolist() if _are_whole(values / power, 1e-3)), 0.0)
 
 
 def _are_whole(values: FloatArray, tolerance: float) -> bool:

@@ -49,6 +49,11 @@ _EARTH_RADIUS_M = 6_371_000.0
 #: The fewest values of speed and altitude.
 _FEWEST = 20
 
+#: Least noise of altitudes, m: displays jump and lag. Splines through six webcasts left 10 to 54.
+_LEAST_SIGMA_M = 50.0
+#: Least noise of speeds, m/s, below that of whole km/h.
+_LEAST_SIGMA_M_S = 0.05
+
 #: Events that begin and end a burn, by the names that published telemetry gives them.
 _BURNS = (
     ("", "meco"),
@@ -122,9 +127,11 @@ def webcast_table(text: str, site: Site, start_s: float) -> StateTable:
     complaint = misread_speeds(time_s, telemetry.speed_m_s, telemetry.height_m)
     if complaint:
         raise BadFileError(complaint)
-    speed, note = _fit("speed", "m/s", time_s, telemetry.speed_m_s, speed_rounding_sigma, 0.05)
+    speed, note = _fit(
+        "speed", "m/s", time_s, telemetry.speed_m_s, speed_rounding_sigma, _LEAST_SIGMA_M_S
+    )
     notes = [*telemetry.notes, note]
-    height, note = _fit("altitude", "m", time_s, telemetry.height_m, rounding_sigma, 1.0)
+    height, note = _fit("altitude", "m", time_s, telemetry.height_m, rounding_sigma, _LEAST_SIGMA_M)
     notes.append(note)
     curves = _Curves(speed, height)
     grid = _grid(telemetry)
@@ -330,8 +337,8 @@ def _fit(
     outliers = f", {fit.outliers} left out" if fit.outliers else ""
     extremes = " to ".join(f"{value:.3g}" for value in np.unique([sigma.min(), sigma.max()]))
     note = (
-        f"{name} smoothed to the noise of its rounding, {extremes} {unit}: {fit.residual:.3g}"
-        f" {unit} rms left{outliers}"
+        f"{name} smoothed to a noise of {extremes} {unit}: {fit.residual:.3g} {unit} rms"
+        f" left{outliers}"
     )
     return fit, note
 
