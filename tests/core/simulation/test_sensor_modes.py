@@ -21,8 +21,11 @@ import opir_core as opir
 from opir_core.builtin.director_models import CueConfig
 from opir_core.builtin.directors import Cue
 from opir_core.output.run_files import read_commands
+from opir_core.planning.sensor_modes import SensorModes
 from opir_core.plugin import Command, CommandRecord, Detections, Situation, Tracks
 from opir_core.reading import scene_mapping
+from opir_core.simulation.merging import MergeModes
+from opir_core.simulation.observation import Observation
 
 MODES: Mapping[str, Any] = {
     "sector": {
@@ -126,6 +129,26 @@ def test_modes_that_no_command_names_change_nothing() -> None:
     assert plain.commands == with_modes.commands
     assert plain.summary["counts"] == with_modes.summary["counts"]
     np.testing.assert_array_equal(plain.detections.detection_id, with_modes.detections.detection_id)
+
+
+def test_modes_not_in_force_have_no_looks_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    computed = []
+    merge = MergeModes.__call__
+
+    def counting(self: MergeModes, window: Observation) -> None:
+        computed.append(len(window.looks.pair))
+        merge(self, window)
+
+    monkeypatch.setattr(MergeModes, "__call__", counting)
+    of = run(point_at(LAUNCH_M), spot=spot())
+    assert sum(computed) == of.summary["counts"]["looks"]
+
+
+def test_modes_share_the_orbit_of_their_sensor() -> None:
+    plan = opir.compile_plan(scene(TOUR, spot=spot()), host_of(TOUR))
+    modes = SensorModes.of(plan)
+    for row, number in zip(modes.plan.sensors, modes.sensor.tolist(), strict=True):
+        assert row.orbit is plan.sensors[number].orbit
 
 
 def test_an_unknown_mode_is_refused_counted_told_and_written(tmp_path: Path) -> None:
