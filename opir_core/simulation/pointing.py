@@ -85,14 +85,16 @@ class PointedFields:
         """Point a sensor; return the aim, with the times at which it leaves the former and reaches
         this one.
 
-        A command whose turn has not begun is dropped; one whose turn goes on is finished first. A
-        change of mode settles as a turn does, at the rate of the mode to come.
+        A command whose turn has not begun is dropped, but for what this one leaves open: direction
+        or mode. One whose turn goes on is finished first. A change of mode settles as a turn does,
+        at the rate of the mode to come.
         """
         sensor = self.sensors[number]
         ready_s = time_s + _pointing(sensor).delay_s
+        *_, latest = self._aims[number]
         aims = [aim for aim in self._aims[number] if aim.start_s < ready_s]
         start_s = max(ready_s, aims[-1].from_s)
-        aim = _commanded(command, aims[-1], start_s, time_s)
+        aim = _commanded(command, latest, start_s, time_s)
         pointing = _pointing(sensor.modes.get(aim.mode, sensor))
         at_s = np.array([start_s])
         at_m = sensor.orbit.position_ecef_m(at_s)

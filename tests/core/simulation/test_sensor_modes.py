@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from directed_spot import (
+    ELSEWHERE_M,
     LAUNCH_M,
     Decide,
     columns,
@@ -91,6 +92,24 @@ def test_a_mode_changes_scan_field_and_probability_and_is_left_again() -> None:
     dim = len(times_between_s(of, 65.0, 92.0))
     assert 81 - 38 < dim < 81 + 38
     assert len(times_between_s(of, 95.0, 120.0)) == 250
+
+
+SECTOR: Mapping[str, Any] = {"mode": "sector"}
+TO_LAUNCH: Mapping[str, Any] = {"position_ecef_m": LAUNCH_M}
+
+
+@pytest.mark.parametrize("parts", [(SECTOR, TO_LAUNCH), (TO_LAUNCH, SECTOR)])
+def test_a_direction_and_a_mode_given_during_a_turn_both_count(
+    parts: Sequence[Mapping[str, Any]],
+) -> None:
+    """The turn to the first place goes on until 25 s."""
+    first, second = parts
+    pointing = {"half_angle_deg": 0.5, "slew_deg_s": 0.3, "settle_s": 3.0, "delay_s": 2.0}
+    away = {"position_ecef_m": ELSEWHERE_M}
+    of = run(in_modes({0.0: away, 10.0: first, 20.0: second}), spot=spot(pointing=pointing))
+    assert of.commands[-1].start_s == of.commands[0].from_s > 22.0
+    np.testing.assert_allclose(np.diff(spot_times_s(of)), 1.0)
+    assert len(spot_times_s(of)) > 10
 
 
 def test_detections_of_all_modes_are_those_of_the_sensor() -> None:
