@@ -21,6 +21,7 @@ from directed_spot import (
 import opir_core as opir
 from opir_core.builtin.director_models import CueConfig
 from opir_core.builtin.directors import Cue
+from opir_core.live import SensorTask
 from opir_core.output.run_files import read_commands
 from opir_core.planning.sensor_modes import SensorModes
 from opir_core.plugin import Command, CommandRecord, Detections, Situation, Tracks
@@ -28,6 +29,7 @@ from opir_core.reading import scene_mapping
 from opir_core.simulation.merging import MergeModes
 from opir_core.simulation.observation import Observation
 
+NS = 1_000_000_000
 MODES: Mapping[str, Any] = {
     "sector": {
         "half_angle_deg": 2.0,
@@ -285,3 +287,19 @@ def test_cue_has_a_sensor_search_once_until_it_has_a_track() -> None:
     (search,) = cue.commands(situation)
     assert (search.sensor, search.mode, search.position_ecef_m) == ("SPOT", "sector", None)
     assert not cue.commands(situation)
+
+
+def test_cue_has_a_sensor_search_again_that_an_operator_gives_back() -> None:
+    changes: dict[str, Any] = {
+        "spot": spot(),
+        "targets": [],
+        "director": {"model": "cue", "search_mode": "sector"},
+    }
+    engine = opir.Engine(opir.compile_plan(scene(TOUR, **changes), host_of(TOUR)))
+    (searching,) = engine.advance(4 * NS).commands
+    engine.task(SensorTask(sensor="SPOT", mode="dim"))
+    engine.advance(8 * NS)
+    engine.task(SensorTask(sensor="SPOT"))
+    *_, again = engine.advance(20 * NS).commands
+    assert [each.mode for each in (searching, again)] == ["sector", "sector"]
+    assert again.time_s >= 8.0
