@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from attrs import evolve
 from directed_spot import (
     ELSEWHERE_M,
     LAUNCH_M,
     Decide,
+    SpotConfig,
     columns,
     host_of,
     point_at,
@@ -24,7 +26,16 @@ from opir_core.builtin.directors import Cue
 from opir_core.live import SensorTask
 from opir_core.output.run_files import read_commands
 from opir_core.planning.sensor_modes import SensorModes
-from opir_core.plugin import Command, CommandRecord, Detections, Situation, Tracks
+from opir_core.plugin import (
+    Command,
+    CommandRecord,
+    Detections,
+    SensorModel,
+    Situation,
+    Tracks,
+    hookimpl,
+    scanning_model,
+)
 from opir_core.reading import scene_mapping
 from opir_core.simulation.merging import MergeModes
 from opir_core.simulation.observation import Observation
@@ -303,3 +314,26 @@ def test_cue_has_a_sensor_search_again_that_an_operator_gives_back() -> None:
     *_, again = engine.advance(20 * NS).commands
     assert [each.mode for each in (searching, again)] == ["sector", "sector"]
     assert again.time_s >= 8.0
+
+
+@pytest.mark.parametrize("changes", [{"pointing": None}, {"id": "SPOT"}, None])
+def test_a_mode_that_is_no_sensor_of_its_own_is_refused(changes: Any) -> None:
+    model = scanning_model("SPOTTY", "a spot in modes", SpotConfig)
+
+    def build(config: Any, context: Any) -> Any:
+        sensor = model.build(config, context)
+        mode = changes and evolve(sensor.modes["own"], **changes)
+        return evolve(sensor, modes={"own": mode})
+
+    class Models:
+        @hookimpl
+        def opir_sensor_models(self) -> list[SensorModel]:
+            return [evolve(model, build=build)]
+
+    host = host_of(TOUR)
+    host.register(Models())
+    of_scene = scene(TOUR, spot=spot())
+    mapping = scene_mapping(of_scene)
+    mapping["sensors"][1]["model"] = "SPOTTY"
+    with pytest.raises(opir.OpirError, match="a sensor whose mode 'own' is not, like itself, an"):
+        opir.simulate(opir.scene_from_mapping(mapping, host=host), host)
