@@ -37,6 +37,7 @@ from opir_core.plugin import (
     scanning_model,
 )
 from opir_core.reading import scene_mapping
+from opir_core.scene.plausibility import implausible_values
 from opir_core.simulation.merging import MergeModes
 from opir_core.simulation.observation import Observation
 
@@ -249,6 +250,12 @@ def test_modes_that_a_sensor_cannot_have_are_refused(modes: Any, words: str) -> 
     with pytest.raises(opir.SceneError) as refused:
         scene(TOUR, spot={"modes": modes})
     assert words in str(refused.value)
+
+
+def test_an_implausible_value_of_a_mode_is_named_with_its_mode() -> None:
+    of_scene = scene(TOUR, spot={"modes": {"a": {"scan_period_ms": 0.5}}}, allow_implausible=True)
+    (problem,) = implausible_values(of_scene)
+    assert problem.path == "sensors[1].modes.a.scan_period_ms"
 
 
 def test_a_mode_of_the_focal_plane_needs_a_focal_plane() -> None:
