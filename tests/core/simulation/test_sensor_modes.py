@@ -266,6 +266,14 @@ def test_a_mode_of_the_focal_plane_needs_a_focal_plane() -> None:
         scene(TOUR, spot=settings)
 
 
+def test_a_mode_has_its_sensor_s_probabilities_of_the_types_that_it_does_not_name() -> None:
+    chances = {"ICBM": 0.9, "SRBM": 0.2}
+    modes = {"dim": {"detection_probability": {"ICBM": 0.3}}}
+    settings = {"detection_probability": chances, "modes": modes}
+    sensor = opir.compile_plan(scene(TOUR, spot=settings), host_of(TOUR)).sensors[1]
+    assert sensor.modes["dim"].detection_probability == {**chances, "ICBM": 0.3}
+
+
 def test_a_threshold_of_a_mode_replaces_the_probability_of_its_sensor() -> None:
     settings = {"false_alarm_probability": 1e-6, "modes": {"keen": {"threshold_sigma": 3.0}}}
     sensor = opir.compile_plan(scene(TOUR, spot=settings), host_of(TOUR)).sensors[1]
