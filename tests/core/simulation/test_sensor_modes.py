@@ -112,15 +112,15 @@ SECTOR: Mapping[str, Any] = {"mode": "sector"}
 TO_LAUNCH: Mapping[str, Any] = {"position_ecef_m": LAUNCH_M}
 
 
-@pytest.mark.parametrize("parts", [(SECTOR, TO_LAUNCH), (TO_LAUNCH, SECTOR)])
+@pytest.mark.parametrize("settings", [(SECTOR, TO_LAUNCH), (TO_LAUNCH, SECTOR)])
 def test_a_direction_and_a_mode_given_during_a_turn_both_count(
-    parts: Sequence[Mapping[str, Any]],
+    settings: Sequence[Mapping[str, Any]],
 ) -> None:
     """The turn to the first place goes on until 25 s."""
-    first, second = parts
     pointing = {"half_angle_deg": 0.5, "slew_deg_s": 0.3, "settle_s": 3.0, "delay_s": 2.0}
-    away = {"position_ecef_m": ELSEWHERE_M}
-    of = run(in_modes({0.0: away, 10.0: first, 20.0: second}), spot=spot(pointing=pointing))
+    elsewhere = {"position_ecef_m": ELSEWHERE_M}
+    decide = in_modes(dict(zip((0.0, 10.0, 20.0), (elsewhere, *settings), strict=True)))
+    of = run(decide, spot=spot(pointing=pointing))
     assert of.commands[-1].start_s == of.commands[0].from_s > 22.0
     np.testing.assert_allclose(np.diff(spot_times_s(of)), 1.0)
     assert len(spot_times_s(of)) > 10
@@ -180,8 +180,9 @@ def test_modes_not_in_force_have_no_looks_computed(monkeypatch: pytest.MonkeyPat
 def test_modes_share_the_orbit_of_their_sensor() -> None:
     plan = opir.compile_plan(scene(TOUR, spot=spot()), host_of(TOUR))
     modes = SensorModes.of(plan)
-    for row, number in zip(modes.plan.sensors, modes.sensor.tolist(), strict=True):
-        assert row.orbit is plan.sensors[number].orbit
+    assert {sensor.orbit for sensor in modes.plan.sensors} == {
+        sensor.orbit for sensor in plan.sensors
+    }
 
 
 def test_an_unknown_mode_is_refused_counted_told_and_written(tmp_path: Path) -> None:
@@ -326,9 +327,9 @@ def test_cue_has_a_sensor_search_again_that_an_operator_gives_back() -> None:
     engine.task(SensorTask(sensor="SPOT", mode="dim"))
     engine.advance(8 * NS)
     engine.task(SensorTask(sensor="SPOT"))
-    *_, again = engine.advance(20 * NS).commands
-    assert [each.mode for each in (searching, again)] == ["sector", "sector"]
-    assert again.time_s >= 8.0
+    *_, repeated = engine.advance(20 * NS).commands
+    assert searching.mode == repeated.mode == "sector"
+    assert repeated.time_s >= 8.0
 
 
 @pytest.mark.parametrize("changes", [{"pointing": None}, {"id": "SPOT"}, None])
