@@ -131,7 +131,7 @@ def test_a_director_knows_what_is_kept_out() -> None:
     assert reach == [[False, True]]
 
 
-def test_a_launch_outside_of_a_narrow_field_is_not_missed_by_chance_alone() -> None:
+def test_a_launch_outside_of_a_narrow_field_is_not_called_a_chance_miss() -> None:
     spot_alone = {"model": "SPOT", "id": "SPOT", "orbital_slot_deg": -100.0}
     of = run(stay, sensors=[spot_alone])
     assert undetected_text(of.plan, 0).startswith("outside of its narrow field, or by chance, in")
