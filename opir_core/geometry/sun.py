@@ -204,7 +204,7 @@ def shadow_margins_rad(position_m: ArrayLike, sun_position_m: ArrayLike) -> Shad
     return ShadowMargins(separation - (earth + sun), separation - (earth - sun))
 
 
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def limb_angle_rad(position_m: ArrayLike, target_m: ArrayLike) -> FloatArray:
     """Return how far targets are from the Earth's limb as seen from positions (..., 3), rad,
     negative before its disc.

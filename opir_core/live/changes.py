@@ -21,6 +21,7 @@ from opir_core.errors import OpirError, Problem, SceneError
 from opir_core.flight.burns import joined_burns_s
 from opir_core.host.host import Host
 from opir_core.interfaces.directors import SensorTask
+from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.plan import Plan, compile_plan, with_targets
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets
@@ -118,7 +119,7 @@ def scan_generations(plan: Plan, former: Plan) -> tuple[int, ...]:
     moved |= {
         row
         for row, (sensor, former_sensor) in sensors_now
-        if sensor.scan.period_ns != former_sensor.scan.period_ns
+        if _periods_ns(sensor) != _periods_ns(former_sensor)
     }
     numbers = former.scan_generations or (0,) * len(plan.sensors)
     return (
@@ -126,6 +127,11 @@ def scan_generations(plan: Plan, former: Plan) -> tuple[int, ...]:
         if moved
         else former.scan_generations
     )
+
+
+def _periods_ns(sensor: Sensor) -> Mapping[str, int]:
+    """Return the scan periods of a sensor, "", and of its modes."""
+    return {name: each.scan.period_ns for name, each in {**sensor.modes, "": sensor}.items()}
 
 
 #: Time, s, that a change may wait in all: for its turn and for the run to apply it.

@@ -1,7 +1,7 @@
 """What components build: checks of types, shapes, units and ranges; problems, collected."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -52,7 +52,7 @@ def sensor_fault(sensor: Any) -> str:
         return f"a sensor with scan.period_ns {period_ns!r}; a positive whole number is required"
     if not 1 <= len(sensor.bands) <= MAXIMUM_BANDS:
         return f"a sensor with {len(sensor.bands)} bands; 1 to {MAXIMUM_BANDS} are required"
-    return _orbit_fault(sensor) or _probability_fault(sensor)
+    return _orbit_fault(sensor) or _probability_fault(sensor) or _mode_fault(sensor)
 
 
 def _orbit_fault(sensor: Sensor) -> str:
@@ -68,6 +68,18 @@ def _orbit_fault(sensor: Sensor) -> str:
             f"a sensor whose orbit is {radius_m:g} m from the Earth's centre; positions are in"
             f" metres"
         )
+    return ""
+
+
+def _mode_fault(sensor: Sensor) -> str:
+    modes: Mapping[str, Any] = sensor.modes
+    for name, mode in modes.items():
+        is_sensor = isinstance(mode, Sensor) and mode.pointing and sensor.pointing
+        if not is_sensor or mode.id == sensor.id:
+            return (
+                f"a sensor whose mode {name!r} is not, like itself, an opir_core.plugin.Sensor with"
+                " pointing, with an id of its own"
+            )
     return ""
 
 

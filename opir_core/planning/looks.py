@@ -1,5 +1,7 @@
 """Looks of a window and their geometry: which there are, when, and where sensor and target are."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import frozen
 
@@ -32,11 +34,14 @@ class Looks:
     scan: IntArray
 
     @classmethod
-    def between(cls, pairs: Pairs, start_ns: int, end_ns: int) -> "Looks":
-        """Return the looks in [start, end) of scene time."""
+    def between(cls, pairs: Pairs, start_ns: int, end_ns: int, idle: Sequence[int] = ()) -> "Looks":
+        """Return the looks in [start, end) of scene time, without those of `idle` sensors."""
         start_scan = np.maximum(pairs.first_scan, -((pairs.phase_ns - start_ns) // pairs.period_ns))
         last_scan = np.minimum(pairs.last_scan, (end_ns - 1 - pairs.phase_ns) // pairs.period_ns)
-        active = np.flatnonzero(last_scan >= start_scan)
+        is_active = last_scan >= start_scan
+        if idle:
+            is_active &= ~np.isin(pairs.sensor, idle)
+        active = np.flatnonzero(is_active)
         first_scan = start_scan[active]
         scans = last_scan[active] - first_scan + 1
         offset = np.cumsum(scans) - scans

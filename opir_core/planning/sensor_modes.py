@@ -34,7 +34,7 @@ class SensorModes:
         """
         rows = [(number, "", sensor) for number, sensor in enumerate(plan.sensors)]
         rows += [
-            (number, name, evolve(in_mode, watched_s=sensor.watched_s))
+            (number, name, evolve(in_mode, watched_s=sensor.watched_s, orbit=sensor.orbit))
             for number, sensor in enumerate(plan.sensors)
             for name, in_mode in sensor.modes.items()
         ]

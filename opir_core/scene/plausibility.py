@@ -63,8 +63,8 @@ def _implausible_value(attribute: "Attribute[Any]", value: Any, path: str) -> It
     """Yield the implausible values of a setting, nested configurations included."""
     info = info_of(attribute)
     place = f"{path}.{attribute.name}" if path else attribute.name
-    for inner in _configurations(value):
-        yield from implausible_settings(inner, place)
+    for key, inner in _configurations(value):
+        yield from implausible_settings(inner, f"{place}{key}")
     unit = f" {info.unit}" if info.unit not in {"", "1"} else ""
     for number in () if has(type(value)) else numbers_inside(value):
         if info.implausible(number):
@@ -94,11 +94,11 @@ def implausible_defaults(component: Any, settings: Mapping[str, Any]) -> list[Pr
     return list(problems)
 
 
-def _configurations(value: Any) -> Iterator[Any]:
-    """Yield the configurations that a value is or holds."""
+def _configurations(value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the configurations that a value is or holds, each after its place in it."""
     if has(type(value)):
-        yield value
+        yield "", value
     elif isinstance(value, Mapping):
-        yield from (item for item in value.values() if has(type(item)))
+        yield from ((f".{key}", item) for key, item in value.items() if has(type(item)))
     elif isinstance(value, tuple | list):
-        yield from (item for item in value if has(type(item)))
+        yield from (("", item) for item in value if has(type(item)))

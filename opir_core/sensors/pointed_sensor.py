@@ -140,7 +140,8 @@ class PointedSensorConfig(ScanningSensorConfig):
             raise ValueError(f"{next(iter(plane_changes))}: the sensor has no focal_plane")
         if "threshold_sigma" in changes:
             changes["false_alarm_probability"] = None
-        return evolve(self, pointing=pointing, modes={}, **changes)
+        chances = {**self.detection_probability, **changes.pop("detection_probability", {})}
+        return evolve(self, pointing=pointing, modes={}, detection_probability=chances, **changes)
 
     def _complaints(self) -> list[str | None]:
         return [*super()._complaints(), *map(self._mode_complaint, self.modes)]

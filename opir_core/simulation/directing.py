@@ -85,8 +85,9 @@ class Directing:
         """
         time_s = time_ns / 1_000_000_000
         if task.position_ecef_m is None and task.track < 0 and not task.mode:
-            self._tasks.pop(task.sensor, None)
             record = CommandRecord(time_s, task.sensor, -1, "the director's again", np.nan, np.nan)
+            if self._tasks.pop(task.sensor, None):
+                self._refused = (*self._refused, record._replace(refusal="an operator had it"))
         else:
             record = self._obeyed(self._command(task, time_s), time_s)
             if not record.refusal:

@@ -75,7 +75,7 @@ class Engine:
         """
         pairs = plan.pairs
         geometry = plan.look_geometry()
-        find_looks = FindLooks(pairs, self._streams)
+        find_looks = FindLooks(pairs, self._streams, self._fields if self._directed.modes else None)
         curves = interpolant_of(plan, geometry)
         build = BuildDetections.of(plan, geometry, self._streams)
         draw_false_alarms, insert_false_alarms = _false_alarms(plan, geometry, self._fields)

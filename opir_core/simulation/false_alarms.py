@@ -130,7 +130,9 @@ class FalseAlarmGenerator:
 
     def between(self, start_ns: int, end_ns: int) -> FalseAlarms | None:
         """Return the false alarms in [start, end) of scene time, or None."""
-        alarms = [stream.near(start_ns, end_ns) for stream in self._streams.values()]
+        idle = () if self._fields is None else self._fields.idle(start_ns, end_ns)
+        streams = [stream for number, stream in self._streams.items() if number not in idle]
+        alarms = [stream.near(start_ns, end_ns) for stream in streams]
         drawn = [alarms_of_sensor for alarms_of_sensor in alarms if len(alarms_of_sensor)]
         if not drawn:
             return None

@@ -20,6 +20,7 @@ from opir_core.simulation.output_checks import checked_confirmation
 if TYPE_CHECKING:
     from opir_core.planning.sensor_modes import SensorModes
     from opir_core.simulation.confirmation import Confirmation
+    from opir_core.simulation.pointing import PointedFields
 
 #: numpy sorts whole numbers of 16 bits by radix, several times faster than longer ones.
 _RADIX_LIMIT = 1 << 16
@@ -31,10 +32,14 @@ class FindLooks:
 
     pairs: Pairs
     streams: PairStreams
+    #: Of scenes whose sensors have modes: those not in force make no look.
+    fields: "PointedFields | None" = None
 
     def __call__(self, window: Observation) -> None:
         """Find the looks in [start, end)."""
-        looks = Looks.between(self.pairs, window.start_ns, window.end_ns)
+        span_ns = window.start_ns, window.end_ns
+        idle = () if self.fields is None else self.fields.idle(*span_ns)
+        looks = Looks.between(self.pairs, *span_ns, idle)
         window.looks = looks
         window.numbers = WindowNumbers(self.streams, looks.active, looks.first_scan, looks.scans)
 

@@ -85,14 +85,16 @@ class PointedFields:
         """Point a sensor; return the aim, with the times at which it leaves the former and reaches
         this one.
 
-        A command whose turn has not begun is dropped; one whose turn goes on is finished first. A
-        change of mode settles as a turn does, at the rate of the mode to come.
+        A command whose turn has not begun is dropped, but for what this one leaves open: direction
+        or mode. One whose turn goes on is finished first. A change of mode settles as a turn does,
+        at the rate of the mode to come.
         """
         sensor = self.sensors[number]
         ready_s = time_s + _pointing(sensor).delay_s
+        *_, latest = self._aims[number]
         aims = [aim for aim in self._aims[number] if aim.start_s < ready_s]
         start_s = max(ready_s, aims[-1].from_s)
-        aim = _commanded(command, aims[-1], start_s, time_s)
+        aim = _commanded(command, latest, start_s, time_s)
         pointing = _pointing(sensor.modes.get(aim.mode, sensor))
         at_s = np.array([start_s])
         at_m = sensor.orbit.position_ecef_m(at_s)
@@ -130,6 +132,19 @@ class PointedFields:
                 inside[rows] &= keep_out.is_clear(sensor_m, sensor_m + wanted, time_s[rows])
         return inside
 
+    def idle(self, start_ns: int, end_ns: int) -> list[int]:
+        """Return the sensors in modes, by number, whose mode is never in force in a window."""
+        start_s = start_ns * 1e-9
+        end_s = end_ns * 1e-9
+        return [
+            number
+            for number, (sensor, mode) in self._modes.items()
+            if not any(
+                aim.mode == mode and aim.start_s <= end_s and until_s >= start_s
+                for aim, until_s in self._until_s(sensor)
+            )
+        ]
+
     def is_in_mode(self, number: int, time_s: FloatArray) -> BoolArray:
         """Return at which times (n,) the mode of a sensor, by its number, is the last one begun."""
         sensor, mode = self._modes[number]
@@ -142,12 +157,15 @@ class PointedFields:
         there.
         """
         sensor, mode = self._modes[number]
-        aims = self._aims[sensor]
-        ends_s = [*(later.start_s for later in aims[1:]), np.inf]
-        for aim, end_s in zip(aims, ends_s, strict=True):
+        for aim, end_s in self._until_s(sensor):
             rows = np.flatnonzero((time_s >= aim.from_s) & (time_s < end_s))
             if len(rows) and aim.mode == mode:
                 yield aim, rows
+
+    def _until_s(self, sensor: int) -> Iterator[tuple[FieldAim, float]]:
+        """Return the aims of a sensor with the times at which it leaves them."""
+        aims = self._aims[sensor]
+        return zip(aims, [*(later.start_s for later in aims[1:]), np.inf], strict=True)
 
 
 def _commanded(command: Command, former: FieldAim, start_s: float, time_s: float) -> FieldAim:

@@ -65,12 +65,14 @@ def undetected_text(plan: Plan, target: int) -> str:
     looks = exposures.take(np.flatnonzero(is_visible))
     chances = plan.detection.probability(looks)
     best = int(chances.argmax())
-    where = f"by {plan.sensors[looks.sensor[best]].id} at {looks.time_s[best]:.1f} s"
+    sensor = plan.sensors[looks.sensor[best]]
+    where = f"by {sensor.id} at {looks.time_s[best]:.1f} s"
     if chances[best] < _CHANCE and hasattr(plan.detection, "shortfall_text"):
         return f"{plan.detection.shortfall_text(looks.take([best]))}, {where}"
     if chances[best] > 0.0 and (rare := _too_rare(plan, looking)):
         return rare
-    why = "by chance, in" if chances[best] > 0.0 else "in"
+    chance = "outside of its narrow field, or by chance, in" if sensor.pointing else "by chance, in"
+    why = chance if chances[best] > 0.0 else "in"
     count = number_of("look", int(plan.pairs.looks[looking].sum()))
     return f"{why} {count}: P_d at most {chances[best]:.2g}, {where}"
 

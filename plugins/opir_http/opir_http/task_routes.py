@@ -49,8 +49,8 @@ async def task(
     """Point a sensor.
 
     It looks at a place on the ground or follows a track, or looks in a mode, until another task or
-    the end of the lap; the scene's director commands the other sensors. A task that it cannot do is refused with the
-    reason, and it goes on as it was.
+    the end of the lap; the scene's director commands the other sensors. A task that it cannot do is
+    refused with the reason, and it goes on as it was.
     """
     body = json_object(await request.body())
     try:

@@ -98,6 +98,7 @@ def _deliver_again(manifest: Path, contents: Mapping[str, Any], folder: Path) ->
         compile_plan(load_scene(manifest, overrides=overrides)),
         truth_path=paths.get("truth"),
         tracks_path=paths.get("tracks"),
+        commands_path=paths.get("commands"),
         manifest_path=folder / manifest.name,
     )
     outcome.raise_for_failures()

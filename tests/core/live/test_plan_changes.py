@@ -62,6 +62,24 @@ def test_a_sensor_whose_mode_is_taken_away_goes_on_with_its_own_settings(host: H
     assert np.count_nonzero(change.engine.advance(30 * NS).detections.sensor == narrow) > 10
 
 
+def test_a_mode_that_scans_at_another_rate_numbers_its_detections_anew(host: Host) -> None:
+    plan = compile_plan(scene_from_mapping(mapping(**IN_MODES), host=host), host)
+    engine = Engine(plan)
+    engine.advance(1 * NS)
+    engine.task(SensorTask(sensor="NARROW", mode="sector"))
+    earlier = engine.advance(30 * NS).detections
+    (*_, narrow) = IN_MODES["sensors"]
+    modes = {"sector": {**narrow["modes"]["sector"], "scan_period_ms": 1400.0}}
+    sensors = [*IN_MODES["sensors"][:-1], {**narrow, "modes": modes}]
+    changed = mapping(**{**IN_MODES, "sensors": sensors})
+    change = settings_change(plan, {**scene_mapping(plan.scene), **changed}, 0, plan.scene)
+    change.engine.take_over(engine)
+    ids = np.concatenate(
+        [earlier.detection_id, change.engine.advance(90 * NS).detections.detection_id]
+    )
+    assert len(np.unique(ids, axis=0)) == len(ids)
+
+
 def test_finished_targets_are_removed_without_other_changes(scene: Scene, host: Host) -> None:
     plan = compile_plan(scene, host)
     engine = Engine(plan)

@@ -3,11 +3,12 @@
 from typing import Any
 
 import numpy as np
-from directed_spot import LAUNCH_M, host_of, point_at, run, scene, spot_times_s
+from directed_spot import LAUNCH_M, host_of, point_at, run, scene, spot_times_s, stay
 
 import opir_core as opir
 from opir_core.geometry import grazing_height_m, limb_angle_rad
 from opir_core.geometry.sun import sun_ecef_m
+from opir_core.simulation.undetected import undetected_text
 
 #: An hour after midnight at the sensor the Sun is 14 deg beside the Earth's centre.
 EPOCH = "2026-03-20T07:40:00Z"
@@ -128,3 +129,9 @@ def test_a_director_knows_what_is_kept_out() -> None:
 
     run(decide, epoch=EPOCH, duration_s=10.0, spot=spot({"sun_keep_out_deg": 5.0}))
     assert reach == [[False, True]]
+
+
+def test_a_launch_outside_of_a_narrow_field_is_not_called_a_chance_miss() -> None:
+    spot_alone = {"model": "SPOT", "id": "SPOT", "orbital_slot_deg": -100.0}
+    of = run(stay, sensors=[spot_alone])
+    assert undetected_text(of.plan, 0).startswith("outside of its narrow field, or by chance, in")

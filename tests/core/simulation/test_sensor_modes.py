@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from attrs import evolve
 from directed_spot import (
+    ELSEWHERE_M,
     LAUNCH_M,
     Decide,
+    SpotConfig,
     columns,
     host_of,
     point_at,
@@ -20,10 +23,25 @@ from directed_spot import (
 import opir_core as opir
 from opir_core.builtin.director_models import CueConfig
 from opir_core.builtin.directors import Cue
+from opir_core.live import SensorTask
 from opir_core.output.run_files import read_commands
-from opir_core.plugin import Command, CommandRecord, Detections, Situation, Tracks
+from opir_core.planning.sensor_modes import SensorModes
+from opir_core.plugin import (
+    Command,
+    CommandRecord,
+    Detections,
+    SensorModel,
+    Situation,
+    Tracks,
+    hookimpl,
+    scanning_model,
+)
 from opir_core.reading import scene_mapping
+from opir_core.scene.plausibility import implausible_values
+from opir_core.simulation.merging import MergeModes
+from opir_core.simulation.observation import Observation
 
+NS = 1_000_000_000
 MODES: Mapping[str, Any] = {
     "sector": {
         "half_angle_deg": 2.0,
@@ -90,6 +108,24 @@ def test_a_mode_changes_scan_field_and_probability_and_is_left_again() -> None:
     assert len(times_between_s(of, 95.0, 120.0)) == 250
 
 
+SECTOR: Mapping[str, Any] = {"mode": "sector"}
+TO_LAUNCH: Mapping[str, Any] = {"position_ecef_m": LAUNCH_M}
+
+
+@pytest.mark.parametrize("settings", [(SECTOR, TO_LAUNCH), (TO_LAUNCH, SECTOR)])
+def test_a_direction_and_a_mode_given_during_a_turn_both_count(
+    settings: Sequence[Mapping[str, Any]],
+) -> None:
+    """The turn to the first place goes on until 25 s."""
+    pointing = {"half_angle_deg": 0.5, "slew_deg_s": 0.3, "settle_s": 3.0, "delay_s": 2.0}
+    elsewhere = {"position_ecef_m": ELSEWHERE_M}
+    decide = in_modes(dict(zip((0.0, 10.0, 20.0), (elsewhere, *settings), strict=True)))
+    of = run(decide, spot=spot(pointing=pointing))
+    assert of.commands[-1].start_s == of.commands[0].from_s > 22.0
+    np.testing.assert_allclose(np.diff(spot_times_s(of)), 1.0)
+    assert len(spot_times_s(of)) > 10
+
+
 def test_detections_of_all_modes_are_those_of_the_sensor() -> None:
     of = run(TOUR, spot=spot())
     detections = of.detections.take(np.flatnonzero(of.detections.sensor == 1))
@@ -126,6 +162,27 @@ def test_modes_that_no_command_names_change_nothing() -> None:
     assert plain.commands == with_modes.commands
     assert plain.summary["counts"] == with_modes.summary["counts"]
     np.testing.assert_array_equal(plain.detections.detection_id, with_modes.detections.detection_id)
+
+
+def test_modes_not_in_force_have_no_looks_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    computed = []
+    merge = MergeModes.__call__
+
+    def counting(self: MergeModes, window: Observation) -> None:
+        computed.append(len(window.looks.pair))
+        merge(self, window)
+
+    monkeypatch.setattr(MergeModes, "__call__", counting)
+    of = run(point_at(LAUNCH_M), spot=spot())
+    assert sum(computed) == of.summary["counts"]["looks"]
+
+
+def test_modes_share_the_orbit_of_their_sensor() -> None:
+    plan = opir.compile_plan(scene(TOUR, spot=spot()), host_of(TOUR))
+    modes = SensorModes.of(plan)
+    assert {sensor.orbit for sensor in modes.plan.sensors} == {
+        sensor.orbit for sensor in plan.sensors
+    }
 
 
 def test_an_unknown_mode_is_refused_counted_told_and_written(tmp_path: Path) -> None:
@@ -196,12 +253,26 @@ def test_modes_that_a_sensor_cannot_have_are_refused(modes: Any, words: str) -> 
     assert words in str(refused.value)
 
 
+def test_an_implausible_value_of_a_mode_is_named_with_its_mode() -> None:
+    of_scene = scene(TOUR, spot={"modes": {"a": {"scan_period_ms": 0.5}}}, allow_implausible=True)
+    (problem,) = implausible_values(of_scene)
+    assert problem.path == "sensors[1].modes.a.scan_period_ms"
+
+
 def test_a_mode_of_the_focal_plane_needs_a_focal_plane() -> None:
     settings = {"focal_plane": None, "nei_w_m2": 1e-12, "modes": {"a": {"subframes": 64}}}
     with pytest.raises(
         opir.SceneError, match=r"modes\.a: subframes: the sensor has no focal_plane"
     ):
         scene(TOUR, spot=settings)
+
+
+def test_a_mode_has_its_sensor_s_probabilities_of_the_types_that_it_does_not_name() -> None:
+    chances = {"ICBM": 0.9, "SRBM": 0.2}
+    modes = {"dim": {"detection_probability": {"ICBM": 0.3}}}
+    settings = {"detection_probability": chances, "modes": modes}
+    sensor = opir.compile_plan(scene(TOUR, spot=settings), host_of(TOUR)).sensors[1]
+    assert sensor.modes["dim"].detection_probability == {**chances, "ICBM": 0.3}
 
 
 def test_a_threshold_of_a_mode_replaces_the_probability_of_its_sensor() -> None:
@@ -243,3 +314,42 @@ def test_cue_has_a_sensor_search_once_until_it_has_a_track() -> None:
     (search,) = cue.commands(situation)
     assert (search.sensor, search.mode, search.position_ecef_m) == ("SPOT", "sector", None)
     assert not cue.commands(situation)
+
+
+def test_cue_has_a_sensor_search_again_that_an_operator_gives_back() -> None:
+    changes: dict[str, Any] = {
+        "spot": spot(),
+        "targets": [],
+        "director": {"model": "cue", "search_mode": "sector"},
+    }
+    engine = opir.Engine(opir.compile_plan(scene(TOUR, **changes), host_of(TOUR)))
+    (searching,) = engine.advance(4 * NS).commands
+    engine.task(SensorTask(sensor="SPOT", mode="dim"))
+    engine.advance(8 * NS)
+    engine.task(SensorTask(sensor="SPOT"))
+    *_, repeated = engine.advance(20 * NS).commands
+    assert searching.mode == repeated.mode == "sector"
+    assert repeated.time_s >= 8.0
+
+
+@pytest.mark.parametrize("changes", [{"pointing": None}, {"id": "SPOT"}, None])
+def test_a_mode_that_is_no_sensor_of_its_own_is_refused(changes: Any) -> None:
+    model = scanning_model("SPOTTY", "a spot in modes", SpotConfig)
+
+    def build(config: Any, context: Any) -> Any:
+        sensor = model.build(config, context)
+        mode = changes and evolve(sensor.modes["own"], **changes)
+        return evolve(sensor, modes={"own": mode})
+
+    class Models:
+        @hookimpl
+        def opir_sensor_models(self) -> list[SensorModel]:
+            return [evolve(model, build=build)]
+
+    host = host_of(TOUR)
+    host.register(Models())
+    of_scene = scene(TOUR, spot=spot())
+    mapping = scene_mapping(of_scene)
+    mapping["sensors"][1]["model"] = "SPOTTY"
+    with pytest.raises(opir.OpirError, match="a sensor whose mode 'own' is not, like itself, an"):
+        opir.simulate(opir.scene_from_mapping(mapping, host=host), host)

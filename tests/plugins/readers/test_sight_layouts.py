@@ -105,6 +105,15 @@ def test_directions_are_turned_from_the_frame_that_they_name(frame):
     np.testing.assert_allclose(sight, expected, rtol=0.0, atol=1e-12)
 
 
+def test_lines_of_a_fast_mode_are_of_a_scan_each():
+    modes = {"slow": {"scan_period_ms": 2000.0}, "fast": {"scan_period_ms": 100.0}}
+    spot = {"model": "generic-pointed", "id": "A", "orbital_slot_deg": -120.0, "modes": modes}
+    plan = compile_plan(scene_from_mapping({**SCENE, "sensors": [spot]}))
+    sight = {"sensor_id": "A", "right_ascension_deg": 30.0, "declination_deg": -20.0}
+    rows = [{**sight, "time_s": 10.05 + 0.1 * number} for number in range(20)]
+    assert len(np.unique(columns_of(rows, plan, {}).detections.scan)) == 20
+
+
 def test_an_angle_that_is_none_is_named():
     reason = refusal("sights", "time_s,ra_h,dec_deg\n1,12:3x:00,2\n")
     assert "line 2: ra_h is '12:3x:00', not a finite number" in reason

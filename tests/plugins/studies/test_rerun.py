@@ -88,6 +88,18 @@ def test_a_run_is_made_again_from_its_manifest(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "other.jsonl").read_bytes() == (tmp_path / "events.jsonl").read_bytes()
 
 
+def test_commands_to_sensors_are_made_again_too(tmp_path, monkeypatch, capsys):
+    spot = {"model": "generic-pointed", "id": "SPOT", "orbital_slot_deg": -120.0}
+    director = {"model": "round-robin", "places_deg": [[34.7, -120.6]], "dwell_s": 2.0}
+    scene = {**SCENE, "sensors": [{**spot, "modes": {"fast": {"scan_period_ms": 50.0}}}]}
+    scene["director"] = {**director, "mode": "fast"}
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(json.dumps(scene), encoding="utf-8")
+    assert main(["run", "scene.yaml", "-o", "events.jsonl", "-q"]) == 0
+    assert main(["rerun", "events.manifest.json"]) == 0
+    assert "3 of 3 files have the same bytes" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("count", [1, 3, 7])
 def test_shards_are_the_whole_in_any_order(study, whole, tmp_path, count):
     folders = [tmp_path / f"shard{place}" for place in range(count)]

@@ -104,7 +104,9 @@ def columns_of(rows: Rows, plan: Plan, names: Mapping[str, str]) -> RunColumns:
     sights = _Sights(rows, sensor[order], time_ns[order], plan)
     origin = _positions(sights)
     count = len(rows)
-    periods_ns = np.array([sensor.scan.period_ns for sensor in plan.sensors], dtype=np.int64)
+    # Lines do not say the mode: no scan of any may have two of them.
+    in_modes = [(each, *each.modes.values()) for each in plan.sensors]
+    periods_ns = np.array([min(each.scan.period_ns for each in modes) for modes in in_modes])
     detections = Detections(
         time_ns=sights.time_ns,
         sensor=sights.sensor,
