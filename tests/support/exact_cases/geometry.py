@@ -446,6 +446,13 @@ CASES = (
     ),
     Case("geometry.sunlit_fraction", lit, geometry.sunlit_fraction, sunlit_fraction, scale=(1.0,)),
     Case(
+        "geometry.limb_angle_rad",
+        lit,
+        geometry.limb_angle_rad,
+        lambda *row: discs(*row)[2] - discs(*row)[1],
+        scale=(1.0,),
+    ),
+    Case(
         "geometry.is_sunlit",
         lit,
         geometry.is_sunlit,
