@@ -63,7 +63,7 @@ def _fitted(time_s: FloatArray, values: FloatArray, sigma: FloatArray) -> Smooth
         time_s, values, w=1.0 / sigma, k=3, s=float(len(values)), full_output=True, quiet=True
     )
     if code > 3:
-        raise BadFileError("cannot be smoothed; state another noise")
+        raise BadFileError("cannot be smoothed; check its numbers, or state another noise_m")
     return Smoothed(spline)
 
 
