@@ -13,6 +13,9 @@ from opir_core.scene.input_file import (
 from opir_core.scene.plausibility import (
     implausible_defaults as implausible_defaults,
 )
+from opir_core.scene.quadrangle import (
+    QuadrangleConfig as QuadrangleConfig,
+)
 from opir_core.scene.scene import (
     BY_OBSERVATION as BY_OBSERVATION,
     BY_REPORT as BY_REPORT,

@@ -8,6 +8,7 @@ import pytest
 from geographiclib.geodesic import Geodesic
 
 from opir_core.geometry import geodesic_direct, geodesic_inverse
+from opir_core.scene import QuadrangleConfig
 
 
 def test_every_element_is_the_library_s():
@@ -72,3 +73,25 @@ def test_geographiclib_is_imported_when_called_and_not_before():
         "assert 'geographiclib' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", script], check=True)
+
+
+@pytest.mark.parametrize("south_deg", [-90, -45, 0, 30, 89])
+def test_surface_of_a_quadrangle_is_that_of_the_ellipsoid(south_deg):
+    """A polygon of geodesics with vertices 0.01 degrees apart along the parallels."""
+    quadrangle = QuadrangleConfig(
+        south_deg=south_deg, north_deg=south_deg + 1, west_deg=175, east_deg=-175
+    )
+    outline = Geodesic.WGS84.Polygon()
+    steps = np.arange(1001) / 100
+    for step in steps:
+        outline.AddPoint(south_deg, 175 + step)
+    for step in steps[::-1]:
+        outline.AddPoint(south_deg + 1, 175 + step)
+    surface_m2 = outline.Compute()[2]
+    assert quadrangle.surface_m2 == pytest.approx(surface_m2, rel=0.009)
+
+
+def test_surface_of_the_whole_earth():
+    """The area of the WGS 84 ellipsoid, as GeographicLib's documentation gives it."""
+    whole = QuadrangleConfig(south_deg=-90, north_deg=90, west_deg=-180, east_deg=180)
+    assert whole.surface_m2 == pytest.approx(510_065_621_724_088.0, rel=1e-9)

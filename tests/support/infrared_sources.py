@@ -3,11 +3,12 @@ sent.
 """
 
 import numpy as np
-from opir_photons.radiometry.source_configs import FieldConfig, RegionConfig
+from opir_photons.radiometry.source_configs import FieldConfig
 
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.radiometric_models import SourceContext
 from opir_core.plugin import Band
+from opir_core.scene import QuadrangleConfig
 
 SWIR = Band("SWIR", 2.5, 3.0)
 MWIR = Band("MWIR", 4.0, 5.0)
@@ -21,7 +22,7 @@ def context(seed=1, duration_s=600.0, **changes):
 
 
 def region(south=-10.0, north=20.0, west=30.0, east=60.0):
-    return RegionConfig(south_deg=south, north_deg=north, west_deg=west, east_deg=east)
+    return QuadrangleConfig(south_deg=south, north_deg=north, west_deg=west, east_deg=east)
 
 
 def field(per_million_km2=20.0, where=None, sigma=1.0):

@@ -7,7 +7,7 @@ from attrs import asdict, fields_dict, frozen
 
 from opir_core.errors import nearest
 from opir_core.plugin import nested, number, part, text
-from opir_core.scene import info_of
+from opir_core.scene import QuadrangleConfig, info_of
 
 #: Default gate, standard deviations: two axes exceed it with a probability of 4 · 10⁻⁵.
 GATE_SIGMAS = 4.5
@@ -172,23 +172,11 @@ class ThrustConfig:
 
 
 @frozen
-class AreaConfig:
+class AreaConfig(QuadrangleConfig):
     """Rates within a part of the Earth between two parallels and two meridians; it may cross the
     date line.
     """
 
-    south_deg: float = number(
-        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the southern edge"
-    )
-    north_deg: float = number(
-        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the northern edge"
-    )
-    west_deg: float = number(
-        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the western edge"
-    )
-    east_deg: float = number(
-        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the eastern edge"
-    )
     start_s: float = number(
         default=0.0,
         unit="s",
@@ -209,20 +197,11 @@ class AreaConfig:
     )
 
     def __attrs_post_init__(self) -> None:
-        if self.south_deg >= self.north_deg or self.west_deg == self.east_deg:
-            raise ValueError(
-                "the area is empty: south_deg must be below north_deg, and west_deg differ from"
-                " east_deg"
-            )
+        super().__attrs_post_init__()
         if self.start_s >= self.end_s:
             raise ValueError(f"end_s {self.end_s:g} is not after start_s {self.start_s:g}")
         if not self.rates:
             raise ValueError("rates: give one at least, such as {flashes_per_day: 100}")
-
-    @property
-    def width_deg(self) -> float:
-        """The difference of its longitudes."""
-        return (self.east_deg - self.west_deg) % 360.0 or 360.0
 
     def overlaps(self, other: "AreaConfig") -> bool:
         """Return whether it has a place and a time in common with another area."""

@@ -166,13 +166,10 @@ def _drawn(
     """
     region = field.region
     south, north = np.sin(np.radians([region.south_deg, region.north_deg]))
-    width_deg = (region.east_deg - region.west_deg) % 360.0 or 360.0
     hours = context.duration_s / 3600.0 if is_brief else 1.0
-    # On the sphere with as much surface as the ellipsoid: WGS 84's authalic radius, km.
-    surface_km2 = 6371.007181**2 * (north - south) * np.radians(width_deg)
-    count = _poisson(field.per_million_km2 * surface_km2 * 1e-6 * hours, context)
+    count = _poisson(field.per_million_km2 * region.surface_m2 * 1e-12 * hours, context)
     sine = south + uniforms(context, "latitude", count) * (north - south)
-    longitude_deg = region.west_deg + uniforms(context, "longitude", count) * width_deg
+    longitude_deg = region.west_deg + uniforms(context, "longitude", count) * region.width_deg
     drawn = {
         "lat_deg": np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))),
         "lon_deg": (longitude_deg + 180.0) % 360.0 - 180.0,

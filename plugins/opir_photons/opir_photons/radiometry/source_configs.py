@@ -6,7 +6,7 @@ from typing import Any
 from attrs import fields_dict, frozen
 
 from opir_core.plugin import cited, nested, number, text, with_defaults
-from opir_core.scene import info_of
+from opir_core.scene import QuadrangleConfig, info_of
 
 _CNEOS = "median of 1044 events of CNEOS fireballs, 1988 to 2026"
 
@@ -24,8 +24,8 @@ def emitter_complaint(emitter: Mapping[str, Any], block: "PlacedConfig") -> str 
     kind = type(block)
     infos = {name: info_of(fields_dict(kind)[name]) for name in own_fields(kind)}
     infos |= {
-        "lat_deg": info_of(fields_dict(RegionConfig)["south_deg"]),
-        "lon_deg": info_of(fields_dict(RegionConfig)["west_deg"]),
+        "lat_deg": info_of(fields_dict(QuadrangleConfig)["south_deg"]),
+        "lon_deg": info_of(fields_dict(QuadrangleConfig)["west_deg"]),
     }
     complaint = names_complaint(tuple(emitter), kind)
     if complaint:
@@ -72,36 +72,10 @@ def own_fields(kind: type) -> tuple[str, ...]:
 
 
 @frozen
-class RegionConfig:
-    """Part of the Earth between two parallels and two meridians; it may cross the date line."""
-
-    south_deg: float = number(
-        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the southern edge"
-    )
-    north_deg: float = number(
-        unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the northern edge"
-    )
-    west_deg: float = number(
-        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the western edge"
-    )
-    east_deg: float = number(
-        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the eastern edge"
-    )
-
-    def __attrs_post_init__(self) -> None:
-        if self.south_deg >= self.north_deg:
-            raise ValueError(
-                f"south_deg {self.south_deg:g} is not below north_deg {self.north_deg:g}"
-            )
-        if self.west_deg == self.east_deg:
-            raise ValueError("west_deg and east_deg are equal: the region has no width")
-
-
-@frozen
 class PlacesConfig:
     """Random places in a region: independent, their number by the law of Poisson."""
 
-    region: RegionConfig = nested(help="where")
+    region: QuadrangleConfig = nested(help="where")
     per_million_km2: float = number(
         minimum=0.0,
         help="expected number in a million km², and for what is brief in each hour",

@@ -4,14 +4,12 @@ A rate of an area counts what appears within it. A rate that the area does not n
 as in view, so its share is that of the area in the view.
 """
 
-import math
 from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import ecef_to_geodetic
 from opir_trackers.configs import AreaConfig, HypothesesConfig
 from opir_trackers.onset.motion_priors import VIEW_M2
@@ -36,7 +34,7 @@ class AreaPosteriors:
         sensors = (clutter_per_sr, detection_probability)
         posteriors = [GroupPosterior.of(config, *sensors)]
         for area in config.areas:
-            share = _area_m2(area) / VIEW_M2
+            share = area.surface_m2 / VIEW_M2
             shares = {name: share * per_day for name, per_day in config.rates().items()}
             within = GroupPosterior.of(config, *sensors, {**shares, **area.rates})
             posteriors.append(evolve(within, log_rate=within.log_rate - np.log(share)))
@@ -75,13 +73,6 @@ class AreaPosteriors:
             if result is not within:
                 statistics = statistics.with_rows(rows, result)
         return statistics
-
-
-def _area_m2(area: AreaConfig) -> float:
-    """Return the surface of an area on a sphere."""
-    south, north = math.radians(area.south_deg), math.radians(area.north_deg)
-    height = math.sin(north) - math.sin(south)
-    return EARTH_EQUATORIAL_RADIUS_M**2 * height * math.radians(area.width_deg)
 
 
 def _is_within(
