@@ -113,12 +113,12 @@ PARTS = (
         "Lightning; bodies that enter the air, meteors that graze it",
         "computed",
         "[flashes](moving-sources.md) with published rates, strokes, durations and energies; free"
-        " fall with J2 and drag, and stagnation heating of a nose; sizes and the temperature of"
-        " flashes notional",
+        " fall with J2 and drag, and stagnation heating of a nose; fragments of a break-up are like"
+        " the body; sizes and the temperature of flashes notional",
         "flashes: pulses of half a millisecond, absorption in clouds, lines, the path; bodies:"
-        " break-up, ablation, glowing air and wakes",
+        " break-up but by `fragments`, ablation, glowing air and wakes",
         "Flashes: energies in the optical are published; near 2.7 µm clouds take most of them: too"
-        " bright. Real re-entries are brighter where they break up, at 70 to 80 km",
+        " bright. A real break-up flares, and takes place between 70 and 80 km",
     ),
     Part(
         "Sun glint",

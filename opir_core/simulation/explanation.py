@@ -217,7 +217,10 @@ _EVIDENCE = {
         "as a missile, by its own plume",
     ),
     "glide": ("as a missile, but burns out low and level", "as a missile, by its own plume"),
-    "none": ("unlike all of them", "unlike all of them in bands, brightness or duration"),
+    "none": (
+        "re-enters, flies as aircraft do, flashes, or is unlike all of them",
+        "hot as the air makes what re-enters, or unlike all of them in bands, brightness, duration",
+    ),
 }
 
 

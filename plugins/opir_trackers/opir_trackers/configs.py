@@ -285,8 +285,8 @@ class HypothesesConfig:
         unit="1/day",
         minimum=0.0,
         maximum=1e6,
-        source="several hundred catalogued bodies re-enter a year, 1 to 2 a day (ESA, Annual Space"
-        " Environment Report), a third of them in view",
+        source="1 to 3 catalogued bodies re-enter a day, 1200 intact ones in 2024 (ESA, Space"
+        " Environment Report, 2025), a third of them in view",
         help="prior rate of bodies in view that enter the air from an orbit",
     )
     others_per_day: float = number(

@@ -84,6 +84,16 @@ class SpectralConfig:
         " %",
         help="bolides in a sensor's field of regard",
     )
+    reentries_per_day: float = number(
+        default=0.5,
+        minimum=0.0,
+        maximum=1e9,
+        unit="1/day",
+        source="1 to 3 catalogued bodies re-enter a day, 1200 intact ones in 2024 (ESA, Space"
+        " Environment Report, 2025), a third of them in view",
+        help="bodies that enter the air from an orbit in a sensor's field of regard: of none of"
+        " these",
+    )
     unknown_per_day: float = number(
         default=0.03,
         above=0.0,

@@ -264,11 +264,12 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     peak = [shown_m2 * band_radiance(temperature_k, band.lower_um, band.upper_um) for band in bands]
     place_m = geodetic_to_ecef(site.latitude_rad, site.longitude_rad, height_m)
     now_s = np.zeros(len(number))
-    shining_s = np.array([kind.shining_s for kind in KINDS])[number]
+    # What moves leaves no light in the frame before, as if it had just begun.
+    since_s = [0.5 * kind.shining_s if kind.group == "ground" else 0.0 for kind in KINDS]
     return SyntheticLooks(
         exposures=exposures_of(np.arange(len(number)), now_s, place_m, sensor_m),
         signatures=SyntheticSources(np.maximum(np.array(peak).reshape(len(bands), -1), 0.0)),
-        targets=targets_of(SyntheticPaths(place_m), -0.5 * shining_s),
+        targets=targets_of(SyntheticPaths(place_m), -np.array(since_s)[number]),
         number=number,
         share=np.full(len(number), 1.0 / count),
         step_s=now_s,

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
+from scipy.special import log_ndtr
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.errors import ModelError
@@ -95,6 +96,7 @@ class TypeDensities:
     longest_launch: float
     rates: "EventRates"
     glides: Glides | None = None
+    kinds: tuple[SourceKind, ...] = KINDS
 
     def log_rates(
         self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray
@@ -122,18 +124,34 @@ class TypeDensities:
     ) -> FloatArray:
         """Return ln of the densities (n, kinds and noise) of events of no launch.
 
-        A hot source shines for an exponentially distributed time: events of one that is detected ν
-        times on average have the number n of detections so far with probability exp(-n / ν) / ν.
-        Components have their ν as their mean count. A false alarm has as many detections as the
-        sensor needs, and seldom more.
+        Components have as their mean count how often a source is detected. A false alarm has as
+        many detections as the sensor needs, and seldom more.
         """
         density, _ = self.non_launches.log_densities(place, signal, variance, count)
-        noise = self.non_launches.edges[-2]
+        edges = self.non_launches.edges[:-1]
+        noise = edges[-1]
         mean = np.maximum(self.non_launches.mean[-1, place, :noise], 1.0)
-        density[:, :noise] -= count[:, None] / mean + np.log(mean)
+        sigma = np.repeat([kind.shining_log_sigma for kind in self.kinds], np.diff(edges))
+        density[:, :noise] += _log_persistence(count[:, None], mean, sigma)
         further = count - self.rates.needed
         density[:, noise] += np.where(further >= 0.0, further * self.rates.log_again, -np.inf)
         return self.non_launches.by_class(density)
+
+
+def _log_persistence(count: FloatArray, mean: FloatArray, log_sigma: FloatArray) -> FloatArray:
+    """Return ln (n, K) of the probabilities of counts (n, 1) so far of sources that are detected ν
+    times, `mean` (n, K): exp(-n / ν) / ν where they shine for exponentially distributed times.
+
+    Where these are log-normal about ν, with `log_sigma` (K,) above 0, it is the probability that
+    one lasts for n detections over the mean number of them.
+    """
+    log_chance = -(count / mean + np.log(mean))
+    lasting = np.flatnonzero(log_sigma)
+    sigma = log_sigma[lasting]
+    log_mean = np.log(mean[:, lasting])
+    survival = log_ndtr((log_mean - np.log(count)) / sigma)
+    log_chance[:, lasting] = survival - log_mean - 0.5 * np.square(sigma)
+    return log_chance
 
 
 @frozen(eq=False)
@@ -186,8 +204,9 @@ class EventRates:
 
 def _in_view(config: SpectralConfig, kind: SourceKind) -> float:
     """Return the mean number of sources of a kind in the field of regard at a time."""
-    if kind.group == "bolide":
-        return config.bolides_per_day * kind.shining_s / SECONDS_PER_DAY
+    per_day = {"bolide": config.bolides_per_day, "re-entry": config.reentries_per_day}
+    if kind.name in per_day:
+        return per_day[kind.name] * kind.shining_s / SECONDS_PER_DAY
     return config.sources_in_view.get(kind.name, 0.0)
 
 

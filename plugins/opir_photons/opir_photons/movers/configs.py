@@ -262,6 +262,35 @@ class ReentryConfig(SourceConfig):
         maximum=100e3,
         help="height at which it is dark: it is followed down to there",
     )
+    fragments: int = number(
+        default=0,
+        minimum=0,
+        maximum=1000,
+        help="fragments of equal mass and like shape that each body breaks up into; 0: it does not",
+        source="none: one body",
+    )
+    break_up_m: float = number(
+        default=78e3,
+        unit="m",
+        minimum=0.0,
+        maximum=120e3,
+        help="height at which it breaks up",
+        source="satellites break up at 78 km: NASA, Debris Assessment Software, NASA/TP-2019-220300",
+    )
+    fragment_spread: float = number(
+        default=3.0,
+        minimum=1.0,
+        maximum=100.0,
+        help="factor either way in which the ballistic coefficients of nine in ten fragments are",
+    )
+
+    def __attrs_post_init__(self) -> None:
+        super().__attrs_post_init__()
+        if self.fragments and self.break_up_m <= self.lowest_m:
+            raise ValueError(
+                f"break_up_m {self.break_up_m:g} is not above lowest_m {self.lowest_m:g}: raise it, or"
+                " lower lowest_m"
+            )
 
 
 @frozen

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import ArrayLike
 
-from opir_core.arrays import FloatArray, IndexArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.flight import (
     Drag,
     Ephemeris,
@@ -25,9 +26,10 @@ from opir_core.geometry import components, ecef_to_eci_state, eci_to_ecef_state,
 from opir_core.plugin import Band, Signatures, SourceContext, Sources
 from opir_photons.movers.configs import GrazerConfig, ReentryConfig
 from opir_photons.movers.trajectories import moving_sources, with_headings
-from opir_photons.radiometry.emitters import Emitters, emitters_of
+from opir_photons.radiometry.emitters import Emitters, emitters_of, normals
 from opir_photons.radiometry.heating import equilibrium_temperature_k, stagnation_flux_w_m2
 from opir_photons.radiometry.planck import grey_body_intensity
+from opir_photons.radiometry.propellants import log_sigma
 from opir_photons.radiometry.sources import directions, grey_w_sr, starts_m
 
 #: How far the polynomials may be from the integrated flights, m.
@@ -107,21 +109,59 @@ class GrazerSignatures(Signatures):
 
 
 def reentry_sources(config: ReentryConfig, context: SourceContext) -> Sources:
-    """Return bodies that enter the air, from their places down to where they are dark."""
+    """Return bodies that enter the air, from their places down to where they are dark, and the
+    fragments that they break up into.
+    """
     emitters = _placed(config, context)
     start_m = starts_m(emitters)
     way = directions(start_m, emitters["heading_deg"], emitters["descent_deg"])
     velocity_m_s = way * emitters["speed_m_s"][:, None]
-    flight, end_s = falls(emitters, start_m, velocity_m_s, config.lowest_m)
+    lowest_m = np.full(len(emitters), config.lowest_m)
+    if config.fragments:
+        lowest_m[:] = config.break_up_m
+        whole, end_s = falls(emitters, start_m, velocity_m_s, lowest_m)
+        pieces, bodies = _fragments(config, context, emitters, end_s)
+        place_m, place_m_s = whole.state(bodies, pieces["start_s"])
+        emitters = _joined(emitters, pieces)
+        start_m = np.concatenate([start_m, place_m])
+        velocity_m_s = np.concatenate([velocity_m_s, place_m_s])
+        lowest_m = np.concatenate([lowest_m, np.full(len(pieces), config.lowest_m)])
+    flight, end_s = falls(emitters, start_m, velocity_m_s, lowest_m)
     signatures = HotNoseSignatures(context.bands, emitters, flight)
     return moving_sources("re-entry", "other", emitters, context, flight, end_s, signatures)
 
 
+def _fragments(
+    config: ReentryConfig, context: SourceContext, emitters: Emitters, end_s: FloatArray
+) -> tuple[Emitters, IntArray]:
+    """Return the fragments (m,) of bodies (n,) that break up at times (n,) within the scene, and
+    their bodies (m,).
+
+    They have equal masses and the body's shape: of N, each is N^(-1/3) as large.
+    """
+    body = np.repeat(np.flatnonzero(end_s < emitters["end_s"]), config.fragments)
+    size = config.fragments ** (-1.0 / 3.0)
+    spread = np.exp(log_sigma(config.fragment_spread) * normals(context, "fragments", len(body)))
+    columns = {name: column[body] for name, column in emitters.columns.items()}
+    columns["start_s"] = end_s[body]
+    columns["height_m"] = np.full(len(body), config.break_up_m)
+    columns["ballistic_coefficient_kg_m2"] *= size * spread
+    columns["area_m2"] *= size**2
+    columns["nose_radius_m"] *= size
+    return Emitters(columns), body
+
+
+def _joined(first: Emitters, second: Emitters) -> Emitters:
+    """Return the emitters of both."""
+    names = first.columns
+    return Emitters({name: np.concatenate([first[name], second[name]]) for name in names})
+
+
 def falls(
-    emitters: Emitters, start_m: FloatArray, velocity_m_s: FloatArray, lowest_m: float
+    emitters: Emitters, start_m: FloatArray, velocity_m_s: FloatArray, lowest_m: ArrayLike
 ) -> tuple[Ephemeris, FloatArray]:
-    """Return the ephemeris of falls from places and velocities (n, 3), ECEF, down to a height, and
-    the times (n,) at which they end.
+    """Return the ephemeris of falls from places and velocities (n, 3), ECEF, down to heights, m,
+    and the times (n,) at which they end.
     """
     forces = Forces(drag=Drag(ballistic_coefficient_kg_m2=emitters["ballistic_coefficient_kg_m2"]))
     states = ecef_to_eci_state(start_m, velocity_m_s, np.zeros(len(emitters)))

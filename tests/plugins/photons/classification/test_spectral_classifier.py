@@ -13,6 +13,7 @@ from hypothesis import given, strategies as st
 from numpy.typing import NDArray
 from opir_photons.classification.configs import PosteriorConfig, SpectralConfig
 from opir_photons.classification.gaussian_mixture import Components, Mixture
+from opir_photons.classification.hot_sources import KINDS
 from opir_photons.classification.posterior_confidence import (
     PosteriorConfidence,
     posterior_confidence,
@@ -82,7 +83,8 @@ def known_bank(**changes: Any) -> TypeDensities:
         [[one(0.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(0.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES
     )
     return evolve(
-        TypeDensities(1, plumes, np.zeros((PLACES, 4)), others, 1000.0, rates()), **changes
+        TypeDensities(1, plumes, np.zeros((PLACES, 4)), others, 1000.0, rates(), kinds=KINDS[:1]),
+        **changes,
     )
 
 
