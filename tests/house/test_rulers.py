@@ -26,7 +26,7 @@ TOKENS: dict[str, int] = {
     "opir_heo": 400,
     "opir_http": 29_100,
     "opir_kafka": 6_810,
-    "opir_leo": 1_000,
+    "opir_leo": 950,
     "opir_nextgen": 500,
     "opir_paper": 4_900,
     "opir_photons": 76_600,
