@@ -20,6 +20,7 @@ from opir_core.interfaces.contexts import SinkContext
 from opir_core.interfaces.outputs import Delivery, Encoder, Sink
 from opir_core.interfaces.records import LENGTH_BYTES, Window, framed_messages
 from opir_core.output.events.encoder_input import (
+    configured_heartbeats,
     detection_count,
     encoder_blocks,
     event_counter,
@@ -317,13 +318,7 @@ def _way_out(error: OSError) -> str:
 def line_file(config: JsonlConfig, context: SinkContext) -> LineFile:
     """Return the sink `jsonl`, open."""
     encoder = context.make_encoder()
-    beats = None
-    if config.heartbeat_s is not None:
-        from opir_core.output.heartbeats import Heartbeats  # most runs have none
-
-        if "json" not in encoder.content_type:
-            raise SinkError("jsonl: heartbeat_s needs an encoder of JSON, for heartbeats are JSON")
-        beats = Heartbeats(context.origin.sensors, context.origin.epoch_us, config.heartbeat_s)
+    beats = configured_heartbeats("jsonl", config, encoder, context.origin)
     is_in_place = context.resumes or config.path in ("", STANDARD_OUTPUT)
     place = None if is_in_place else context.stage(config.path, only_appends=True)
     return LineFile(

@@ -110,6 +110,14 @@ class KafkaConfig:
         " keep their order",
     )
     encoder: str = text(help="event encoder of the messages", default="forge")
+    heartbeat_s: float | None = number(
+        default=None,
+        unit="s",
+        minimum=0.01,
+        maximum=3600.0,
+        help="interval of messages that say which sensor watched, whatever it saw; without it there"
+        " are none",
+    )
     compression: str = text(
         default="none",
         choices=("none", "gzip", "snappy", "lz4", "zstd"),
