@@ -15,13 +15,13 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 274_450,
+    "opir_core": 274_620,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_displays": 3_800,
     "opir_dsp": 500,
     "opir_estimation": 46_800,
-    "opir_export": 25_300,
+    "opir_export": 25_430,
     "opir_forecast": 42_100,
     "opir_heo": 400,
     "opir_http": 29_100,
@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 100_080,
-    "tests": 818_450,
+    "tests": 819_440,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.
