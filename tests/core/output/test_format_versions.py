@@ -241,9 +241,9 @@ HEARTBEATS = GOLDEN / "heartbeat-1" / "events.jsonl"
 
 
 def test_heartbeats_of_each_version_are_read() -> None:
-    first = event_rows(HEARTBEATS.read_text())[0]
-    assert [beat["sensor_id"] for beat in first["heartbeats"]] == ["WEST", "EAST", "WEST"]
-    assert "notes" not in first
+    row = event_rows(HEARTBEATS.read_text())[0]
+    assert [beat["sensor_id"] for beat in row["heartbeats"]] == ["WEST", "EAST", "WEST"]
+    assert "notes" not in row
 
 
 def test_heartbeats_of_later_versions_are_named() -> None:
@@ -253,9 +253,9 @@ def test_heartbeats_of_later_versions_are_named() -> None:
     assert text.count(stated) == 3
     with pytest.raises(BadFileError, match=r"line 3: schema_version: of heartbeat version 2\.0"):
         event_rows(text.replace(stated, later % "2.0"))
-    first = event_rows(text.replace(stated, later % "1.4"))[0]
-    assert first["notes"] == [HEARTBEAT_FORMAT.note("1.4")]
-    assert len(first["heartbeats"]) == 3
+    row = event_rows(text.replace(stated, later % "1.4"))[0]
+    assert row["notes"] == [HEARTBEAT_FORMAT.note("1.4")]
+    assert len(row["heartbeats"]) == 3
 
 
 def test_the_schema_of_heartbeats_is_open_and_keeps_what_it_asked_for() -> None:

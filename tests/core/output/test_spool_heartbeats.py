@@ -37,12 +37,12 @@ def test_heartbeats_follow_the_events_of_their_window_and_are_not_counted() -> N
     assert not TransportSink(
         "stub", Holding(), MemoryBacklog(MIB), EncodedBatcher(ENCODER, SENSORS), QUICK
     ).takes_quiet_windows
-    given = window(20)
-    sink.write(given)
-    count = round(given.end_s // 1.0)
+    full_window = window(20)
+    sink.write(full_window)
+    count = round(full_window.end_s // 1.0)
     assert sink.close() == Delivery(delivered=20)
     assert records(carrier)[:20] == ["event"] * 20
-    assert records(carrier)[20:] == ["heartbeat"] * 5 * (count + (given.end_s % 1.0 > 0.0))
+    assert records(carrier)[20:] == ["heartbeat"] * 5 * (count + (full_window.end_s % 1.0 > 0.0))
     beats = [parcel for parcel in carrier.parcels if parcel.schema_version == "heartbeat-1.0"]
     for parcel in beats:
         keys = [parcel.keys[key] for key in parcel.key_of]
@@ -66,9 +66,9 @@ def test_the_lines_are_those_of_a_file() -> None:
 @pytest.mark.parametrize("mood", ["hold", "fail"])
 def test_a_spool_keeps_heartbeats_for_the_next_run(tmp_path: Path, mood: str) -> None:
     path = tmp_path / "spool"
-    first = beating(Holding(mood), Journal(str(path), MIB))
-    first.write(window(20))
-    counts = first.close()
+    first_sink = beating(Holding(mood), Journal(str(path), MIB))
+    first_sink.write(window(20))
+    counts = first_sink.close()
     assert (counts.delivered, counts.spooled, counts.dropped) == (0, 20, 0)
     state = spool_state(path)
     assert (state.is_whole, state.events) == (True, 20)
@@ -91,9 +91,9 @@ def test_heartbeats_alone_are_sent_before_the_sink_is_closed(tmp_path: Path) -> 
 
 def test_a_spool_of_heartbeats_alone_is_sent_by_the_next_run(tmp_path: Path) -> None:
     path = tmp_path / "spool"
-    first = beating(Holding("hold"), Journal(str(path), MIB))
-    first.write(QUIET)
-    assert first.close() == Delivery(delivered=0)
+    first_sink = beating(Holding("hold"), Journal(str(path), MIB))
+    first_sink.write(QUIET)
+    assert first_sink.close() == Delivery(delivered=0)
     carrier = Holding()
     assert beating(carrier, Journal(str(path), MIB)).close() == Delivery(delivered=0)
     assert set(records(carrier)) == {"heartbeat"}

@@ -13,6 +13,7 @@ import pytest
 from command_line import run_command
 from file_sinks import sink
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from json_lines import json_lines
 from opir_export.encoders import avro, event_fields, protobuf
 from opir_testing import EncoderContract, stub_window
 from opir_testing.contracts.outputs import edge_case_windows
@@ -225,9 +226,9 @@ def records_of(content):
 def avro_file():
     """Return the blocks of a file, after its head, and the events of each."""
     container = AVRO.container
-    parts = [window(count, 10 * count) for count in (3, 1, 40)]
-    blocks = [container.block(AVRO.encode(part)) for part in parts]
-    events = [[json.loads(line) for line in FORGE.encode(part).splitlines()] for part in parts]
+    pieces = [window(count, 10 * count) for count in (3, 1, 40)]
+    blocks = [container.block(AVRO.encode(piece)) for piece in pieces]
+    events = [[json.loads(line) for line in FORGE.encode(piece).splitlines()] for piece in pieces]
     return [container.head, *blocks], events
 
 
@@ -259,38 +260,38 @@ def test_a_run_writes_an_avro_container_with_the_events_of_forge(tmp_path):
 def test_a_file_of_a_released_version_is_read_with_the_schema_of_today():
     """`tests/data/formats` is never renewed: its schema is in it, ours is the reader's."""
     golden = DATA / "formats"
-    events = [json.loads(line) for line in (golden / "run-2" / "events.jsonl").open()]
+    events = json_lines(golden / "run-2" / "events.jsonl")
     content = (golden / "avro-2" / "events.avro").read_bytes()
-    records = [json_value(each) for each in fastavro.reader(BytesIO(content), SCHEMA)]
+    records = [json_value(record) for record in fastavro.reader(BytesIO(content), SCHEMA)]
     assert records == with_absent(events)
     older = avro.avro_schema()
     older["fields"] = older["fields"][:-2]
     today = AVRO.container.head + AVRO.container.block(AVRO.encode(stub_window(3)))
-    assert [each["confidence"] for each in fastavro.reader(BytesIO(today), older)]
+    assert [record["confidence"] for record in fastavro.reader(BytesIO(today), older)]
 
 
 def test_a_container_that_was_cut_anywhere_goes_on_after_its_last_whole_block(tmp_path):
     path = tmp_path / "events.avro"
-    parts, events = avro_file()
-    ends = np.cumsum(list(map(len, parts))).tolist()
-    content = b"".join(parts)
+    pieces, events = avro_file()
+    ends = np.cumsum(list(map(len, pieces))).tolist()
+    content = b"".join(pieces)
     for cut in range(0, len(content) + 1, 7):
         for torn in (content[:cut], content[:cut] + b"\0" * 100):
             path.write_bytes(torn)
             out = LineFile(str(path), AVRO, appends=True)
             out.write(window(2, 900))
             assert out.close() == Delivery(delivered=2)
-            whole = sum(end <= cut for end in ends[1:])
-            kept = [event for block in events[:whole] for event in block]
+            blocks = sum(end <= cut for end in ends[1:])
+            expected = [event for block in events[:blocks] for event in block]
             records = records_of(path.read_bytes())
-            assert records[:-2] == with_absent(kept)
-            assert len(records) == len(kept) + 2
+            assert records[:-2] == with_absent(expected)
+            assert len(records) == len(expected) + 2
 
 
 def test_a_block_that_the_disk_takes_in_part_is_removed_and_counted_as_lost(tmp_path, monkeypatch):
-    parts, events = avro_file()
+    pieces, events = avro_file()
     real = sinks._written
-    room = [sum(map(len, parts[:3])) + 9]
+    room = [sum(map(len, pieces[:3])) + 9]
 
     def short(descriptor, lines):
         taken = real(descriptor, lines[: room[0]]) if room[0] else 0
@@ -307,15 +308,15 @@ def test_a_block_that_the_disk_takes_in_part_is_removed_and_counted_as_lost(tmp_
     with pytest.raises(SinkError, match="after 4 events were delivered"):
         out.write(window(40, 400))
     assert out.close() == Delivery(delivered=4, dropped=40)
-    assert path.read_bytes() == b"".join(parts[:3])
+    assert path.read_bytes() == b"".join(pieces[:3])
     assert records_of(path.read_bytes()) == with_absent([*events[0], *events[1]])
 
 
 def test_events_do_not_follow_those_of_another_schema(tmp_path):
     path = tmp_path / "events.avro"
-    other = {"type": "record", "name": "Other", "fields": [{"name": "x", "type": "long"}]}
+    schema = {"type": "record", "name": "Other", "fields": [{"name": "x", "type": "long"}]}
     with path.open("wb") as file:
-        fastavro.writer(file, other, [{"x": 1}])
+        fastavro.writer(file, schema, [{"x": 1}])
     content = path.read_bytes()
     with pytest.raises(SinkError, match=r"events.avro is no Avro file with this schema.*give ano"):
         LineFile(str(path), AVRO, appends=True)

@@ -32,8 +32,8 @@ watched_s: {WEST: [[0, 40], [52, 60]], EAST: [[0, 40], [52, 60]]}
 
 @pytest.fixture(scope="module")
 def broker() -> Iterator[Any]:
-    with kafka_broker.broker() as made:
-        yield made
+    with kafka_broker.broker() as broker_process:
+        yield broker_process
 
 
 def test_a_consumed_topic_says_which_sensors_watched(
@@ -57,7 +57,9 @@ def test_a_consumed_topic_says_which_sensors_watched(
         assert message.key().decode() == beat["sensor_id"]
         assert headers(message)["content-type"] == "application/json"
     for sensor in ("WEST", "EAST"):
-        require_order([json.loads(each.value()) for each in sent if each.key().decode() == sensor])
+        require_order(
+            [json.loads(message.value()) for message in sent if message.key().decode() == sensor]
+        )
 
     dump = tmp_path / "dump.jsonl"
     dump.write_bytes(b"".join(message.value() + b"\n" for message in sent))
