@@ -275,7 +275,8 @@ def test_a_container_that_was_cut_anywhere_goes_on_after_its_last_whole_block(tm
     pieces, events = avro_file()
     ends = np.cumsum(list(map(len, pieces))).tolist()
     content = b"".join(pieces)
-    for cut in range(0, len(content) + 1, 7):
+    cuts = {*range(0, len(content), 211), *ends, *(end - 1 for end in ends), ends[0] + 1}
+    for cut in sorted(cuts):
         for torn in (content[:cut], content[:cut] + b"\0" * 100):
             path.write_bytes(torn)
             out = LineFile(str(path), AVRO, appends=True)
