@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 100_080,
-    "tests": 822_410,
+    "tests": 822_450,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -171,7 +171,7 @@ def test_settings_that_cannot_be_meant_are_refused(
     assert words in capsys.readouterr().err
 
 
-def test_messages_of_another_schema_are_not_called_those_of_the_registered_one(
+def test_messages_of_another_schema_are_refused(
     registry: Double,
 ) -> None:
     config = KafkaConfig(registry=RegistryConfig(url=registry.address))
