@@ -16,7 +16,7 @@ explore:
 	python -m pytest -m hypothesis --hypothesis-profile=explore
 
 kafka:
-	python -m pytest -m "" tests/journeys/test_real_kafka.py tests/journeys/test_real_kafka_tls.py
+	python -m pytest -m "" tests/journeys/test_real_kafka.py tests/journeys/test_real_kafka_tls.py tests/journeys/test_real_registry.py
 
 lint:
 	python -m ruff check . && python -m ruff format --check .

@@ -17,9 +17,10 @@ from opir_core.builtin.configs import JsonlConfig, MemoryConfig
 from opir_core.errors import SinkError, reason_of, way_to_write
 from opir_core.host.components import NoConfig
 from opir_core.interfaces.contexts import SinkContext
-from opir_core.interfaces.outputs import Delivery, Encoder, Sink
+from opir_core.interfaces.outputs import Container, Delivery, Encoder, Sink
 from opir_core.interfaces.records import LENGTH_BYTES, Window, framed_messages
 from opir_core.output.events.encoder_input import (
+    configured_heartbeats,
     detection_count,
     encoder_blocks,
     event_counter,
@@ -122,6 +123,7 @@ class LineFile(Sink):
         self._heartbeats = heartbeats
         self._name = "standard output" if path == STANDARD_OUTPUT else path
         self._encoder = encoder
+        self._container = encoder.container
         self._count = event_counter(encoder)
         self._taken = 0
         self._delivered = 0
@@ -130,9 +132,13 @@ class LineFile(Sink):
         self._incomplete = 0
         place = path if written_at is None else str(written_at)
         self._descriptor = (
-            _standard_output() if path == STANDARD_OUTPUT else _opened(place, appends=appends)
+            _standard_output()
+            if path == STANDARD_OUTPUT
+            else _opened(place, self._container, appends=appends)
         )
         self._growing = GrowingFile(self._descriptor)
+        if self._container is not None and not os.fstat(self._descriptor).st_size:
+            self._write_lines(self._container.head, 0)
 
     @property
     def takes_quiet_windows(self) -> bool:
@@ -150,7 +156,10 @@ class LineFile(Sink):
         for block in encoder_blocks(window, self._encoder):
             encodable = only_encodable(block, self._encoder)
             withheld = len(block.detections) - len(encodable.detections)
-            yield self._encoder.encode(encodable), self._count(encodable), withheld
+            lines = self._encoder.encode(encodable)
+            if lines and self._container is not None:
+                lines = self._container.block(lines)
+            yield lines, self._count(encodable), withheld
 
     def write_encoded(self, window: Window, blocks: Iterable[tuple[Lines, int, int]]) -> None:
         """Write a window's lines, as `encoded` yields them."""
@@ -202,7 +211,8 @@ class LineFile(Sink):
                 self._growing.size += count
                 written += count
         except OSError as error:
-            complete = framed_messages(bytes(lines[:written]))
+            # A part of a container's block is of no use.
+            complete = [] if self._container else framed_messages(bytes(lines[:written]))
             self._incomplete += written - sum(map(len, complete))
             with suppress(OSError):  # else before the next line
                 self._remove_incomplete()
@@ -232,7 +242,7 @@ class LineFile(Sink):
         )
 
 
-def _opened(path: str, *, appends: bool) -> int:
+def _opened(path: str, container: Container | None, *, appends: bool) -> int:
     if not path:
         raise SinkError(
             "jsonl: the path is empty; give the path of a file, or - for standard output"
@@ -244,7 +254,7 @@ def _opened(path: str, *, appends: bool) -> int:
             path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666
         )
         if appends:
-            _remove_damaged_lines(path, descriptor)
+            _remove_damaged_lines(path, descriptor, container)
             with suppress(OSError):  # the name of a new file
                 sync_path(Path(path).absolute().parent)
     except OSError as error:
@@ -257,7 +267,7 @@ def _opened(path: str, *, appends: bool) -> int:
     return descriptor
 
 
-def _remove_damaged_lines(path: str, descriptor: int) -> None:
+def _remove_damaged_lines(path: str, descriptor: int, container: Container | None) -> None:
     """Remove what a killed run or a power cut left damaged at the end of a file; the spool still
     has those events.
 
@@ -268,6 +278,9 @@ def _remove_damaged_lines(path: str, descriptor: int) -> None:
     if not stat.S_ISREG(status.st_mode):
         return
     with Path(path).open("rb") as lines:
+        if container is not None:
+            os.ftruncate(descriptor, container.whole(lines))
+            return
         if lines.read(1) == b"\0":
             os.ftruncate(descriptor, _end_of_binary(lines, status.st_size))
             return
@@ -317,13 +330,7 @@ def _way_out(error: OSError) -> str:
 def line_file(config: JsonlConfig, context: SinkContext) -> LineFile:
     """Return the sink `jsonl`, open."""
     encoder = context.make_encoder()
-    beats = None
-    if config.heartbeat_s is not None:
-        from opir_core.output.heartbeats import Heartbeats  # most runs have none
-
-        if "json" not in encoder.content_type:
-            raise SinkError("jsonl: heartbeat_s needs an encoder of JSON, for heartbeats are JSON")
-        beats = Heartbeats(context.origin.sensors, context.origin.epoch_us, config.heartbeat_s)
+    beats = configured_heartbeats("jsonl", config, encoder, context.origin)
     is_in_place = context.resumes or config.path in ("", STANDARD_OUTPUT)
     place = None if is_in_place else context.stage(config.path, only_appends=True)
     return LineFile(

@@ -7,7 +7,7 @@ others have defaults. A part that has the methods and another base class works t
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
 
 from attrs import frozen
 
@@ -201,6 +201,21 @@ class Transport(PluginPart):
         return
 
 
+class Container(Protocol):
+    """A form of files of binary messages: a head, then blocks."""
+
+    head: bytes
+
+    def block(self, body: bytes) -> bytes:
+        """Return the block of the messages of a body, as `binary_body` returns them."""
+
+    def whole(self, file: BinaryIO) -> int:
+        """Return how many bytes of a file its head and its whole blocks are, 0 without a whole head.
+
+        Raises `SinkError` for a file with another head.
+        """
+
+
 class Encoder(PluginPart):
     """Detections to message bytes; tracks to message bytes if it `encodes_tracks`.
 
@@ -237,6 +252,11 @@ class Encoder(PluginPart):
         Outputs pass such an encoder every window with tracks, with detections or without.
         """
         return False
+
+    @optional
+    def container(self) -> Container | None:
+        """The form of files and pipes of messages; None for messages one after the other."""
+        return None
 
     def encodable(self, window: Window) -> BoolArray | None:
         """Return which detections (n,) have a message; None if all have."""

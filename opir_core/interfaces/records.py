@@ -421,7 +421,8 @@ class Batch:
 
     `body` holds the messages, each ended by a newline, or binary ones as `binary_body` returns
     them; `keys` the sensors' ids, or of track messages the tracks' numbers, and `key_of` (n,) the
-    index of each event's key. `content_type` and `schema_version` are the encoder's.
+    index of each message's key. `content_type` and `schema_version` are the encoder's. The
+    messages of a version that begins with `heartbeat` are no events.
     """
 
     body: bytes
@@ -431,8 +432,13 @@ class Batch:
     schema_version: str
 
     def __len__(self) -> int:
-        """Return the number of events."""
+        """Return the number of messages."""
         return len(self.key_of)
+
+    @property
+    def events(self) -> int:
+        """The number of events: none in heartbeats."""
+        return 0 if self.schema_version.startswith("heartbeat") else len(self)
 
     def messages(self) -> list[bytes]:
         """Return the messages, without their newlines or lengths."""
@@ -441,7 +447,7 @@ class Batch:
         return self.body.split(b"\n")[:-1]
 
     def take(self, rows: Sequence[int]) -> "Batch":
-        """Return some of the events."""
+        """Return some of the messages."""
         messages = framed_messages(self.body)
         return evolve(
             self,

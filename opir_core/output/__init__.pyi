@@ -65,6 +65,7 @@ from opir_core.output.geojson import (
 )
 from opir_core.output.heartbeats import (
     Heartbeats as Heartbeats,
+    heartbeat_schema as heartbeat_schema,
 )
 from opir_core.output.pump import (
     SinkReport as SinkReport,

@@ -129,6 +129,11 @@ class CheckedEncoder(CheckedPart, Encoder):
         """The version of the schema."""
         return str(self._part.schema_version)
 
+    @property
+    def container(self) -> Any:
+        """The form of files."""
+        return self._part.container
+
     def encode(self, window: Window) -> bytes:
         """Return the messages of a window's events."""
         messages = self._called("encode", window)

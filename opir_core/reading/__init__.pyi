@@ -11,7 +11,9 @@ from opir_core.reading.examples import (
 )
 from opir_core.reading.format_versions import (
     EVENT_FORMAT as EVENT_FORMAT,
+    HEARTBEAT_FORMAT as HEARTBEAT_FORMAT,
     STUDY_FORMAT as STUDY_FORMAT,
+    Format as Format,
 )
 from opir_core.reading.loading import (
     load_scene as load_scene,

@@ -1,17 +1,23 @@
 """Windows for an encoder: in blocks, without detections that have no message, with valid values."""
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.errors import ModelError
+from opir_core.errors import ModelError, SinkError
 from opir_core.interfaces.contexts import detection_count as detection_count
 from opir_core.interfaces.outputs import Encoder
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.interfaces.sensors import Sensor
 from opir_core.scene.scene import REPORTED_TYPES
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.contexts import EncoderContext
+    from opir_core.output.heartbeats import Heartbeats
+    from opir_core.output.spool.columns import Origin
 
 #: Tracks in a block: a track is a message of 10 kB, with its covariances and regions.
 TRACK_BLOCK_ROWS = 512
@@ -70,6 +76,22 @@ def event_counter(encoder: Encoder) -> Callable[[Window], int]:
     tracks.
     """
     return track_count if encoder.encodes_tracks else detection_count
+
+
+def configured_heartbeats(
+    sink: str, config: Any, encoder: Encoder, origin: "EncoderContext | Origin"
+) -> "Heartbeats | None":
+    """Return the heartbeats of a sink with the setting `heartbeat_s`, None where it has none;
+    `SinkError` for an encoder of no JSON.
+    """
+    every_s = getattr(config, "heartbeat_s", None)
+    if every_s is None:
+        return None
+    if "json" not in encoder.content_type:
+        raise SinkError(f"{sink}: heartbeat_s needs an encoder of JSON, for heartbeats are JSON")
+    from opir_core.output.heartbeats import Heartbeats  # most runs have none
+
+    return Heartbeats(origin.sensors, origin.epoch_us, every_s)
 
 
 def only_encodable(window: Window, encoder: Encoder) -> Window:

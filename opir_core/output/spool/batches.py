@@ -6,7 +6,7 @@ For sinks that take windows, batches are columns (`columns.py`) and hold no mess
 from collections import OrderedDict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,21 +20,37 @@ from opir_core.output.events.encoder_input import encoder_blocks, event_counter,
 from opir_core.output.spool.columns import CONTENT_TYPE, VERSION, Origin
 from opir_core.output.spool.syncing import SINK_SYNC_S, SyncThread
 
+if TYPE_CHECKING:
+    from opir_core.output.heartbeats import Heartbeats
+
 #: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's
 #: own batches for many partitions, and one is quickly read back from disk.
 BATCH_EVENTS = 1024
 
 
 class EncodedBatcher:
-    """Cuts windows into batches of an encoder's messages."""
+    """Cuts windows into batches of an encoder's messages, and of the heartbeats that follow them."""
 
-    def __init__(self, encoder: Encoder, sensors: Sequence[Sensor]) -> None:
+    def __init__(
+        self,
+        encoder: Encoder,
+        sensors: Sequence[Sensor],
+        heartbeats: "Heartbeats | None" = None,
+    ) -> None:
         self._encoder = encoder
+        self.heartbeats = heartbeats
         self.events = event_counter(encoder)
         self._ids = np.array([sensor.id for sensor in sensors], dtype=object)
 
     def batches(self, window: Window) -> Iterator[Batch]:
-        """Yield a window's events as batches, without those that have no message."""
+        """Yield a window's events as batches, without those that have no message, then its
+        heartbeats.
+        """
+        yield from self._encoded(window)
+        if self.heartbeats is not None:
+            yield from self.heartbeats.batches_until(window.end_s)
+
+    def _encoded(self, window: Window) -> Iterator[Batch]:
         for block in encoder_blocks(window, self._encoder):
             encodable = only_encodable(block, self._encoder)
             lines = self._encoder.encode(encodable)
@@ -88,6 +104,10 @@ class Backlog(Protocol):
         """Number of events that wait."""
 
     @property
+    def is_empty(self) -> bool:
+        """Whether no batch waits, of events or of heartbeats."""
+
+    @property
     def outlives_the_process(self) -> bool:
         """Whether batches left at closing are there for the next run."""
 
@@ -103,9 +123,9 @@ class Backlog(Protocol):
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch but those in `rows`."""
 
-    def drop_oldest(self, number: int) -> int:
-        """Remove the first batch with a higher number and return its number of events; 0 if there
-        is none.
+    def drop_oldest(self, number: int) -> int | None:
+        """Remove the first batch with a higher number and return its number of events; None if
+        there is none.
         """
 
     @property
@@ -131,6 +151,11 @@ class MemoryBacklog:
         self._max_bytes = max_bytes
         self.waiting = 0
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no batch waits."""
+        return not self._batches
+
     def put(self, batch: Batch) -> None:
         """Add a batch; raise `FullError` if there is no room for it."""
         if self._batches and self._bytes + len(batch.body) > self._max_bytes:
@@ -138,7 +163,7 @@ class MemoryBacklog:
         self._last += 1
         self._batches[self._last] = batch
         self._bytes += len(batch.body)
-        self.waiting += len(batch)
+        self.waiting += batch.events
 
     def after(self, number: int) -> tuple[int, Batch] | None:
         """Return the first batch with a higher number, with its number, or None."""
@@ -158,7 +183,7 @@ class MemoryBacklog:
         for number in numbers:
             batch = self._batches.pop(number)
             self._bytes -= len(batch.body)
-            self.waiting -= len(batch)
+            self.waiting -= batch.events
 
     def keep(self, number: int, rows: Sequence[int]) -> None:
         """Remove the events of a batch but those in `rows`."""
@@ -166,17 +191,17 @@ class MemoryBacklog:
         remaining = self._batches[number].take(rows)
         self._batches[number] = remaining
         self._bytes -= len(batch.body) - len(remaining.body)
-        self.waiting -= len(batch) - len(remaining)
+        self.waiting -= batch.events - remaining.events
 
-    def drop_oldest(self, number: int) -> int:
-        """Remove the first batch with a higher number and return its number of events; 0 if there
-        is none.
+    def drop_oldest(self, number: int) -> int | None:
+        """Remove the first batch with a higher number and return its number of events; None if
+        there is none.
         """
         oldest = self.after(number)
         if oldest is None:
-            return 0
+            return None
         self.acknowledge([oldest[0]])
-        return len(oldest[1])
+        return oldest[1].events
 
     def close(self) -> None:
         """Remove all batches."""
@@ -188,6 +213,9 @@ class WindowBatcher:
 
     The `encoder` of the sink decides what its events are, detections or tracks.
     """
+
+    #: The sink that takes the windows writes them.
+    heartbeats = None
 
     def __init__(self, encoder: Encoder, origin: Origin) -> None:
         self._encoder = encoder

@@ -122,14 +122,19 @@ class Journal:
         """Add a batch; raise `FullError` if there is no room for it in the file or on the disk."""
         row = _row_of(batch)
         self._files_fault()
-        if self.waiting and self._bytes + row[1] > self._max_bytes:
+        if self._bytes and self._bytes + row[1] > self._max_bytes:
             raise FullError
         self._database.execute(_INSERT, row)
         self._bytes += row[1]
-        self.waiting += len(batch)
+        self.waiting += batch.events
         self._files_fault()  # how long they are now
         if self._sync is not None:
             self._sync.note_write()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no batch waits."""
+        return not self._bytes
 
     @property
     def outlives_the_process(self) -> bool:
@@ -206,15 +211,15 @@ class Journal:
             self._bytes -= row[2] - remaining_row[1]
 
     @_raises_ours
-    def drop_oldest(self, number: int) -> int:
-        """Remove the first batch with a higher number and return its number of events; 0 if there
-        is none.
+    def drop_oldest(self, number: int) -> int | None:
+        """Remove the first batch with a higher number and return its number of events; None if
+        there is none.
         """
         row = self._database.execute(
             "SELECT min(number) FROM parcel WHERE number > ?", (number,)
         ).fetchone()
         if row[0] is None:
-            return 0
+            return None
         former_waiting = self.waiting
         self.acknowledge([row[0]])
         return former_waiting - self.waiting
@@ -301,7 +306,7 @@ def _row_of(batch: Batch) -> tuple[Any, ...]:
     )
     kind = (batch.content_type, batch.schema_version, json.dumps(batch.keys))
     cost = content + min(content, 2 * _PAGE_BYTES)
-    return len(batch), cost, _checksum(*kind, key_of, batch.body), *kind, key_of, batch.body
+    return batch.events, cost, _checksum(*kind, key_of, batch.body), *kind, key_of, batch.body
 
 
 def batch_of(row: tuple[Any, ...]) -> Batch | None:
@@ -310,20 +315,18 @@ def batch_of(row: tuple[Any, ...]) -> Batch | None:
     """
     _number, events, _bytes, crc, content_type, schema_version, keys, key_of, body = row
     try:
-        if (
-            _checksum(content_type, schema_version, keys, key_of, body) != crc
-            or len(key_of) != 2 * events
-        ):
+        if _checksum(content_type, schema_version, keys, key_of, body) != crc:
             return None
     except (AttributeError, TypeError):  # damage can change a column's type
         return None
-    return Batch(
+    batch = Batch(
         body=body,
         keys=tuple(json.loads(keys)),
         key_of=np.frombuffer(key_of, dtype="<u2").astype(np.uint16),
         content_type=content_type,
         schema_version=schema_version,
     )
+    return batch if batch.events == events else None
 
 
 def is_spool_file(path: Path) -> bool:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from opir_core.interfaces.outputs import Encoder, Sink, Transport
+from opir_core.output.events.encoder_input import configured_heartbeats
 from opir_core.output.sink_thread import MEMORY_BYTES
 from opir_core.output.spool.batches import (
     Backlog,
@@ -32,15 +33,15 @@ def transport_sink(
     """Return the sink of an output with a transport or a spool; if the spool cannot be opened,
     `product` is closed.
     """
-    transport: Transport
     batcher: Batcher
-    if isinstance(product, Transport):
-        transport = product
-        batcher = EncodedBatcher(make_encoder(), origin.sensors)
-    else:
-        transport = WindowTransport(product, origin)
-        batcher = WindowBatcher(make_encoder(), origin)
+    transport = product if isinstance(product, Transport) else WindowTransport(product, origin)
     try:
+        if transport is product:
+            encoder = make_encoder()
+            beats = configured_heartbeats(choice.name, choice.config, encoder, origin)
+            batcher = EncodedBatcher(encoder, origin.sensors, beats)
+        else:
+            batcher = WindowBatcher(make_encoder(), origin)
         backlog, policy, damage = _backlog(choice.spool)
     except BaseException:
         transport.close(0.0)

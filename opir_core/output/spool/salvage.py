@@ -215,7 +215,7 @@ def _batches(
             yield (
                 number,
                 (batch if keep else True) if batch else False,
-                len(batch) if batch else _events_claimed(row),
+                batch.events if batch else _events_claimed(row),
             )
 
 

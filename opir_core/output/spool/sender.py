@@ -160,7 +160,7 @@ class Sender:
                 self._remove_acknowledged()
                 remove_at = time.monotonic() + _REMOVAL_S
         return self.closing.since is not None and (
-            not self.store.backlog.waiting or self._is_stalled()
+            self.store.backlog.is_empty or self._is_stalled()
         )
 
     def _may_send(self) -> bool:

@@ -79,15 +79,15 @@ class Store:
         self._unwritten = ""
         return True
 
-    def drop_oldest(self) -> int:
-        """Drop the oldest batch that was not read yet; return its number of events, 0 if that makes
-        no room.
+    def drop_oldest(self) -> int | None:
+        """Drop the oldest batch that was not read yet; return its number of events, None if that
+        makes no room.
         """
         try:
             lost = self.backlog.drop_oldest(self.read_to)
         except FullError:  # the disk itself is full, and deleting needs room too
-            return 0
-        self.books.dropped += lost
+            return None
+        self.books.dropped += lost or 0
         return lost
 
     def next(self) -> tuple[int, Batch] | None:
@@ -101,7 +101,7 @@ class Store:
                 try:
                     numbered = self.backlog.after(self.read_to)
                 except FullError as error:  # what the disk keeps is sent later
-                    if self.backlog.waiting:
+                    if not self.backlog.is_empty:
                         why = str(error) or "its disk is full"
                         self._unread = f"{self.name}: the spool {self._place} cannot be read: {why}"
                     return None
@@ -120,7 +120,7 @@ class Store:
             former_waiting = self.backlog.waiting
             self.backlog.acknowledge(numbers)
             self.books.delivered += former_waiting - self.backlog.waiting
-            self._unread = self._unread if self.backlog.waiting else ""
+            self._unread = "" if self.backlog.is_empty else self._unread
             self.room.notify_all()
 
     def keep(self, number: int, rows: Sequence[int]) -> None:

@@ -11,6 +11,7 @@ events as before, and sends them again after a pause, which grows, or on request
 
 import logging
 import time
+from contextlib import suppress
 
 from attrs import evolve
 
@@ -53,13 +54,21 @@ class TransportSink(Sink):
         """
         encoded = 0
         for batch in self._batcher.batches(window):
-            encoded += len(batch)
-            with self._store.room:
-                self._put(batch)
-            self._sender.wake.set()
+            encoded += batch.events
+            self._queue(batch)
         with self._store.room:
             self._store.books.withheld += self._batcher.events(window) - encoded
             self._sender.raise_error()
+
+    def _queue(self, batch: Batch) -> None:
+        with self._store.room:
+            self._put(batch)
+        self._sender.wake.set()
+
+    @property
+    def takes_quiet_windows(self) -> bool:
+        """Whether heartbeats follow windows without events."""
+        return self._batcher.heartbeats is not None
 
     @property
     def outlives_the_process(self) -> bool:
@@ -105,6 +114,10 @@ class TransportSink(Sink):
 
     def close(self) -> Delivery:
         """Wait for acknowledgements, as long as the policy allows, and return the counts."""
+        if self._batcher.heartbeats is not None:
+            with suppress(Exception):  # why there is no room, or no transport, is told below
+                for batch in self._batcher.heartbeats.last_batches():
+                    self._queue(batch)
         trouble = self._sender.finish()
         delivery = self._final(trouble)
         if delivery.spooled and not delivery.complaint:
@@ -138,11 +151,11 @@ class TransportSink(Sink):
         give_up_at = time.monotonic() + self._policy.wait_s
         waited = False
         while not store.put(batch):
-            if when_full == DROP_OLDEST and store.drop_oldest():
+            if when_full == DROP_OLDEST and store.drop_oldest() is not None:
                 continue
             left_s = min(give_up_at, self._sender.closing.end_at) - time.monotonic()
             if when_full != WAIT or left_s <= 0.0:
-                store.books.dropped += len(batch)
+                store.books.dropped += batch.events
                 if when_full in (DROP_OLDEST, DROP_NEWEST):
                     return
                 raise SinkError(store.full(self._sender.trouble))

@@ -125,13 +125,15 @@ def _security_arguments(security: SecurityConfig) -> dict[str, Any]:
     if "SASL" in security.protocol:
         arguments["sasl_mechanism"] = security.mechanism
         arguments["sasl_plain_username"] = security.username
-        arguments["sasl_plain_password"] = _secret(security.password_variable, "password_variable")
+        arguments["sasl_plain_password"] = secret(
+            security.password_variable, "security.password_variable"
+        )
     return arguments
 
 
 def _tls(security: SecurityConfig) -> ssl.SSLContext:
-    password = security.key_password_variable and _secret(
-        security.key_password_variable, "key_password_variable"
+    password = security.key_password_variable and secret(
+        security.key_password_variable, "security.key_password_variable"
     )
     try:
         context = ssl.create_default_context(cafile=security.ca_file)
@@ -147,14 +149,16 @@ def _tls(security: SecurityConfig) -> ssl.SSLContext:
     return context
 
 
-def _secret(variable: str | None, key: str) -> str:
-    secret = os.environ.get(variable or "")
-    if not secret:
+def secret(variable: str | None, key: str) -> str:
+    """Return the value of an environment variable that a setting names; `SinkError` if it is not
+    set.
+    """
+    value = os.environ.get(variable or "")
+    if not value:
         raise SinkError(
-            f"kafka: the environment variable that security.{key} names is not set; set it to the"
-            " secret"
+            f"kafka: the environment variable that {key} names is not set; set it to the secret"
         )
-    return secret
+    return value
 
 
 def _require_codec(compression: str) -> None:

@@ -6,11 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from opir_core import __version__
+from opir_core.output import heartbeat_schema
 from opir_core.plugin import EncoderContext, EventEncoder, Host
+from opir_core.reading import HEARTBEAT_FORMAT
 from opir_kafka.settings import KafkaConfig
 
 #: The media type of a JSON Schema of that draft, as AsyncAPI's multi-format schemas name it.
 _SCHEMA_FORMAT = "application/schema+json;version=draft-2020-12"
+_SENSOR = "The sensor's id"
 
 
 def asyncapi_document() -> dict[str, Any]:
@@ -37,7 +40,7 @@ def asyncapi_document() -> dict[str, Any]:
                 "servers": [{"$ref": "#/servers/kafka"}],
                 "description": f"One of these, by the output's encoder; default {bare.encoder}. The"
                 " encoders forge-bands and forge-tracks add band irradiances or track states to"
-                " forge's messages.",
+                " forge's messages. With heartbeat_s the messages heartbeat say which sensors watched.",
                 "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in messages},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }
@@ -73,10 +76,12 @@ def _messages() -> dict[str, Any]:
         encoder = host.component(EventEncoder, name)
         if encoder.schema is not None and '"$schema"' in (text := encoder.schema()):
             texts.setdefault(text, encoder)
-    return {
-        encoder.name: _message(encoder, _payload(encoder.name, text))
+    messages = {
+        encoder.name: _of_encoder(encoder, _payload(encoder.name, text))
         for text, encoder in texts.items()
     }
+    version = f"{HEARTBEAT_FORMAT.name}-{HEARTBEAT_FORMAT.version}"
+    return {**messages, "heartbeat": _message("heartbeat", version, _SENSOR, heartbeat_schema())}
 
 
 def _payload(name: str, text: str) -> dict[str, Any]:
@@ -95,8 +100,14 @@ def _same_major(version: str) -> str:
     return f"^{re.escape(major + dot)}[0-9]+$"
 
 
-def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any]:
+def _of_encoder(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any]:
     version = encoder.build(encoder.config(), EncoderContext(sensors=(), epoch_us=0)).schema_version
+    source = "The track's number" if encoder.encodes_tracks else _SENSOR
+    return _message(encoder.name, version, source, payload)
+
+
+def _message(name: str, version: str, source: str, payload: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a message of a schema version; its key is `source`."""
     headers = {
         "type": "object",
         "properties": {
@@ -105,10 +116,9 @@ def _message(encoder: EventEncoder, payload: Mapping[str, Any]) -> dict[str, Any
         },
         "required": ["content-type", "schema-version"],
     }
-    source = "The track's number" if encoder.encodes_tracks else "The sensor's id"
     key = {"type": "string", "description": f"{source}, UTF-8; it determines the partition."}
     return {
-        "name": encoder.name,
+        "name": name,
         "title": payload["title"],
         "contentType": "application/json",
         "headers": headers,

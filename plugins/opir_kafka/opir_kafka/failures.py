@@ -55,7 +55,13 @@ class InvalidRecordError(errors.BrokerResponseError):  # type: ignore[misc]
 for _unknown in (UnsupportedCompressionTypeError, InvalidRecordError):
     errors.kafka_errors.setdefault(_unknown.errno, _unknown)
 
+
+class RegistryRefusalError(SinkError):
+    """A schema registry that does not take the schema, or a message of another schema."""
+
+
 _FATAL_TYPES = (
+    RegistryRefusalError,
     errors.AuthenticationFailedError,
     errors.AuthenticationMethodNotSupported,
     errors.IncompatibleBrokerVersion,
@@ -118,6 +124,10 @@ class TopicError(errors.KafkaError):  # type: ignore[misc]
     def __str__(self) -> str:
         """Return the message alone."""
         return str(self.args[0])
+
+
+class RegistryAwayError(TopicError):
+    """A schema registry that may answer later; the message says why it does not."""
 
 
 class TlsExpectedError(errors.KafkaError):  # type: ignore[misc]

@@ -17,6 +17,7 @@ import numpy as np
 from opir_core.plugin import Batch, PartlySentError
 
 Rows = list[int]
+Frame = Callable[[bytes], bytes]
 
 
 class Shipment:
@@ -54,8 +55,8 @@ class Shipment:
         }
         return {number: rows for number, rows in open_rows.items() if rows}
 
-    def put(self, batch: Any, rows: Rows) -> int:
-        """Append rows to aiokafka's batch and return the number that fit."""
+    def put(self, batch: Any, rows: Rows, frame: Frame | None) -> int:
+        """Append rows, framed, to aiokafka's batch and return the number that fit."""
         keys = self._keys
         key_of = self._key_of
         messages = self._messages
@@ -63,7 +64,8 @@ class Shipment:
         append = batch.append
         for place, row in enumerate(rows):
             key = keys[key_of[row]]
-            if append(timestamp=None, key=key, value=messages[row], headers=headers) is None:
+            value = messages[row] if frame is None else frame(messages[row])
+            if append(timestamp=None, key=key, value=value, headers=headers) is None:
                 return place
         return len(rows)
 
@@ -86,9 +88,12 @@ class Shipment:
 
 
 class Lane:
-    """The queue of a partition; `has_messages` is set while it is not empty."""
+    """The queue of a partition; `has_messages` is set while it is not empty. A `frame` makes the
+    values of Kafka's messages from those of the encoder.
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, frame: Frame | None = None) -> None:
+        self._frame = frame
         self._queue: deque[tuple[Shipment, Rows]] = deque()
         self.has_messages = asyncio.Event()
 
@@ -104,7 +109,7 @@ class Lane:
         moved = []
         while self._queue:
             shipment, rows = self._queue.popleft()
-            count = shipment.put(batch, rows[:capacity])
+            count = shipment.put(batch, rows[:capacity], self._frame)
             capacity -= count
             if count:
                 moved.append((shipment, rows[:count]))

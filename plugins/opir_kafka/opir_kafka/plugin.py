@@ -10,11 +10,12 @@ if TYPE_CHECKING:
     from opir_core.plugin import SinkContext, Transport
 
 
-def _kafka(config: KafkaConfig, _context: "SinkContext") -> "Transport":
+def _kafka(config: KafkaConfig, context: "SinkContext") -> "Transport":
     from opir_kafka.connection import connector
+    from opir_kafka.registry import registry_of
     from opir_kafka.transport import KafkaTransport
 
-    return KafkaTransport(config, connector(config))
+    return KafkaTransport(config, connector(config), registry_of(config, context))
 
 
 @hookimpl

@@ -9,6 +9,7 @@ from opir_core.plugin import nested, number, text
 
 _ADDRESS = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 _TOPIC = re.compile(r"[A-Za-z0-9._-]{1,249}")
+_URL = re.compile(r"https?://[A-Za-z0-9._:\[\]-]+(/[A-Za-z0-9._~/-]*)?")
 _VARIABLE = re.compile(r"[A-Z_][A-Z0-9_]*")
 _NOT_A_VARIABLE = (
     "a variable is named in capitals, digits and _; put the secret into the environment and write"
@@ -79,6 +80,38 @@ class SecurityConfig:
         return complaints
 
 
+def _url_complaint(url: str | None) -> str | None:
+    if url is None or _URL.fullmatch(url):
+        return None
+    return "give http://HOST:PORT or https://HOST, with a path if there is one, without a login"
+
+
+@frozen
+class RegistryConfig:
+    """A schema registry with Confluent's interface, and the login there."""
+
+    url: str | None = nested(
+        default=None,
+        check=_url_complaint,
+        help="address before /subjects; without it no schema is registered",
+    )
+    subject: str | None = text(
+        default=None, help="subject of the schema; by default the topic and -value", source=""
+    )
+    username: str | None = text(default=None, help="user name of the login", source="")
+    password_variable: str | None = text(
+        default=None, help="environment variable with the password of the login", source=""
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.password_variable is not None and not _VARIABLE.fullmatch(self.password_variable):
+            raise ValueError(_NOT_A_VARIABLE)
+        if (self.username is None) != (self.password_variable is None):
+            raise ValueError("a login needs username and password_variable")
+        if self.url is None and (self.subject, self.username) != (None, None):
+            raise ValueError("subject and username are of no use without url")
+
+
 def _servers_complaint(servers: str) -> str | None:
     for server in servers.split(","):
         address = _ADDRESS.fullmatch(server.strip())
@@ -110,6 +143,14 @@ class KafkaConfig:
         " keep their order",
     )
     encoder: str = text(help="event encoder of the messages", default="forge")
+    heartbeat_s: float | None = number(
+        default=None,
+        unit="s",
+        minimum=0.01,
+        maximum=3600.0,
+        help="interval of messages that say which sensor watched, whatever it saw; without it there"
+        " are none",
+    )
     compression: str = text(
         default="none",
         choices=("none", "gzip", "snappy", "lz4", "zstd"),
@@ -156,6 +197,17 @@ class KafkaConfig:
         default=Factory(SecurityConfig),
         help="encryption and login; secrets come from the environment",
     )
+
+    registry: RegistryConfig = nested(
+        default=Factory(RegistryConfig),
+        help="schema registry: messages have the number of their schema",
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.registry.url is not None and self.heartbeat_s is not None:
+            raise ValueError(
+                "heartbeats are in no schema registry; leave out heartbeat_s or registry"
+            )
 
     @property
     def servers(self) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aiokafka import AIOKafkaProducer
 from aiokafka.errors import UnknownTopicOrPartitionError
@@ -21,9 +21,12 @@ from opir_core.errors import SinkError
 from opir_core.plugin import Batch, Transport
 from opir_kafka.connection import OURS, Connector, close_producer, probe
 from opir_kafka.failures import TOO_LARGE, SmallerBatchesError, TopicError, is_fatal, words
-from opir_kafka.lanes import Lane, Shipment
+from opir_kafka.lanes import Frame, Lane, Shipment
 from opir_kafka.settings import KafkaConfig
 from opir_kafka.topic import compaction_warning, topic_fault, topic_settings
+
+if TYPE_CHECKING:
+    from opir_kafka.registry import Registry
 
 _log = logging.getLogger(__name__)
 
@@ -43,9 +46,13 @@ class KafkaTransport(Transport):
     belongs to the loop's thread.
     """
 
-    def __init__(self, config: KafkaConfig, connect: Connector) -> None:
+    def __init__(
+        self, config: KafkaConfig, connect: Connector, registry: "Registry | None" = None
+    ) -> None:
         self._config = config
         self._connect = connect
+        self._registry = registry
+        self._frame: Frame | None = None
         self.trouble: str | None = f"no connection to {config.bootstrap_servers} yet"
         self.acknowledged: int = 0
         self.attempts: int = 0
@@ -161,6 +168,8 @@ class KafkaTransport(Transport):
         """Connect, send all unacknowledged and new messages; raise the error that ends the
         connection.
         """
+        if self._registry is not None:
+            self._frame = await self._registry.frame()
         producer = await self._connect()
         tasks: list[asyncio.Task[None]] = []
         examining: list[asyncio.Task[None]] = []
@@ -210,7 +219,7 @@ class KafkaTransport(Transport):
 
     def _open_lanes(self, partitioning: tuple[list[int], Callable[[bytes], int]]) -> None:
         partitions, self._partition_of = partitioning
-        self._lanes = {partition: Lane() for partition in partitions}
+        self._lanes = {partition: Lane(self._frame) for partition in partitions}
         for shipment in self._shipments:
             self._distribute(shipment)
 

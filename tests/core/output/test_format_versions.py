@@ -19,13 +19,22 @@ from opir_testing import stub_sensor, stub_window
 from repository import DATA
 
 from opir_core.errors import SceneError
-from opir_core.output import ForgeEncoder, detection_schema, read_run, read_tracks, schema
+from opir_core.output import (
+    ForgeEncoder,
+    Heartbeats,
+    detection_schema,
+    heartbeat_schema,
+    read_run,
+    read_tracks,
+    schema,
+)
 from opir_core.plugin import BadFileError, EncoderContext
 from opir_core.reading import load_scene
 from opir_core.reading.format_versions import (
     COMMAND_FORMAT,
     EVENT_FORMAT,
     FORMATS,
+    HEARTBEAT_FORMAT,
     MANIFEST_FORMAT,
     STUDY_FORMAT,
     TRACK_FORMAT,
@@ -226,3 +235,34 @@ def test_other_programs_events_of_a_later_version_are_named() -> None:
         event_rows(line % "3.1")
     (row,) = event_rows(line % "2.4")
     assert row["notes"] == [EVENT_FORMAT.note("2.4")]
+
+
+HEARTBEATS = GOLDEN / "heartbeat-1" / "events.jsonl"
+
+
+def test_heartbeats_of_each_version_are_read() -> None:
+    row = event_rows(HEARTBEATS.read_text())[0]
+    assert [beat["sensor_id"] for beat in row["heartbeats"]] == ["WEST", "EAST", "WEST"]
+    assert "notes" not in row
+
+
+def test_heartbeats_of_later_versions_are_named() -> None:
+    text = HEARTBEATS.read_text()
+    later = '"schema_version":"%s","later_field":1,"record"'
+    stated = '"schema_version":"1.0","record"'
+    assert text.count(stated) == 3
+    with pytest.raises(BadFileError, match=r"line 3: schema_version: of heartbeat version 2\.0"):
+        event_rows(text.replace(stated, later % "2.0"))
+    row = event_rows(text.replace(stated, later % "1.4"))[0]
+    assert row["notes"] == [HEARTBEAT_FORMAT.note("1.4")]
+    assert len(row["heartbeats"]) == 3
+
+
+def test_the_schema_of_heartbeats_is_open_and_keeps_what_it_asked_for() -> None:
+    frozen = json.loads((GOLDEN / "heartbeat-1.0.schema.json").read_text(encoding="utf-8"))
+    (beat, *_) = [line for line in json_lines(HEARTBEATS) if line.get("record") == "heartbeat"]
+    written = json.loads(Heartbeats((stub_sensor(),), 0, 1.0).until(1.0))
+    for document in (frozen, heartbeat_schema()):
+        assert not _errors(document, {**beat, "later_field": 1, "schema_version": "1.7"})
+        assert not _errors(document, written)
+        assert _errors(document, {"record": "heartbeat"})

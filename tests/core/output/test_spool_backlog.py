@@ -91,7 +91,7 @@ def test_the_file_stays_within_its_bound(tmp_path: Path) -> None:
             put_for_ever(journal, batch)
         assert path.stat().st_size < 2.2 * MIB
         assert (tmp_path / "spool-wal").stat().st_size < 6 * MIB
-    numbers = iter(lambda: journal.drop_oldest(0), 0)
+    numbers = iter(lambda: journal.drop_oldest(0), None)
     assert sum(numbers) > 1000
     journal.put(parcel)
     journal.close()

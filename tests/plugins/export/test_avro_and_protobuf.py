@@ -2,24 +2,30 @@
 
 import json
 from datetime import UTC, datetime
+from errno import ENOSPC
+from functools import cache
 from io import BytesIO
 from uuid import UUID
 
 import fastavro
 import numpy as np
 import pytest
+from command_line import run_command
 from file_sinks import sink
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from json_lines import json_lines
 from opir_export.encoders import avro, event_fields, protobuf
 from opir_testing import EncoderContract, stub_window
 from opir_testing.contracts.outputs import edge_case_windows
+from repository import DATA, EXAMPLES
 
+from opir_core.builtin import sinks
 from opir_core.builtin.sinks import LineFile
 from opir_core.errors import ModelError, PluginError, SinkError
 from opir_core.interfaces.records import Batch
 from opir_core.output import binary_body, detection_schema, framed_messages
 from opir_core.output.spool.batches import EncodedBatcher
-from opir_core.plugin import EventEncoder, Host
+from opir_core.plugin import Delivery, EventEncoder, Host
 
 SCHEMA = fastavro.parse_schema(avro.avro_schema())
 
@@ -203,12 +209,119 @@ def test_binary_messages_keep_their_bounds_whatever_bytes_they_have():
 
 
 def test_an_incomplete_message_is_removed_from_the_end_of_a_file(tmp_path):
-    path = tmp_path / "events.avro"
-    whole = AVRO.encode(stub_window(3))
+    path = tmp_path / "events.pb"
+    whole = PROTOBUF.encode(stub_window(3))
     for torn in (b"", b"\0", b"\0\0\0\x99abc", b"\0" * 4096):
         path.write_bytes(whole + torn)
-        LineFile(str(path), AVRO, appends=True).close()
+        LineFile(str(path), PROTOBUF, appends=True).close()
         assert path.read_bytes() == whole
+
+
+def records_of(content):
+    """Return the events of an Avro object container file, as JSON has them."""
+    return [json_value(record) for record in fastavro.reader(BytesIO(content))]
+
+
+@cache
+def avro_file():
+    """Return the blocks of a file, after its head, and the events of each."""
+    container = AVRO.container
+    pieces = [window(count, 10 * count) for count in (3, 1, 40)]
+    blocks = [container.block(AVRO.encode(piece)) for piece in pieces]
+    events = [[json.loads(line) for line in FORGE.encode(piece).splitlines()] for piece in pieces]
+    return [container.head, *blocks], events
+
+
+def window(count, first_scan):
+    return stub_window(count, first_scan=first_scan)
+
+
+def with_absent(events):
+    return [{**dict.fromkeys(("path", "type_probability")), **event} for event in events]
+
+
+def test_a_run_writes_an_avro_container_with_the_events_of_forge(tmp_path):
+    runs = {}
+    for name, encoder, workers in (("j", "forge", 1), ("a", "avro", 1), ("b", "avro", 2)):
+        path = tmp_path / f"{name}.avro"
+        words = (
+            f"run {{}} -q --workers {workers} --out {path} --set outputs[0].jsonl.encoder={encoder}"
+        )
+        run_command(words, EXAMPLES / "first_light.yaml")
+        runs[name] = path.read_bytes()
+    events = [json.loads(line) for line in runs["j"].splitlines()]
+    assert runs["a"][:4] == b"Obj\x01"
+    assert records_of(runs["a"]) == with_absent(events)
+    assert len(events) == 750
+    assert len(runs["a"]) / len(events) <= 160
+    assert records_of(runs["b"]) == records_of(runs["a"])
+
+
+def test_a_file_of_a_released_version_is_read_with_the_schema_of_today():
+    """`tests/data/formats` is never renewed: its schema is in it, ours is the reader's."""
+    golden = DATA / "formats"
+    events = json_lines(golden / "run-2" / "events.jsonl")
+    content = (golden / "avro-2" / "events.avro").read_bytes()
+    records = [json_value(record) for record in fastavro.reader(BytesIO(content), SCHEMA)]
+    assert records == with_absent(events)
+    older = avro.avro_schema()
+    older["fields"] = older["fields"][:-2]
+    today = AVRO.container.head + AVRO.container.block(AVRO.encode(stub_window(3)))
+    assert [record["confidence"] for record in fastavro.reader(BytesIO(today), older)]
+
+
+def test_a_container_that_was_cut_anywhere_goes_on_after_its_last_whole_block(tmp_path):
+    path = tmp_path / "events.avro"
+    pieces, events = avro_file()
+    ends = np.cumsum(list(map(len, pieces))).tolist()
+    content = b"".join(pieces)
+    cuts = {*range(0, len(content), 211), *ends, *(end - 1 for end in ends), ends[0] + 1}
+    for cut in sorted(cuts):
+        for torn in (content[:cut], content[:cut] + b"\0" * 100):
+            path.write_bytes(torn)
+            out = LineFile(str(path), AVRO, appends=True)
+            out.write(window(2, 900))
+            assert out.close() == Delivery(delivered=2)
+            blocks = sum(end <= cut for end in ends[1:])
+            expected = [event for block in events[:blocks] for event in block]
+            records = records_of(path.read_bytes())
+            assert records[:-2] == with_absent(expected)
+            assert len(records) == len(expected) + 2
+
+
+def test_a_block_that_the_disk_takes_in_part_is_removed_and_counted_as_lost(tmp_path, monkeypatch):
+    pieces, events = avro_file()
+    real = sinks._written
+    room = [sum(map(len, pieces[:3])) + 9]
+
+    def short(descriptor, lines):
+        taken = real(descriptor, lines[: room[0]]) if room[0] else 0
+        if not taken:
+            raise OSError(ENOSPC, "no space")
+        room[0] -= taken
+        return taken
+
+    monkeypatch.setattr(sinks, "_written", short)
+    path = tmp_path / "events.avro"
+    out = LineFile(str(path), AVRO)
+    out.write(window(3, 30))
+    out.write(window(1, 10))
+    with pytest.raises(SinkError, match="after 4 events were delivered"):
+        out.write(window(40, 400))
+    assert out.close() == Delivery(delivered=4, dropped=40)
+    assert path.read_bytes() == b"".join(pieces[:3])
+    assert records_of(path.read_bytes()) == with_absent([*events[0], *events[1]])
+
+
+def test_events_do_not_follow_those_of_another_schema(tmp_path):
+    path = tmp_path / "events.avro"
+    schema = {"type": "record", "name": "Other", "fields": [{"name": "x", "type": "long"}]}
+    with path.open("wb") as file:
+        fastavro.writer(file, schema, [{"x": 1}])
+    content = path.read_bytes()
+    with pytest.raises(SinkError, match=r"events.avro is no Avro file with this schema.*give ano"):
+        LineFile(str(path), AVRO, appends=True)
+    assert path.read_bytes() == content
 
 
 @pytest.mark.parametrize("encoder", [AVRO, PROTOBUF], ids=["avro", "protobuf"])

@@ -1,15 +1,20 @@
 """The `avro` encoder: the detection event in Avro's single-object encoding, and its schema.
 
 A message is C3 01, the fingerprint of the schema (CRC-64-AVRO), and the record
-(avro.apache.org/docs/1.12.0/specification, Single-object encoding).
+(avro.apache.org/docs/1.12.0/specification, Single-object encoding). A file is an object container
+file: a head with the schema, then blocks of records.
 """
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
+from hashlib import blake2b
 from io import BytesIO
-from typing import Any
+from typing import Any, BinaryIO
 
+from opir_core.errors import SinkError
+from opir_core.output import binary_body, framed_messages
 from opir_core.plugin import EncoderContext
 from opir_export.encoders.event_fields import (
     PRECISION,
@@ -48,6 +53,59 @@ class AvroEncoder(BinaryEncoder):
         stream.seek(len(header))
         write(stream, schema, values(event))
         return stream.getvalue()
+
+    @property
+    def container(self) -> "AvroContainer":
+        """The object container file."""
+        return AvroContainer()
+
+
+class AvroContainer:
+    """Avro's object container file, without compression.
+
+    The sync marker is a hash of the schema, so that a run that is repeated has the same bytes.
+    """
+
+    def __init__(self) -> None:
+        _, schema, header, _ = _parts()
+        self._avro = required_library("fastavro", "fastavro", "avro")
+        self._skipped = len(binary_body([header]))  # before the record of a message
+        self._sync = blake2b(json.dumps(schema).encode(), digest_size=16).digest()
+        stream = BytesIO()
+        self._avro.writer(stream, schema, [], sync_marker=self._sync)
+        self.head = stream.getvalue()
+
+    def block(self, body: bytes) -> bytes:
+        """Return the block of messages: their number, the length of the records, these, the sync
+        marker.
+        """
+        records = [message[self._skipped :] for message in framed_messages(body)]
+        data = b"".join(records)
+        return b"".join((self._long(len(records)), self._long(len(data)), data, self._sync))
+
+    def _long(self, value: int) -> bytes:
+        stream = BytesIO()
+        self._avro.schemaless_writer(stream, "long", value)
+        return stream.getvalue()
+
+    def whole(self, file: BinaryIO) -> int:
+        """Return how many bytes of a file its head and its whole blocks are; `SinkError` for a file
+        with another head.
+        """
+        head = file.read(len(self.head))
+        if head != self.head:
+            if self.head.startswith(head.rstrip(b"\0")):  # a power cut leaves zeros
+                return 0
+            raise SinkError(
+                f"avro: {file.name} is no Avro file with this schema, and no events can follow what"
+                f" it has; give another path"
+            )
+        file.seek(0)
+        end = len(head)
+        with suppress(Exception):  # whatever fastavro raises: the next block is not whole
+            for block in self._avro.block_reader(file):
+                end = block.offset + block.size
+        return end
 
 
 def avro_schema_text() -> str:

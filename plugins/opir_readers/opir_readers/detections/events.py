@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from opir_core.plugin import BadFileError
-from opir_core.reading import EVENT_FORMAT
+from opir_core.reading import EVENT_FORMAT, HEARTBEAT_FORMAT, Format
 from opir_readers.detections.heartbeats import HEARTBEAT, HEARTBEATS, is_heartbeat
 from opir_readers.detections.numbers import NOTES, Row, Rows
 
@@ -56,26 +56,27 @@ def event_rows(text: str) -> Rows:
     """Return the detections of a text; raises `BadFileError` with the line of another value."""
     values = list(_values(text))
     events = [(value, line) for value, line in values if not is_heartbeat(value)]
-    notes = _version_notes(events)
+    of_beats = [(value, line) for value, line in values if is_heartbeat(value)]
+    notes = _version_notes(events, EVENT_FORMAT) + _version_notes(of_beats, HEARTBEAT_FORMAT)
     rows = [_row(value, line) for value, line in events]
     if not rows:
         raise BadFileError("has no detection")
-    beats = [{**value, "line": line} for value, line in values if is_heartbeat(value)]
+    beats = [{**value, "line": line} for value, line in of_beats]
     beside = {**({HEARTBEATS: beats} if beats else {}), **({NOTES: notes} if notes else {})}
     return [{**rows[0], **beside}, *rows[1:]] if beside else rows
 
 
-def _version_notes(values: Sequence[tuple[Any, int | None]]) -> list[str]:
-    """Return what there is to say of the versions of events; `BadFileError` for one not read."""
+def _version_notes(values: Sequence[tuple[Any, int | None]], kind: Format) -> list[str]:
+    """Return what there is to say of the versions of a format; `BadFileError` for one not read."""
     stated = dict[str, int | None]()
     for value, line in values:
         version = value.get("schema_version") if isinstance(value, dict) else None
         if version is not None:
             stated.setdefault(str(version), line)
     for version, line in stated.items():
-        if refusal := EVENT_FORMAT.refusal(version):
+        if refusal := kind.refusal(version):
             raise BadFileError(f"{_place(line)}schema_version: {refusal}")
-    return [note for version in stated if (note := EVENT_FORMAT.note(version))]
+    return [note for version in stated if (note := kind.note(version))]
 
 
 def _values(text: str) -> Iterator[tuple[Any, int | None]]:
