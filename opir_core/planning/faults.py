@@ -7,10 +7,10 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.sensors import Spans
+from opir_core.interfaces.sensors import Spans, spans_without
 from opir_core.planning.sensor_states import turned
 from opir_core.random_streams.philox import failure_spans_s, stream_key
-from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, SensorFault
+from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, STUCK, SensorFault
 from opir_core.scene.scene import Scene
 
 #: The purpose of the streams of faults at random.
@@ -40,8 +40,26 @@ class SensorFaults(NamedTuple):
         """
         for _, fault in self.faults:
             if fault.sensor == sensor and fault.fault == DOWN:
-                spans = _without(((0.0, duration_s),) if spans is None else spans, fault)
+                whole = ((0.0, duration_s),) if spans is None else spans
+                spans = spans_without(whole, fault.at_s, fault.end_s)
         return spans
+
+    def partial_s(self, sensor: str, duration_s: float) -> Spans:
+        """Return the spans in which the scan of the sensor of an id is stuck."""
+        spans = tuple(
+            (fault.at_s, min(fault.end_s, duration_s))
+            for _, fault in self.faults
+            if fault.sensor == sensor and fault.fault == STUCK
+        )
+        return tuple(span for span in spans if span[0] < span[1])
+
+    def stuck(self, sensor: IndexArray, time_s: FloatArray) -> Iterator[tuple[float, IntArray]]:
+        """Yield since when scans are stuck, with the rows (n,) of sensors and times of which that
+        is.
+        """
+        for fault, rows in self._in_force(STUCK, sensor, time_s):
+            if len(rows):
+                yield fault.at_s, rows
 
     def is_blind(self, sensor: IndexArray, time_s: FloatArray) -> BoolArray:
         """Return which sensors (n,) see nothing at times (n,)."""
@@ -110,13 +128,3 @@ def _drawn(scene: Scene, number: int, fault: SensorFault) -> list[SensorFault]:
         for start_s, until_s in spans_s.tolist()
         if start_s < until_s
     ]
-
-
-def _without(spans: Spans, fault: SensorFault) -> Spans:
-    """Return spans without the time of a fault."""
-    pieces = [
-        piece
-        for start_s, end_s in spans
-        for piece in ((start_s, min(end_s, fault.at_s)), (max(start_s, fault.end_s), end_s))
-    ]
-    return tuple((start_s, end_s) for start_s, end_s in pieces if start_s < end_s)

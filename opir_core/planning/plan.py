@@ -25,6 +25,7 @@ from opir_core.interfaces.contexts import (
     TrackerContext,
 )
 from opir_core.interfaces.detection_models import DetectionProbability
+from opir_core.interfaces.records import CommandRecord
 from opir_core.interfaces.sensors import Sensor
 from opir_core.interfaces.trackers import Tracker
 from opir_core.interfaces.trajectories import Trajectories
@@ -38,8 +39,15 @@ from opir_core.planning.built_parts import (
     trajectories_fault,
 )
 from opir_core.planning.looks import LookGeometry
-from opir_core.planning.optional_parts import director_maker_of, faults_of, network, watching
+from opir_core.planning.optional_parts import (
+    director_maker_of,
+    faults_of,
+    network,
+    require_scans,
+    watching,
+)
 from opir_core.planning.pair_compiler import PairCompiler
+from opir_core.planning.partial_looks import stated_sensors
 from opir_core.planning.reported_types import (
     offered_hypotheses,
     paper_codes,
@@ -192,11 +200,13 @@ class Plan(PlanParts):
         is_paper = self.reported_types == REPORTED_TYPES
         return None if is_paper else paper_codes(self.reported_types, self.host)
 
-    def tracker_sensors(self) -> tuple[Sensor, ...]:
+    def tracker_sensors(self, commands: Sequence[CommandRecord] = ()) -> tuple[Sensor, ...]:
         """Return the sensors as trackers know them: with the confusion matrices, over
-        `REPORTED_TYPES`, by which the classifier reports.
+        `REPORTED_TYPES`, by which the classifier reports, and the spans in which they look at their
+        whole field of regard after `commands`.
         """
-        return sensors_of_trackers(self.sensors, self.scene.classification, self.host)
+        sensors = stated_sensors(self.sensors, commands, self.end_ns / 1e9)
+        return sensors_of_trackers(sensors, self.scene.classification, self.host)
 
     def look_geometry(self) -> LookGeometry:
         """Return the geometry of the plan's looks."""
@@ -321,6 +331,8 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
             sensor = _sensor(host, choice.model, context)
             built_sensors.append(watching(sensor, scene, faults))
     sensors = tuple(built_sensors)
+    with problems.of("faults"):
+        require_scans(scene, sensors)
     launches = _launches(scene, host, sensors, problems)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
@@ -437,8 +449,9 @@ def _tracker_context(
     """Return the context of a scene's trackers."""
     rates = detection.rate_per_scan
     rules = detection.confirmation
+    stated = stated_sensors(sensors, (), scene.duration_s)
     return TrackerContext(
-        sensors=sensors_of_trackers(sensors, scene.classification, host),
+        sensors=sensors_of_trackers(stated, scene.classification, host),
         epoch_us=scene.epoch_us,
         duration_s=scene.duration_s,
         forces=_forces(scene),

@@ -28,6 +28,7 @@ from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarm
 from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_core.simulation.measurement import Classification, classifier_inputs
 from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
+from opir_core.simulation.probability import stuck_scans_of
 
 if TYPE_CHECKING:
     from opir_core.simulation.pointing import PointedFields
@@ -122,6 +123,7 @@ class FalseAlarmGenerator:
         }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._faults = plan.faults
+        self._stuck = stuck_scans_of(plan, fields)
         self._fields = fields
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
@@ -169,6 +171,8 @@ class FalseAlarmGenerator:
         is_seen = np.ones(len(time_s), dtype=np.bool_)
         if self._faults is not None:
             is_seen &= ~self._faults.is_blind(sensor, time_s)
+        if self._stuck is not None:
+            is_seen &= self._stuck.is_seen(sensor, placed.sensor_ecef_m, ahead_m, time_s)
         tests: list[tuple[int, Callable[..., BoolArray]]] = [
             *((number, _watching(each)) for number, each in self._watched.items()),
             *((number, each.is_clear) for number, each in self._exclusions.items()),
