@@ -446,13 +446,10 @@ class LiveRun:
         try:
             if self.changes_file is not None:
                 self.changes_file.end(self._counts.time_ns)
-        except SinkError as error:
-            warn(f"{error}; the end of the run is not in it")
-        try:
             with self.commands_file or nullcontext():
                 pass
         except SinkError as error:
-            warn(str(error))
+            warn(f"{error}; the end of the run is not in it")
 
     def _record_commands(self, commands: Sequence[CommandRecord]) -> None:
         """Write what became of commands; a file that takes no more is left as it is."""

@@ -1,13 +1,14 @@
 """The faults of a plan's sensors: what they look at, and by how much their measurements are off."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.sensors import Spans, spans_without
+from opir_core.errors import Problem, SceneError
+from opir_core.interfaces.sensors import Sensor, Spans, spans_without
 from opir_core.planning.sensor_states import turned
 from opir_core.random_streams.philox import failure_spans_s, stream_key
 from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, STUCK, SensorFault
@@ -33,6 +34,24 @@ class SensorFaults(NamedTuple):
                 for each in _drawn(scene, number, fault)
             )
         )
+
+    def require_scans(self, scene: Scene, sensors: Sequence[Sensor]) -> None:
+        """Raise `SceneError` for scans that are stuck of sensors that have none and are not
+        pointed.
+        """
+        by_id = {sensor.id: sensor for sensor in sensors}
+        problems = [
+            Problem(
+                f"faults[{number}].fault",
+                f"{fault.sensor} has no scan that could be stuck: it stares, or its scan_phase is"
+                " aligned, so that it looks everywhere at once",
+            )
+            for number, fault in enumerate(scene.faults)
+            if fault.fault == STUCK and (sensor := by_id.get(fault.sensor)) is not None
+            if sensor.pointing is None and not can_stick(sensor)
+        ]
+        if problems:
+            raise SceneError(problems)
 
     def watched_s(self, sensor: str, spans: Spans | None, duration_s: float) -> Spans | None:
         """Return the spans in which the sensor of an id looks while it is not down, of those in
@@ -110,6 +129,12 @@ class SensorFaults(NamedTuple):
             if fault.fault == name:
                 is_late = (time_s >= fault.at_s) & (time_s < fault.end_s)
                 yield fault, np.flatnonzero((sensor == number) & is_late)
+
+
+def can_stick(sensor: Sensor) -> bool:
+    """Whether the scan of a sensor looks at one place after the other."""
+    scan = sensor.scan
+    return hasattr(scan, "is_stuck_on") and not getattr(scan, "is_staring", False)
 
 
 def _drawn(scene: Scene, number: int, fault: SensorFault) -> list[SensorFault]:

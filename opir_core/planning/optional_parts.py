@@ -38,15 +38,6 @@ def watching(sensor: Sensor, scene: Scene, faults: "SensorFaults | None") -> Sen
     return evolve(sensor, watched_s=watched_s, partial_s=partial_s)
 
 
-def require_scans(scene: Scene, sensors: tuple[Sensor, ...]) -> None:
-    """Raise `SceneError` for scans that are stuck of sensors that have none."""
-    if not scene.faults:
-        return
-    from opir_core.planning.stuck_scans import require_scans_of
-
-    require_scans_of(scene.faults, sensors)
-
-
 def network(scene: Scene, sensors: tuple[Sensor, ...]) -> "Network | None":
     """Return the links of a scene; None without any."""
     if scene.links is None:

@@ -39,13 +39,7 @@ from opir_core.planning.built_parts import (
     trajectories_fault,
 )
 from opir_core.planning.looks import LookGeometry
-from opir_core.planning.optional_parts import (
-    director_maker_of,
-    faults_of,
-    network,
-    require_scans,
-    watching,
-)
+from opir_core.planning.optional_parts import director_maker_of, faults_of, network, watching
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.partial_looks import stated_sensors
 from opir_core.planning.reported_types import (
@@ -54,12 +48,11 @@ from opir_core.planning.reported_types import (
     reported_types,
     sensors_of_trackers,
 )
-from opir_core.planning.sensor_states import PointingBias, SensorStates
+from opir_core.planning.sensor_states import PointingBias, SensorStates, scan_starts
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.work import Workload
-from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.fields import LIGHT
 from opir_core.scene.hypotheses import Hypothesis
 from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
@@ -331,8 +324,9 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
             sensor = _sensor(host, choice.model, context)
             built_sensors.append(watching(sensor, scene, faults))
     sensors = tuple(built_sensors)
-    with problems.of("faults"):
-        require_scans(scene, sensors)
+    if faults is not None:
+        with problems.of("faults"):
+            faults.require_scans(scene, sensors)
     launches = _launches(scene, host, sensors, problems)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
@@ -360,12 +354,6 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         sources=sources,
         reported_types=reported_types(scene, host),
     )
-
-
-def scan_starts(seed: int, sensors: Sequence[Sensor]) -> list[float]:
-    """Return the random numbers in [0, 1) of sensors' scan patterns with a random start."""
-    streams = (Stream(stream_key(seed, sensor.id, "scan-phase")) for sensor in sensors)
-    return [float(uniforms_of(stream.words(0, 1))[0]) for stream in streams]
 
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:

@@ -8,6 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.doors import deferred
 from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_s
 from opir_core.planning.plan import Plan
@@ -158,11 +159,10 @@ class PointingTest:
 
 def stuck_scans_of(plan: Plan, fields: "PointedFields | None") -> "StuckScans | None":
     """Return the scans of a plan's sensors that are stuck at times; None without any."""
-    if plan.faults is None:
-        return None
-    from opir_core.simulation.stuck_looks import StuckScans
-
-    return StuckScans.of(plan, plan.faults, fields)
+    stuck: StuckScans | None = None
+    if plan.faults is not None:
+        stuck = deferred("opir_core.simulation.stuck_looks.stuck_scans")(plan, fields)
+    return stuck
 
 
 def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":

@@ -7,10 +7,10 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.sensors import Sensor
-from opir_core.planning.faults import SensorFaults
+from opir_core.planning.faults import SensorFaults, can_stick
 from opir_core.planning.looks import LookGeometry, blocks, look_times_s
-from opir_core.planning.plan import Plan, scan_starts
-from opir_core.planning.stuck_scans import can_stick
+from opir_core.planning.plan import Plan
+from opir_core.planning.sensor_states import scan_starts
 from opir_core.scene.faults import STUCK
 
 if TYPE_CHECKING:
@@ -94,3 +94,8 @@ class StuckScans:
         width_rad = 0.0 if sensor.radiometer is None else sensor.radiometer.ifov_rad
         seen: BoolArray = scan.is_stuck_on(sensor_ecef_m, point_ecef_m, turn, width_rad)
         return seen
+
+
+def stuck_scans(plan: Plan, fields: "PointedFields | None") -> StuckScans | None:
+    """Return the scans of a plan's sensors that are stuck at times; None without any."""
+    return None if plan.faults is None else StuckScans.of(plan, plan.faults, fields)
