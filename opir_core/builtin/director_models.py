@@ -106,6 +106,12 @@ class InformationConfig:
         help="density of the acceleration that widens a track between its last tick and the"
         " decision",
     )
+    modes: tuple[str, ...] = nested(
+        default=(),
+        source="none: sensors stay in their modes",
+        help="modes among which it chooses by the gain; sensors without any of them stay as they"
+        " are",
+    )
     least_probability_launch: float = _least_probability_launch()
 
 

@@ -200,7 +200,7 @@ def _mode_in(sensor: Sensor, mode: str) -> str:
     return mode if mode in sensor.modes else ""
 
 
-def _require_mode(setting: str, mode: str, context: DirectorContext) -> None:
+def require_mode(setting: str, mode: str, context: DirectorContext) -> None:
     """Raise `SceneError` if no sensor has the mode of a setting."""
     known = {name for sensor in context.sensors for name in sensor.modes}
     if mode and mode not in known:
@@ -215,12 +215,12 @@ def operator(_config: NoConfig, _context: DirectorContext) -> Operator:
 
 def round_robin(config: RoundRobinConfig, context: DirectorContext) -> RoundRobin:
     """Return the director `round-robin`; raises `SceneError` if no sensor has its mode."""
-    _require_mode("mode", config.mode, context)
+    require_mode("mode", config.mode, context)
     return RoundRobin(config)
 
 
 def cue(config: CueConfig, context: DirectorContext) -> Cue:
     """Return the director `cue`; raises `SceneError` if no sensor has one of its modes."""
-    _require_mode("mode", config.mode, context)
-    _require_mode("search_mode", config.search_mode, context)
+    require_mode("mode", config.mode, context)
+    require_mode("search_mode", config.search_mode, context)
     return Cue(config)

@@ -168,6 +168,7 @@ class LineFile(Sink):
             self._withheld += withheld
             self._write_lines(lines, events)
         if self._heartbeats is not None:
+            self._heartbeats.steering.take(window.commands)
             self._write_lines(self._heartbeats.until(window.end_s), 0)
 
     def sync(self) -> None:

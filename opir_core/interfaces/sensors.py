@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
@@ -12,6 +12,16 @@ from opir_core.notebook import html_view
 
 #: Spans of time, s: start and end of each, in order.
 Spans = tuple[tuple[float, float], ...]
+
+
+def spans_without(spans: Spans, from_s: float, until_s: float) -> Spans:
+    """Return spans without what lies between two times."""
+    pieces = [
+        piece
+        for start_s, end_s in spans
+        for piece in ((start_s, min(end_s, from_s)), (max(start_s, until_s), end_s))
+    ]
+    return tuple((start_s, end_s) for start_s, end_s in pieces if start_s < end_s)
 
 
 @frozen
@@ -153,8 +163,9 @@ class Sensor:
     follows its looks by the sum of the latencies of `reporting`; without stages, at once.
 
     `watched_s` are the spans of scene time in which it looks, in order; None for all of it. That
-    nothing was detected outside of them says nothing. A sensor with `pointing` looks only where it
-    is pointed, which its field of regard bounds; `modes` are, by name, what it is in each of its
+    nothing was detected outside of them says nothing, nor in `partial_s`, the spans in which it
+    looks at a part of its field of regard alone. A sensor with `pointing` looks only where it is
+    pointed, which its field of regard bounds; `modes` are, by name, what it is in each of its
     modes.
     """
 
@@ -177,6 +188,7 @@ class Sensor:
     radiometer: Radiometer | None = None
     reporting: tuple[ReportingStage, ...] = ()
     watched_s: Spans | None = None
+    partial_s: Spans = ()
     pointing: Pointing | None = None
     modes: "Mapping[str, Sensor]" = field(factory=dict)
     settings: Mapping[str, Any] = field(factory=dict)
@@ -191,6 +203,25 @@ class Sensor:
         return html_view(
             self, ("setting", "value"), list(self.settings.items()), len(self.settings)
         )
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether its field does not hold its whole field of regard wherever it is pointed."""
+        if self.pointing is None:
+            return False
+        whole_rad = min(2.0 * self.field_of_regard_half_angle_rad, np.pi)
+        return self.pointing.half_angle_rad < whole_rad
+
+    def stated(self, end_s: float) -> "Sensor":
+        """Return the sensor with the spans in which it looks at its whole field of regard, of a
+        scene that ends at a time.
+        """
+        if not self.partial_s:
+            return self
+        spans = self.spans_until_s(end_s)
+        for from_s, until_s in self.partial_s:
+            spans = spans_without(spans, from_s, until_s)
+        return evolve(self, watched_s=spans, partial_s=())
 
     def spans_until_s(self, end_s: float) -> Spans:
         """Return the spans in which it looks of a scene that ends at a time."""

@@ -6,8 +6,9 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from attrs import asdict, evolve, frozen
 
@@ -47,6 +48,9 @@ from opir_core.scene.scene import WAIT, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.report_order import ReportOrder, quiet_window
 from opir_core.simulation.run import LOOKS_PER_WINDOW
+
+if TYPE_CHECKING:
+    from opir_core.output.run_files import CommandsFile
 
 
 @frozen(eq=False)
@@ -116,6 +120,8 @@ class LiveRun:
         self.on_window = on_window
         #: Where its changes are recorded, if they are: set before the start.
         self.changes_file: ChangesRecord | None = None
+        #: Where what became of commands to sensors is written, if it is: set before the start.
+        self.commands_file: CommandsFile | None = None
         #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always
         #: belong together.
         plan = evolve(compile_plan(scene, host), on_tracker_error=self._end_tracker)
@@ -437,11 +443,22 @@ class LiveRun:
             self._state = "failed"
         for _, answer in self._changes.pending():
             answer.set_exception(RefusedError(f"the run has {self._state}"))
-        if self.changes_file is not None:
-            try:
+        try:
+            if self.changes_file is not None:
                 self.changes_file.end(self._counts.time_ns)
+            with self.commands_file or nullcontext():
+                pass
+        except SinkError as error:
+            warn(f"{error}; the end of the run is not in it")
+
+    def _record_commands(self, commands: Sequence[CommandRecord]) -> None:
+        """Write what became of commands; a file that takes no more is left as it is."""
+        if self.commands_file is not None and commands:
+            try:
+                self.commands_file.write(commands)
             except SinkError as error:
-                warn(f"{error}; the end of the run is not in it")
+                warn(f"{error}; further commands are not written")
+                self.commands_file = None
 
     def _cycle(self) -> bool:
         """Run one cycle; return whether there is another."""
@@ -459,6 +476,7 @@ class LiveRun:
             window = self._reports.take(self._observed(edge_ns), edge_ns)
             self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
             self._write(window)
+            self._record_commands(window.commands)
             self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / 1_000_000_000
         if self.settings.slows:

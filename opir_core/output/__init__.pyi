@@ -71,6 +71,7 @@ from opir_core.output.pump import (
     SinkReport as SinkReport,
 )
 from opir_core.output.run_files import (
+    CommandsFile as CommandsFile,
     TruthFile as TruthFile,
 )
 from opir_core.output.saved_runs import (

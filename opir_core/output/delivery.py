@@ -122,7 +122,10 @@ def deliver(
     except BaseException:
         files.abandon()
         raise
-    manifest = {**run_manifest(plan, tally.counts()), "sensor_health": tally.health}
+    manifest = {
+        **run_manifest(plan, tally.counts(), tally.steering.commands),
+        "sensor_health": tally.health,
+    }
     return _outcome(
         plan, tally, report, files, staged, {**manifest, "files": [*manifest["files"], *inputs]}
     )
@@ -187,7 +190,7 @@ def _recorded(
             if tracks is not None:
                 tracks.write(window.tracks)
             if commands is not None:
-                commands.write(window)
+                commands.write(window.commands)
             yield window
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from opir_core.interfaces.records import Batch
 from opir_core.interfaces.sensors import Sensor
 from opir_core.output.events.text import timestamp_text
+from opir_core.planning.partial_looks import Steering, stated_sensors
 from opir_core.reading.format_versions import HEARTBEAT_FORMAT
 
 VERSION = HEARTBEAT_FORMAT.version
@@ -41,6 +42,8 @@ class Heartbeats:
         self._every_s = every_s
         self._complete = 0
         self._end_s = 0.0
+        #: Takes what became of commands to sensors, before the lines of their time.
+        self.steering = Steering(sensors)
 
     def until(self, end_s: float) -> bytes:
         """Return the lines of the intervals that are complete at a time of the scene, s, and were
@@ -88,7 +91,7 @@ class Heartbeats:
 
     def _beats(self, start_s: float, end_s: float) -> Iterator[Heartbeat]:
         """Yield the heartbeats of an interval."""
-        for sensor in self._sensors:
+        for sensor in stated_sensors(self._sensors, self.steering.commands, end_s):
             for from_s, to_s in sensor.spans_until_s(end_s):
                 span_s = np.array([max(from_s, start_s), min(to_s, end_s)])
                 times_us = np.rint(span_s * 1e6).astype(np.int64) + self._epoch_us

@@ -7,7 +7,7 @@ for noise alone. The tracks file is in `opir_core.output.tracks_file`.
 
 import json
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from types import TracebackType
@@ -142,9 +142,9 @@ class CommandsFile(LinesFile):
 
     _kind = "the commands file"
 
-    def write(self, window: Window) -> None:
-        """Write the commands of a window."""
-        self._write([_command_row(record) for record in window.commands])
+    def write(self, commands: Iterable[CommandRecord]) -> None:
+        """Write what became of commands."""
+        self._write([_command_row(record) for record in commands])
 
 
 class _CommandLine(msgspec.Struct, gc=False):

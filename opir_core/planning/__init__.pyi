@@ -6,6 +6,10 @@ from opir_core.planning.looks import (
 from opir_core.planning.pair_compiler import (
     PairCompiler as PairCompiler,
 )
+from opir_core.planning.partial_looks import (
+    ModeSpan as ModeSpan,
+    mode_spans as mode_spans,
+)
 from opir_core.planning.plan import (
     drawn_bias as drawn_bias,
     whole_flights as whole_flights,

@@ -1,16 +1,17 @@
 """The faults of a plan's sensors: what they look at, and by how much their measurements are off."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.sensors import Spans
+from opir_core.errors import Problem, SceneError
+from opir_core.interfaces.sensors import Sensor, Spans, spans_without
 from opir_core.planning.sensor_states import turned
 from opir_core.random_streams.philox import failure_spans_s, stream_key
-from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, SensorFault
+from opir_core.scene.faults import BIAS, BLIND, CLOCK, DOWN, NOISE, STUCK, SensorFault
 from opir_core.scene.scene import Scene
 
 #: The purpose of the streams of faults at random.
@@ -34,14 +35,50 @@ class SensorFaults(NamedTuple):
             )
         )
 
+    def require_scans(self, scene: Scene, sensors: Sequence[Sensor]) -> None:
+        """Raise `SceneError` for scans that are stuck of sensors that have none and are not
+        pointed.
+        """
+        by_id = {sensor.id: sensor for sensor in sensors}
+        problems = [
+            Problem(
+                f"faults[{number}].fault",
+                f"{fault.sensor} has no scan that could be stuck: it stares, or its scan_phase is"
+                " aligned, so that it looks everywhere at once",
+            )
+            for number, fault in enumerate(scene.faults)
+            if fault.fault == STUCK and (sensor := by_id.get(fault.sensor)) is not None
+            if sensor.pointing is None and not can_stick(sensor)
+        ]
+        if problems:
+            raise SceneError(problems)
+
     def watched_s(self, sensor: str, spans: Spans | None, duration_s: float) -> Spans | None:
         """Return the spans in which the sensor of an id looks while it is not down, of those in
         which its scene has it look; None for throughout.
         """
         for _, fault in self.faults:
             if fault.sensor == sensor and fault.fault == DOWN:
-                spans = _without(((0.0, duration_s),) if spans is None else spans, fault)
+                whole = ((0.0, duration_s),) if spans is None else spans
+                spans = spans_without(whole, fault.at_s, fault.end_s)
         return spans
+
+    def partial_s(self, sensor: str, duration_s: float) -> Spans:
+        """Return the spans in which the scan of the sensor of an id is stuck."""
+        spans = tuple(
+            (fault.at_s, min(fault.end_s, duration_s))
+            for _, fault in self.faults
+            if fault.sensor == sensor and fault.fault == STUCK
+        )
+        return tuple(span for span in spans if span[0] < span[1])
+
+    def stuck(self, sensor: IndexArray, time_s: FloatArray) -> Iterator[tuple[float, IntArray]]:
+        """Yield since when scans are stuck, with the rows (n,) of sensors and times of which that
+        is.
+        """
+        for fault, rows in self._in_force(STUCK, sensor, time_s):
+            if len(rows):
+                yield fault.at_s, rows
 
     def is_blind(self, sensor: IndexArray, time_s: FloatArray) -> BoolArray:
         """Return which sensors (n,) see nothing at times (n,)."""
@@ -94,6 +131,12 @@ class SensorFaults(NamedTuple):
                 yield fault, np.flatnonzero((sensor == number) & is_late)
 
 
+def can_stick(sensor: Sensor) -> bool:
+    """Whether the scan of a sensor looks at one place after the other."""
+    scan = sensor.scan
+    return hasattr(scan, "is_stuck_on") and not getattr(scan, "is_staring", False)
+
+
 def _drawn(scene: Scene, number: int, fault: SensorFault) -> list[SensorFault]:
     if fault.mtbf_s is None or fault.mttr_s is None:
         return [fault]
@@ -110,13 +153,3 @@ def _drawn(scene: Scene, number: int, fault: SensorFault) -> list[SensorFault]:
         for start_s, until_s in spans_s.tolist()
         if start_s < until_s
     ]
-
-
-def _without(spans: Spans, fault: SensorFault) -> Spans:
-    """Return spans without the time of a fault."""
-    pieces = [
-        piece
-        for start_s, end_s in spans
-        for piece in ((start_s, min(end_s, fault.at_s)), (max(start_s, fault.end_s), end_s))
-    ]
-    return tuple((start_s, end_s) for start_s, end_s in pieces if start_s < end_s)

@@ -25,11 +25,17 @@ def faults_of(scene: Scene) -> "SensorFaults | None":
 
 
 def watching(sensor: Sensor, scene: Scene, faults: "SensorFaults | None") -> Sensor:
-    """Return a sensor with the spans in which it looks by its scene, where it does not throughout."""
+    """Return a sensor with the spans in which it looks by its scene, where it does not throughout,
+    and those in which it looks at a part of its field of regard.
+    """
     watched_s = scene.watched_s.get(sensor.id, sensor.watched_s)
+    partial_s = sensor.partial_s
     if faults is not None:
         watched_s = faults.watched_s(sensor.id, watched_s, scene.duration_s)
-    return sensor if watched_s is None else evolve(sensor, watched_s=watched_s)
+        partial_s = faults.partial_s(sensor.id, scene.duration_s)
+    if watched_s is None and not partial_s:
+        return sensor
+    return evolve(sensor, watched_s=watched_s, partial_s=partial_s)
 
 
 def network(scene: Scene, sensors: tuple[Sensor, ...]) -> "Network | None":

@@ -25,6 +25,7 @@ from opir_core.interfaces.contexts import (
     TrackerContext,
 )
 from opir_core.interfaces.detection_models import DetectionProbability
+from opir_core.interfaces.records import CommandRecord
 from opir_core.interfaces.sensors import Sensor
 from opir_core.interfaces.trackers import Tracker
 from opir_core.interfaces.trajectories import Trajectories
@@ -40,18 +41,18 @@ from opir_core.planning.built_parts import (
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.optional_parts import director_maker_of, faults_of, network, watching
 from opir_core.planning.pair_compiler import PairCompiler
+from opir_core.planning.partial_looks import stated_sensors
 from opir_core.planning.reported_types import (
     offered_hypotheses,
     paper_codes,
     reported_types,
     sensors_of_trackers,
 )
-from opir_core.planning.sensor_states import PointingBias, SensorStates
+from opir_core.planning.sensor_states import PointingBias, SensorStates, scan_starts
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.work import Workload
-from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.fields import LIGHT
 from opir_core.scene.hypotheses import Hypothesis
 from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
@@ -192,11 +193,13 @@ class Plan(PlanParts):
         is_paper = self.reported_types == REPORTED_TYPES
         return None if is_paper else paper_codes(self.reported_types, self.host)
 
-    def tracker_sensors(self) -> tuple[Sensor, ...]:
+    def tracker_sensors(self, commands: Sequence[CommandRecord] = ()) -> tuple[Sensor, ...]:
         """Return the sensors as trackers know them: with the confusion matrices, over
-        `REPORTED_TYPES`, by which the classifier reports.
+        `REPORTED_TYPES`, by which the classifier reports, and the spans in which they look at their
+        whole field of regard after `commands`.
         """
-        return sensors_of_trackers(self.sensors, self.scene.classification, self.host)
+        sensors = stated_sensors(self.sensors, commands, self.end_ns / 1e9)
+        return sensors_of_trackers(sensors, self.scene.classification, self.host)
 
     def look_geometry(self) -> LookGeometry:
         """Return the geometry of the plan's looks."""
@@ -321,6 +324,9 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
             sensor = _sensor(host, choice.model, context)
             built_sensors.append(watching(sensor, scene, faults))
     sensors = tuple(built_sensors)
+    if faults is not None:
+        with problems.of("faults"):
+            faults.require_scans(scene, sensors)
     launches = _launches(scene, host, sensors, problems)
     sources = tuple["Sources", ...]()
     with problems.of("sources"):
@@ -348,12 +354,6 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         sources=sources,
         reported_types=reported_types(scene, host),
     )
-
-
-def scan_starts(seed: int, sensors: Sequence[Sensor]) -> list[float]:
-    """Return the random numbers in [0, 1) of sensors' scan patterns with a random start."""
-    streams = (Stream(stream_key(seed, sensor.id, "scan-phase")) for sensor in sensors)
-    return [float(uniforms_of(stream.words(0, 1))[0]) for stream in streams]
 
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
@@ -437,8 +437,9 @@ def _tracker_context(
     """Return the context of a scene's trackers."""
     rates = detection.rate_per_scan
     rules = detection.confirmation
+    stated = stated_sensors(sensors, (), scene.duration_s)
     return TrackerContext(
-        sensors=sensors_of_trackers(sensors, scene.classification, host),
+        sensors=sensors_of_trackers(stated, scene.classification, host),
         epoch_us=scene.epoch_us,
         duration_s=scene.duration_s,
         forces=_forces(scene),

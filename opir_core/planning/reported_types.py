@@ -70,7 +70,7 @@ def sensors_of_trackers(
     Where the classifier does not report by these matrices, they say nothing of its reports: the
     sensors have none.
     """
-    sensors = [evolve(each, watched_s=()) if each.pointing else each for each in sensors]
+    sensors = [evolve(each, watched_s=()) if each.is_narrow else each for each in sensors]
     classifier = host.component(classification.hook, classification.name)
     subjects = classifier.subjects_read(classification.config)
     if subjects is not None and CONFUSION not in subjects:

@@ -8,7 +8,7 @@ from attrs import frozen
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import local_axes
 from opir_core.interfaces.sensors import Sensor
-from opir_core.random_streams.philox import Stream, normal_pairs, stream_key
+from opir_core.random_streams.philox import Stream, normal_pairs, stream_key, uniforms_of
 
 #: The purpose of a sensor's stream for its pointing bias.
 STREAM = "line-of-sight-bias"
@@ -116,3 +116,9 @@ class SensorStates:
             rows = np.flatnonzero(sensor == number)
             positions[rows] = self.sensors[number].orbit.position_ecef_m(time_s[rows])
         return positions
+
+
+def scan_starts(seed: int, sensors: Sequence[Sensor]) -> list[float]:
+    """Return the random numbers in [0, 1) of sensors' scan patterns with a random start."""
+    streams = (Stream(stream_key(seed, sensor.id, "scan-phase")) for sensor in sensors)
+    return [float(uniforms_of(stream.words(0, 1))[0]) for stream in streams]

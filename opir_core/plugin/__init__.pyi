@@ -150,6 +150,7 @@ from opir_core.sensors.pointed_sensor import (
     ModeConfig as ModeConfig,
     PointedSensorConfig as PointedSensorConfig,
     PointingConfig as PointingConfig,
+    SteeredSensorConfig as SteeredSensorConfig,
 )
 from opir_core.sensors.reporting import (
     ReportingConfig as ReportingConfig,

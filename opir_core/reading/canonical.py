@@ -6,7 +6,7 @@ from hashlib import sha256
 from itertools import groupby
 from typing import Any
 
-from attrs import fields, has
+from attrs import fields, fields_dict, has
 
 from opir_core.reading.scene_schema import CHOICES, text_of_epoch_us
 from opir_core.scene.fields import alternatives
@@ -104,6 +104,11 @@ def _settings(config: Any) -> dict[str, Any]:
     kind: type = type(config)
     names = [attribute.name for attribute in fields(kind) if attribute.init]
     silent = {pair.plain for pair in alternatives(kind) if getattr(config, pair.other) is not None}
+    silent |= {
+        name
+        for name in getattr(kind, "unwritten", ())
+        if getattr(config, name) == fields_dict(kind)[name].default
+    }
     return {name: _plain(getattr(config, name)) for name in names if name not in silent}
 
 

@@ -7,7 +7,14 @@ from attrs import frozen
 
 from opir_core.scene.fields import number, text
 
-DOWN, BLIND, NOISE, BIAS, CLOCK = FAULTS = ("down", "blind", "noise", "bias", "clock")
+DOWN, BLIND, NOISE, BIAS, CLOCK, STUCK = FAULTS = (
+    "down",
+    "blind",
+    "noise",
+    "bias",
+    "clock",
+    "stuck-scan",
+)
 
 #: The settings that each fault reads, of which at least one is to be set.
 _SETTINGS = {
@@ -16,6 +23,7 @@ _SETTINGS = {
     NOISE: ("factor",),
     BIAS: ("east_urad", "north_urad"),
     CLOCK: ("offset_s",),
+    STUCK: (),
 }
 
 
@@ -42,7 +50,8 @@ class SensorFault:
     fault: str = text(
         help="down: it does not look, and a tracker knows; blind: it looks and sees nothing, and"
         " nothing reports it; noise: its lines of sight scatter by a factor more than it states; bias:"
-        " it points beside where it states; clock: its times are late or early",
+        " it points beside where it states; clock: its times are late or early; stuck-scan: it sees"
+        " only where its scan was, or its field was pointed",
         choices=FAULTS,
         source="",
     )

@@ -66,16 +66,19 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
         follows_bodies=config.follows_bodies,
         reporting=_reporting(config.reporting),
         pointing=_pointing(config),
-        modes=_modes(config, context, type_),
+        modes=_modes(config, context, type_, half_angle_deg),
         settings={**asdict(config), "field_of_regard_half_angle_deg": half_angle_deg, **completed},
     )
 
 
 def _pointing(config: ScanningSensorConfig) -> Pointing | None:
-    """Return the narrow field of a sensor that has one."""
-    pointing: PointingConfig | None = getattr(config, "pointing", None)
-    if pointing is None:
-        return None
+    """Return the field of a sensor that takes commands."""
+    return _field(config) if getattr(config, "is_pointed", False) else None
+
+
+def _field(config: Any) -> Pointing:
+    """Return the field of a configuration with `pointing`."""
+    pointing: PointingConfig = config.pointing
     at_ecef_m = None
     if pointing.at_deg is not None:
         lat_rad, lon_rad = map(math.radians, pointing.at_deg)
@@ -93,14 +96,26 @@ def _pointing(config: ScanningSensorConfig) -> Pointing | None:
 
 
 def _modes(
-    config: ScanningSensorConfig, context: SensorContext, type_: str
+    config: Any, context: SensorContext, type_: str, half_angle_deg: float
 ) -> Mapping[str, Sensor]:
-    """Return by name what a sensor is in each of its modes, with an id of its own."""
-    in_mode: Any = getattr(config, "in_mode", None)
-    return {
-        name: built_sensor(in_mode(name), evolve(context, id=f"{context.id}/{name}"), type_)
-        for name in sorted(getattr(config, "modes", ()))
-    }
+    """Return by name what a sensor is in each of its modes, with an id of its own; raises
+    `SceneError` for one that its scan is too slow for.
+    """
+    names = sorted(getattr(config, "modes", ()))
+    complaint_of = getattr(config, "rate_complaint", lambda _name, _half_angle_deg: None)
+    problems = [
+        Problem(f"modes.{name}", complaint)
+        for name in names
+        if (complaint := complaint_of(name, half_angle_deg))
+    ]
+    if problems:
+        raise SceneError(problems)
+    return {name: _in_mode(config.in_mode(name), name, context, type_) for name in names}
+
+
+def _in_mode(mode: Any, name: str, context: SensorContext, type_: str) -> Sensor:
+    sensor = built_sensor(mode, evolve(context, id=f"{context.id}/{name}"), type_)
+    return evolve(sensor, pointing=_field(mode))
 
 
 def _reporting(config: ReportingConfig) -> tuple[ReportingStage, ...]:

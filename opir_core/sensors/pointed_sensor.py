@@ -1,7 +1,8 @@
 """The configuration of a sensor with a narrow field that is pointed."""
 
+import math
 from collections.abc import Iterable, Mapping
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from attrs import Factory, asdict, evolve, field, fields_dict, frozen
 
@@ -25,7 +26,7 @@ class PointingConfig:
         default=1.0,
         unit="deg",
         above=0.0,
-        maximum=90.0,
+        maximum=180.0,
         help="half angle of the field about the direction in which the sensor is pointed",
     )
     slew_deg_s: float = number(
@@ -128,6 +129,11 @@ class PointedSensorConfig(ScanningSensorConfig):
         " it starts with its own settings, and a mode without any ({}) returns to these",
     )
 
+    @property
+    def is_pointed(self) -> bool:
+        """Whether commands are taken."""
+        return True
+
     def in_mode(self, name: str) -> Self:
         """Return the settings of the sensor in a mode, itself without modes."""
         mode = self.modes[name]
@@ -152,6 +158,61 @@ class PointedSensorConfig(ScanningSensorConfig):
         except ValueError as error:
             return f"modes.{name}: {error}"
         return None if name else "modes: a mode without a name"
+
+
+@frozen
+class SteeredSensorConfig(PointedSensorConfig):
+    """What a scene may set of a sensor that looks at its whole field of regard, until a command
+    names one of its modes. Without modes it takes no commands.
+    """
+
+    #: Left out of the canonical form of scenes that do not set them.
+    unwritten: ClassVar[tuple[str, ...]] = ("pointing", "modes")
+
+    pointing: PointingConfig = nested(
+        default=PointingConfig(half_angle_deg=180.0, settle_s=1.0),
+        source="notional; 180 deg: the whole field of regard, wherever it is pointed",
+        help="its field without a mode, and how fast that is moved",
+    )
+
+    @property
+    def is_pointed(self) -> bool:
+        """Whether commands are taken."""
+        return bool(self.modes) or self.pointing.half_angle_deg < 180.0
+
+    def rate_complaint(self, name: str, half_angle_deg: float) -> str | None:
+        """Return why the scan is too slow for a mode, of a sensor whose field of regard has a half
+        angle.
+
+        Its own settings use the scan to the full: solid angle over scan period, times the
+        integration time where a scan shares its time among places (not `staring`), is no more in
+        any mode.
+        """
+        mode = self.in_mode(name)
+        field_deg = min(mode.pointing.half_angle_deg, half_angle_deg)
+        angle_ratio = _solid_angle_sr(field_deg) / _solid_angle_sr(half_angle_deg)
+        dwell_ratio = 1.0
+        if self.scan_pattern != "staring":
+            dwell_ratio = _dwell_ms(mode) / _dwell_ms(self)
+        least_ms = self.scan_period_ms * angle_ratio * dwell_ratio
+        if mode.scan_period_ms >= least_ms * (1.0 - 1e-9):
+            return None
+        dwell = f", {dwell_ratio:.3g} times as long at each place" if dwell_ratio != 1.0 else ""
+        return (
+            f"{field_deg:g} deg in {mode.scan_period_ms:g} ms{dwell} is faster than its own scan,"
+            f" {half_angle_deg:g} deg in {self.scan_period_ms:g} ms; give scan_period_ms:"
+            f" {math.ceil(least_ms * 100.0) / 100.0:g} or more, or a smaller half_angle_deg"
+        )
+
+
+def _solid_angle_sr(half_angle_deg: float) -> float:
+    return 4.0 * math.pi * math.sin(0.5 * math.radians(half_angle_deg)) ** 2
+
+
+def _dwell_ms(config: ScanningSensorConfig) -> float:
+    """Return for how long a sensor collects light of a place in a scan; 1 without a focal plane."""
+    plane = config.focal_plane
+    return 1.0 if plane is None else min(plane.integration_time_ms, config.scan_period_ms)
 
 
 def _taken(changes: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from attrs import define
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry.vectors import floats
 from opir_core.interfaces.sensors import ScanPattern
 
@@ -48,6 +48,24 @@ class SpinSweep:
         east, north, _ = _east_north_down(sensor_ecef_m, target_ecef_m)
         return _phase_at(np.arctan2(east, north) / (2.0 * np.pi), uniform, self.period_ns)
 
+    def is_stuck_on(
+        self,
+        sensor_ecef_m: FloatArray,
+        target_ecef_m: FloatArray,
+        turn: float,
+        width_rad: float,
+    ) -> BoolArray:
+        """Return which targets (n, 3) a sweep sees that stays at a turn: those in a strip as wide as
+        `width_rad` from nadir to the edge.
+        """
+        east, north, down = _east_north_down(sensor_ecef_m, target_ecef_m)
+        azimuth_rad = 2.0 * np.pi * turn
+        along = east * np.sin(azimuth_rad) + north * np.cos(azimuth_rad)
+        across = east * np.cos(azimuth_rad) - north * np.sin(azimuth_rad)
+        range_m = np.sqrt(along * along + across * across + down * down)
+        seen: BoolArray = (along >= 0.0) & (np.abs(across) <= range_m * np.sin(0.5 * width_rad))
+        return seen
+
 
 @define
 class StepStareSweep:
@@ -75,17 +93,42 @@ class StepStareSweep:
         `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). Targets off the raster count to
         its edge. The start where a position is not finite.
         """
+        stare, line = self._stare_and_line(sensor_ecef_m, target_ecef_m)
+        turn = line if self.is_staring else (stare + line) / (self.rows * self.columns)
+        return _phase_at(turn, uniform, self.period_ns)
+
+    @property
+    def stare_half_angle_rad(self) -> float:
+        """Half of a stare's width."""
+        return self.half_angle_rad / max(self.rows, self.columns)
+
+    def is_stuck_on(
+        self,
+        sensor_ecef_m: FloatArray,
+        target_ecef_m: FloatArray,
+        turn: float,
+        width_rad: float,
+    ) -> BoolArray:
+        """Return which targets (n, 3) a raster sees that stays at a turn: those in the stare in
+        which it was; `width_rad` plays no part.
+        """
+        stare, _ = self._stare_and_line(sensor_ecef_m, target_ecef_m)
+        stuck: BoolArray = stare == math.floor(turn * self.rows * self.columns)
+        return stuck
+
+    def _stare_and_line(
+        self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the numbers (n,) of the stares of targets in the order of the scan, and the share
+        of the stare that is read before their lines; nan where a position is not finite.
+        """
         east, north, down = _east_north_down(sensor_ecef_m, target_ecef_m)
         place = self._place(-np.arctan2(north, down), self.rows)
         row = np.floor(place)
         column = np.floor(self._place(np.arctan2(east, down), self.columns))
         along = np.where(row % 2 == 0, column, self.columns - 1 - column)
-        line = place - row
-        cells = self.rows * self.columns
-        turn = line if self.is_staring else (row * self.columns + along + line) / cells
-        return _phase_at(
-            np.where(np.isfinite(east + north + down), turn, 0.0), uniform, self.period_ns
-        )
+        stare = np.where(np.isfinite(east + north + down), row * self.columns + along, np.nan)
+        return stare, np.where(np.isnan(stare), np.nan, place - row)
 
     def _place(self, angle_rad: FloatArray, count: int) -> FloatArray:
         """Return the place of an angle across the raster in cells, in [0, count)."""

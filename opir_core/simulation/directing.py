@@ -17,6 +17,7 @@ from opir_core.interfaces.directors import (
 )
 from opir_core.interfaces.records import CommandRecord, Detections, Tracks, Window
 from opir_core.planning.keep_out import sun_refusal
+from opir_core.planning.partial_looks import Steering
 from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_modes import SensorModes
 from opir_core.planning.solar_exclusion import SolarExclusion
@@ -42,6 +43,7 @@ class Directing:
         #: By sensor what an operator has it do, and what became of tasks since the last window.
         self._tasks: dict[str, SensorTask] = {}
         self._tasked: tuple[CommandRecord, ...] = ()
+        self._steering = Steering(plan.sensors)
         self.use(plan, fields)
 
     def use(self, plan: Plan, fields: PointedFields) -> None:
@@ -53,6 +55,16 @@ class Directing:
             for number, sensor in enumerate(plan.sensors)
             if sensor.pointing is not None
         }
+        self.tracker_sensors = plan.tracker_sensors(self._steering.commands)
+
+    def steers(self, commands: Sequence[CommandRecord]) -> bool:
+        """Take what became of commands; return whether they change when sensors look at their whole
+        field of regard, which `tracker_sensors` then say.
+        """
+        if not self._steering.take(commands):
+            return False
+        self.tracker_sensors = self._plan.tracker_sensors(self._steering.commands)
+        return True
 
     def next_edge_ns(self, time_ns: int, end_ns: int) -> int:
         """Return the next decision after a time, at most an end."""
@@ -172,10 +184,19 @@ class Directing:
         at_s = np.full(len(position_ecef_m), time_s + after_s)
         sensor_m = self._plan.sensors[number].orbit.position_ecef_m(at_s)
         reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
+        reach &= np.isnan(self._stuck_since_s(number, time_s))
         for limit in (self._exclusion(number), self.fields.keep_out(number)):
             if limit is not None:
                 reach &= limit.is_clear(sensor_m, position_ecef_m, at_s)
         return reach
+
+    def _stuck_since_s(self, number: int, time_s: float) -> float:
+        """Return since when a sensor's scan is stuck, nan if it is not."""
+        faults = self._plan.faults
+        if faults is None:
+            return np.nan
+        stuck = faults.stuck(np.array([number]), np.array([time_s]))
+        return next((since_s for since_s, _ in stuck), np.nan)
 
     def _exclusion(self, number: int) -> SolarExclusion | None:
         return self._plan.exclusions[number] if self._plan.exclusions else None
@@ -203,7 +224,13 @@ class Directing:
         """Return why a sensor does not take a command, "" if it does."""
         if command.sensor not in self._numbers:
             return f"{command.sensor} is no sensor with a narrow field"
-        modes = self._plan.sensors[self._numbers[command.sensor]].modes
+        number = self._numbers[command.sensor]
+        sensor = self._plan.sensors[number]
+        delay_s = 0.0 if sensor.pointing is None else sensor.pointing.delay_s
+        since_s = self._stuck_since_s(number, time_s + delay_s)
+        if since_s <= time_s + delay_s:
+            return f"its scan is stuck since {since_s:g} s"
+        modes = sensor.modes
         if command.mode and command.mode not in modes:
             names = ", ".join(nearest_names(command.mode, modes) or modes) or "none"
             return f"{command.sensor} has no mode {command.mode!r}; the nearest: {names}"

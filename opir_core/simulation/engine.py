@@ -85,7 +85,7 @@ class Engine:
             if curves
             else EvaluatedProbability(plan.detection, geometry),
             VisibilityTest(geometry) if pairs.is_checked.any() else None,
-            WatchTest.of(plan),
+            WatchTest.of(plan, self._fields),
             PointingTest(self._fields, geometry) if self._fields else None,
             draw_detections,
             self._count,
@@ -107,8 +107,6 @@ class Engine:
         """
         self.time_ns = former.time_ns
         self._scheduled = former._tracker
-        if self.plan.sensors is not former.plan.sensors:
-            self._tracker.set_sensors(self.plan.tracker_sensors())
         self._count.take_over(former._count)
         if former._links is not None and self._links is not None:
             self._links.take_over(former._links)
@@ -116,6 +114,11 @@ class Engine:
             self._fields.take_over(former._directing.fields)
             former._directing.use(self.plan, self._fields)
             self._directing = former._directing
+        if self.plan.sensors is not former.plan.sensors:
+            directing = self._directing
+            self._tracker.set_sensors(
+                self.plan.tracker_sensors() if directing is None else directing.tracker_sensors
+            )
 
     @property
     def _tracker(self) -> ScheduledTracker:
@@ -150,6 +153,8 @@ class Engine:
         windows = []
         while self.time_ns < end_ns:
             commands = directing.decided(self.time_ns)
+            if directing.steers(commands):
+                self._tracker.set_sensors(directing.tracker_sensors)
             window = self._advanced(directing.next_edge_ns(self.time_ns, end_ns))
             directing.take(window)
             windows.append(evolve(window, commands=commands))

@@ -15,6 +15,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
+from opir_core.doors import deferred
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
@@ -31,6 +32,7 @@ from opir_core.simulation.output_checks import checked_confirmation, checked_mea
 
 if TYPE_CHECKING:
     from opir_core.simulation.pointing import PointedFields
+    from opir_core.simulation.stuck_looks import StuckScans
 
 
 @frozen(eq=False, repr=False)
@@ -122,6 +124,9 @@ class FalseAlarmGenerator:
         }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._faults = plan.faults
+        self._stuck: StuckScans | None = None
+        if plan.faults is not None:
+            self._stuck = deferred("opir_core.simulation.stuck_looks.stuck_scans")(plan, fields)
         self._fields = fields
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
@@ -169,6 +174,8 @@ class FalseAlarmGenerator:
         is_seen = np.ones(len(time_s), dtype=np.bool_)
         if self._faults is not None:
             is_seen &= ~self._faults.is_blind(sensor, time_s)
+        if self._stuck is not None:
+            is_seen &= self._stuck.is_seen(sensor, placed.sensor_ecef_m, ahead_m, time_s)
         tests: list[tuple[int, Callable[..., BoolArray]]] = [
             *((number, _watching(each)) for number, each in self._watched.items()),
             *((number, each.is_clear) for number, each in self._exclusions.items()),

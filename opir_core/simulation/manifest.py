@@ -3,13 +3,15 @@ runs of a scene.
 """
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from opir_core._version import __version__
 from opir_core.host.components import Constellation, EventEncoder
+from opir_core.interfaces.records import CommandRecord
+from opir_core.planning.partial_looks import stated_sensors
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.philox import SCHEME
 from opir_core.reading import scene_hash, scene_mapping
@@ -17,10 +19,13 @@ from opir_core.reading.format_versions import MANIFEST_FORMAT, RUN_FORMATS
 from opir_core.scene.target_classes import TargetClass
 
 
-def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
+def run_manifest(
+    plan: Plan, counts: Mapping[str, Any], commands: Sequence[CommandRecord] = ()
+) -> Mapping[str, Any]:
     """Return the manifest: the scene, its hash, versions, formats, files and plugins used, random streams,
-    counts.
+    counts, and when each sensor watched its whole field of regard, after what became of commands.
     """
+    end_s = plan.end_ns / 1e9
     return {
         "manifest_version": MANIFEST_FORMAT.version,
         "formats": {known.name: known.version for known in RUN_FORMATS},
@@ -38,8 +43,8 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
         ],
         "sensors": [] if plan.bias is None else plan.bias.by_sensor(plan.sensors),
         "watched_s": {
-            sensor.id: [list(span) for span in sensor.spans_until_s(plan.end_ns / 1e9)]
-            for sensor in plan.sensors
+            sensor.id: [list(span) for span in sensor.spans_until_s(end_s)]
+            for sensor in stated_sensors(plan.sensors, commands, end_s)
         },
         "counts": dict(counts),
         "scene": scene_mapping(plan.scene),

@@ -114,12 +114,19 @@ class PointedFields:
         return self._keep_outs[number]
 
     def is_inside(
-        self, number: int, sensor_ecef_m: FloatArray, point_ecef_m: FloatArray, time_s: FloatArray
+        self,
+        number: int,
+        sensor_ecef_m: FloatArray,
+        point_ecef_m: FloatArray,
+        time_s: FloatArray,
+        most_rad: float = np.pi,
     ) -> BoolArray:
         """Return which points (n, 3) a sensor in a mode, by its number, has in its field at
         positions (n, 3) and times (n,), while that mode is in force and it may look there.
+
+        Of the field counts what is at most `most_rad` from its axis.
         """
-        least_cosine = np.cos(_pointing(self.sensors[number]).half_angle_rad)
+        least_cosine = np.cos(min(_pointing(self.sensors[number]).half_angle_rad, most_rad))
         keep_out = self._keep_outs[number]
         inside = np.zeros(len(time_s), dtype=np.bool_)
         for aim, rows in self._in_force(number, time_s):

@@ -8,6 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.doors import deferred
 from opir_core.interfaces.detection_models import DetectionProbability
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_s
 from opir_core.planning.plan import Plan
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from opir_core.planning.faults import SensorFaults
     from opir_core.simulation.interpolation import ProbabilityInterpolant
     from opir_core.simulation.pointing import PointedFields
+    from opir_core.simulation.stuck_looks import StuckScans
 
 
 @frozen(eq=False, repr=False)
@@ -87,16 +89,18 @@ class VisibilityTest:
 @frozen(eq=False, repr=False)
 class WatchTest:
     """Takes `looks` and `probability` (l,), which becomes 0 where the sensor does not look, or is
-    blind, or looks, by its true time, when the target does not shine.
+    blind, or looks, by its true time, when the target does not shine, or its scan is stuck
+    elsewhere.
     """
 
     plan: Plan
+    stuck: "StuckScans | None" = None
 
     @classmethod
-    def of(cls, plan: Plan) -> "WatchTest | None":
+    def of(cls, plan: Plan, fields: "PointedFields | None" = None) -> "WatchTest | None":
         """Return the test of a plan; None where all sensors look throughout without a fault."""
         is_needed = plan.faults or any(sensor.watched_s is not None for sensor in plan.sensors)
-        return cls(plan) if is_needed else None
+        return cls(plan, stuck_scans_of(plan, fields)) if is_needed else None
 
     def __call__(self, window: Observation) -> None:
         """Test the looks of sensors that do not look throughout, or fail."""
@@ -114,6 +118,8 @@ class WatchTest:
                 is_made[rows] = each.is_watching(stated_s[rows])
         if self.plan.faults is not None:
             is_made &= self._is_seen(self.plan.faults, pair, stated_s)
+        if self.stuck is not None:
+            is_made &= self.stuck.is_looking(pair, scan)
         return is_made
 
     def _is_seen(self, faults: "SensorFaults", pair: IntArray, stated_s: FloatArray) -> BoolArray:
@@ -149,6 +155,14 @@ class PointingTest:
                 exposed = self._geometry.exposures(looks.pair[rows], looks.scan[rows])
                 places = exposed.sensor_ecef_m, exposed.target_ecef_m
                 window.probability[rows] *= self._fields.is_inside(number, *places, exposed.time_s)
+
+
+def stuck_scans_of(plan: Plan, fields: "PointedFields | None") -> "StuckScans | None":
+    """Return the scans of a plan's sensors that are stuck at times; None without any."""
+    stuck: StuckScans | None = None
+    if plan.faults is not None:
+        stuck = deferred("opir_core.simulation.stuck_looks.stuck_scans")(plan, fields)
+    return stuck
 
 
 def interpolant_of(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":

@@ -281,7 +281,7 @@ def _collected(plan: Plan, tally: Tally, windows: Sequence[Window]) -> Run:
         target_ids=plan.targets.ids,
         sightings=tally.sightings(),
         make_summary=tally.summary_with_types,
-        make_manifest=partial(run_manifest, plan, tally.counts()),
+        make_manifest=partial(run_manifest, plan, tally.counts(), tally.steering.commands),
         reported_types=plan.reported_types,
         plan=plan,
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from opir_core.arrays import IndexArray, IntArray
 from opir_core.interfaces.records import Detections, DetectionTruth, Window
+from opir_core.planning.partial_looks import Steering
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked, Pairs
 
@@ -72,6 +73,7 @@ class Tally:
         #: The commands to sensors and those that were refused, of a scene with a director.
         self._commands = np.zeros(2, dtype=np.int64)
         self._is_directed = plan.make_director is not None
+        self.steering = Steering(sensors)
         self._last_s = np.full(shape, -np.inf)
         self._reported = np.zeros((shape[1], len(self._types)), dtype=np.int64)
         self._confidence = np.zeros(shape[1])
@@ -107,6 +109,7 @@ class Tally:
             self.lost += window.lost
         refused = sum(bool(record.refusal) for record in window.commands)
         self._commands += len(window.commands), refused
+        self.steering.take(window.commands)
         detections = window.detections
         target = window.truth.target
         self._count_held(target, detections.track)

@@ -71,7 +71,9 @@ def undetected_text(plan: Plan, target: int) -> str:
         return f"{plan.detection.shortfall_text(looks.take([best]))}, {where}"
     if chances[best] > 0.0 and (rare := _too_rare(plan, looking)):
         return rare
-    chance = "outside of its narrow field, or by chance, in" if sensor.pointing else "by chance, in"
+    chance = (
+        "outside of its narrow field, or by chance, in" if sensor.is_narrow else "by chance, in"
+    )
     why = chance if chances[best] > 0.0 else "in"
     count = number_of("look", int(plan.pairs.looks[looking].sum()))
     return f"{why} {count}: P_d at most {chances[best]:.2g}, {where}"

@@ -22,7 +22,7 @@ from opir_core.scene.field_rows import field_rows, nested_config
 from opir_core.scene.fields import METADATA_KEY
 from opir_core.scene.links import Links
 from opir_core.scene.scene import SceneDrag, SpoolConfig
-from opir_core.sensors.pointed_sensor import PointedSensorConfig
+from opir_core.sensors.pointed_sensor import PointedSensorConfig, SteeredSensorConfig
 from opir_core.sensors.radiometer import RadiometerConfig
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
@@ -57,6 +57,7 @@ BASES = {
     RadiometerConfig,
     ScanningSensorConfig,
     SourceConfig,
+    SteeredSensorConfig,
 }
 
 

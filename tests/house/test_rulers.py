@@ -15,7 +15,7 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 274_900,
+    "opir_core": 278_200,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_displays": 3_800,
@@ -33,14 +33,14 @@ TOKENS: dict[str, int] = {
     "opir_readers": 66_000,
     "opir_render": 300,
     "opir_report": 50_200,
-    "opir_sbirs": 370,
+    "opir_sbirs": 440,
     "opir_scoring": 32_400,
     "opir_stonesoup": 6_500,
     "opir_studies": 46_800,
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 100_080,
-    "tests": 825_200,
+    "tests": 829_300,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

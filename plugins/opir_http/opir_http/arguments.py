@@ -41,6 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         " beside the events; '' for none)",
     )
     parser.add_argument(
+        "--commands",
+        metavar="PATH",
+        help="write what becomes of commands to sensors here, of a scene with a director (default:"
+        " beside the events; '' for none)",
+    )
+    parser.add_argument(
         "--max-targets",
         type=_targets,
         default=1000,

@@ -19,6 +19,7 @@ from opir_core.cli import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError, SinkError
 from opir_core.host import STUCK, ended_if_stuck, warn
 from opir_core.live import ChangesFile, LiveRun, LiveSettings, LiveStatus, limit_pauses
+from opir_core.output import CommandsFile
 from opir_core.plugin import Host
 from opir_core.simulation import plan_warnings
 from opir_http.gate import Gate
@@ -74,6 +75,7 @@ def serve(arguments: argparse.Namespace) -> int:
         limit_pauses()
         with ended_if_stuck(arguments.dead_after):
             record_changes(service.run, arguments.changes)
+            record_commands(service.run, arguments.commands)
             service.run.start()
         log_health(service.health, stopping)
         asked_at_s = None
@@ -103,12 +105,26 @@ def record_changes(run: LiveRun, path: str | None) -> None:
     """Let a run record its changes in a file: that of a path, or beside the first file of events;
     "" for none.
     """
-    outputs = (choice.config for choice in run.scene.outputs if choice.name == "jsonl")
-    events = next((output.path for output in outputs if output.path not in ("", "-")), None)
-    beside = None if events is None else Path(events).with_suffix(".changes.jsonl")
-    place = beside if path is None else Path(path) if path else None
+    place = _place(run, path, ".changes.jsonl")
     if place is not None:
         run.changes_file = ChangesFile(place, run.scene, loop=run.settings.loop)
+
+
+def record_commands(run: LiveRun, path: str | None) -> None:
+    """Let a run with a director write what becomes of commands, to the same places."""
+    place = None if run.scene.director is None else _place(run, path, ".commands.jsonl")
+    if place is not None:
+        run.commands_file = CommandsFile(place)
+
+
+def _place(run: LiveRun, path: str | None, ending: str) -> Path | None:
+    """Return the path of a file of a run: that given, or beside the first file of events; None for
+    none.
+    """
+    outputs = (choice.config for choice in run.scene.outputs if choice.name == "jsonl")
+    events = next((output.path for output in outputs if output.path not in ("", "-")), None)
+    beside = None if events is None else Path(events).with_suffix(ending)
+    return beside if path is None else Path(path) if path else None
 
 
 def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Service:

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from opir_core.plugin import (
     Constellation,
     FocalPlaneConfig,
-    ScanningSensorConfig,
+    ModeConfig,
     SensorModel,
+    SteeredSensorConfig,
     cited,
     geostationary_fleet,
     hookimpl,
@@ -53,6 +54,19 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     drift_urad_s=0.01,
 )
 
+#: Notional: fewer pixels are read out more often in a sector; a stare adds up eight times the light.
+NOTIONAL_MODES = {
+    "survey": ModeConfig(),
+    "sector": ModeConfig(half_angle_deg=3.0, scan_period_ms=10.0),
+    "stare": ModeConfig(
+        half_angle_deg=3.0,
+        scan_period_ms=100.0,
+        integration_time_ms=80.0,
+        subframes=512,
+        settle_s=2.0,
+    ),
+}
+
 
 @with_defaults(
     bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0), "LWIR": (8.0, 12.0)}, PAPER),
@@ -79,8 +93,9 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     threshold_sigma=cited(5.75, "notional: about one false alarm of noise reported a day"),
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_FOCAL_PLANE),
+    modes=named(none={}, notional=NOTIONAL_MODES),
 )
-class NextGenConfig(ScanningSensorConfig):
+class NextGenConfig(SteeredSensorConfig):
     """What a scene may set of a NEXTGEN-GEO sensor."""
 
 

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from opir_core.plugin import (
     Constellation,
     FocalPlaneConfig,
-    ScanningSensorConfig,
+    ModeConfig,
     SensorModel,
+    SteeredSensorConfig,
     cited,
     geostationary_fleet,
     hookimpl,
@@ -53,6 +54,16 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     drift_urad_s=0.02,
 )
 
+#: Notional. A sector has a ninth of the survey's solid angle over twice: twice the light of each
+#: place at five times the rate. A stare adds up eight times the light.
+NOTIONAL_MODES = {
+    "survey": ModeConfig(),
+    "sector": ModeConfig(
+        half_angle_deg=3.0, scan_period_ms=20.0, integration_time_ms=20.0, subframes=32
+    ),
+    "stare": ModeConfig(half_angle_deg=1.0, integration_time_ms=80.0, subframes=128, settle_s=2.0),
+}
+
 
 @with_defaults(
     bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)}, PAPER),
@@ -74,8 +85,9 @@ NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
     threshold_sigma=cited(5.5, "notional: about one false alarm of noise reported a day"),
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_FOCAL_PLANE),
+    modes=named(none={}, notional=NOTIONAL_MODES),
 )
-class SbirsConfig(ScanningSensorConfig):
+class SbirsConfig(SteeredSensorConfig):
     """What a scene may set of a SBIRS-GEO sensor."""
 
 

@@ -9,7 +9,7 @@ from repository import ROOT
 import opir_core as opir
 from opir_core import compile_plan
 from opir_core.planning import PairCompiler, pair_compiler, solar_exclusions
-from opir_core.planning.plan import scan_starts
+from opir_core.planning.sensor_states import scan_starts
 from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.reading import load_scene, scene_from_mapping
 from opir_core.simulation import plan_warnings

@@ -42,7 +42,7 @@ def unwatched_lines(columns: RunColumns, plan: Plan) -> Iterator[str]:
             yield (
                 f"{place_of(columns.rows[outside[0]])}{number_of('detection', len(outside))} of"
                 f" {sensor.id} are outside of the spans that it watched, and are kept: are its"
-                " spans right?"
+                " spans right, or did it look at a part of its field alone (a mode, a stuck scan)?"
             )
 
 

@@ -2,7 +2,7 @@
 that they cost.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from opir_scoring import rows_in_force
 
 from opir_core import Run
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.planning import whole_flights
+from opir_core.planning import ModeSpan, mode_spans, whole_flights
 from opir_core.plugin import MetricContext, NoConfig
 from opir_studies.configs import CustodyConfig, HandOverConfig
 from opir_studies.metrics.detection_metrics import mean_of_known, share_of_known
@@ -188,19 +188,37 @@ class LooksUsedMetric:
     def values(self, run: Run) -> Mapping[str, float]:
         """Return both shares over all sensors with a narrow field; nan without one."""
         duration_s = run.plan.scene.duration_s
-        periods_s = [sensor.scan.period_ns * 1e-9 for sensor in run.sensors if sensor.pointing]
-        if not periods_s:
+        spans = {
+            number: mode_spans(sensor, run.commands, duration_s)
+            for number, sensor in enumerate(run.sensors)
+            if sensor.is_narrow
+        }
+        if not spans:
             return {"looks_used": np.nan, "turning": np.nan}
-        looks = duration_s * sum(1.0 / period_s for period_s in periods_s)
-        rows = _narrow_rows(run)
-        columns = np.stack([run.detections.sensor[rows], run.detections.scan[rows]])
-        used = np.unique(columns, axis=1).shape[1]
-        turned_s = sum(
-            min(record.from_s, duration_s) - min(record.start_s, duration_s)
-            for record in run.commands
-            if not record.refusal
+        looks = sum(
+            (span.until_s - span.start_s) / (span.sensor.scan.period_ns * 1e-9)
+            for of_sensor in spans.values()
+            for span in of_sensor
         )
-        return {"looks_used": used / looks, "turning": turned_s / (duration_s * len(periods_s))}
+        used = sum(_used_looks(run, number, of_sensor) for number, of_sensor in spans.items())
+        turned_s = sum(
+            min(span.from_s, span.until_s) - span.start_s
+            for of_sensor in spans.values()
+            for span in of_sensor
+        )
+        return {"looks_used": used / looks, "turning": turned_s / (duration_s * len(spans))}
+
+
+def _used_looks(run: Run, number: int, spans: Sequence[ModeSpan]) -> int:
+    """Return how many looks of a sensor, by its number, detect a launch; each mode counts its scans
+    anew.
+    """
+    rows = _narrow_rows(run)
+    rows = rows[run.detections.sensor[rows] == number]
+    starts_s = [span.start_s for span in spans]
+    place = np.searchsorted(starts_s, run.detections.time_s[rows], side="right")
+    modes = [id(span.sensor) for span in spans]
+    return len(set(zip((modes[row - 1] for row in place), run.detections.scan[rows], strict=True)))
 
 
 def looks_used_metric(_config: NoConfig, _context: MetricContext) -> LooksUsedMetric:
@@ -210,7 +228,7 @@ def looks_used_metric(_config: NoConfig, _context: MetricContext) -> LooksUsedMe
 
 def _narrow_rows(run: Run) -> IntArray:
     """Return the rows of a run's detections of launches by sensors with a narrow field."""
-    is_narrow = np.array([sensor.pointing is not None for sensor in run.sensors], dtype=np.bool_)
+    is_narrow = np.array([sensor.is_narrow for sensor in run.sensors], dtype=np.bool_)
     target = run.truth.target
     is_launch = (target >= 0) & (target < len(run.plan.scene.targets))
     return np.flatnonzero(is_launch & is_narrow[run.detections.sensor])

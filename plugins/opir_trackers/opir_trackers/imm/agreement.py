@@ -51,7 +51,7 @@ def _look_chances(
     sensors = models.biases.sensors
     when_s = np.array([prediction.end_s])
     rate = models.association.detection_probability / models.period_s
-    watches = [not sensor.pointing and bool(sensor.is_watching(when_s)[0]) for sensor in sensors]
+    watches = [bool(sensor.is_watching(when_s)[0]) for sensor in sensors]
     chance = np.where(watches, -np.expm1(-rate * prediction.span_s), 0.0)
     burns = state.table.estimates.weight[:, :1] > 0.5
     return np.where(burns & _are_in_view(models, state, prediction.end_s), chance, 0.0)
