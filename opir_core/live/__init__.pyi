@@ -14,12 +14,16 @@ from opir_core.live.progress import (
 )
 from opir_core.live.recording import (
     ChangesFile as ChangesFile,
+    recorded_run as recorded_run,
     repeated_run as repeated_run,
 )
 from opir_core.live.running import (
     LiveRun as LiveRun,
     LiveSettings as LiveSettings,
     LiveWindow as LiveWindow,
+)
+from opir_core.reading.format_versions import (
+    is_recorded as is_recorded,
 )
 from opir_core.live.status import (
     LATE_EDGES_S as LATE_EDGES_S,

@@ -430,7 +430,7 @@ async def ready(request: AnyRequest) -> Response[Readiness]:
 async def schemas(
     request: AnyRequest,
     encoder: Annotated[str, PathParameter(min_length=1, description="name of an event encoder")],
-) -> Response[dict[str, Any]]:
+) -> Response[bytes]:
     """The schema of an encoder's messages.
 
     A JSON Schema; of a binary encoder the schema in the language of its format, as text.

@@ -209,7 +209,7 @@ class Service:
             model = self.run.host.component(EventEncoder, name)
             if name == encoder and model.schema is not None:
                 return model.schema()
-        raise ProblemError(404, f"no event encoder {encoder!r} has a schema; opir plugins lists all")
+        raise ProblemError(404, f"no event encoder {encoder!r} has a schema: opir plugins")
 
     def asyncapi(self) -> str:
         """Return the AsyncAPI document of the first output that has a topic."""
