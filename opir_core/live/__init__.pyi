@@ -22,11 +22,11 @@ from opir_core.live.running import (
     LiveSettings as LiveSettings,
     LiveWindow as LiveWindow,
 )
-from opir_core.reading.format_versions import (
-    is_recorded as is_recorded,
-)
 from opir_core.live.status import (
     LATE_EDGES_S as LATE_EDGES_S,
     LiveStatus as LiveStatus,
     SensorStatus as SensorStatus,
+)
+from opir_core.reading.format_versions import (
+    is_recorded as is_recorded,
 )
