@@ -18,7 +18,7 @@ def trace_headers(batch: Batch, future: "Future[None]") -> list[tuple[str, bytes
     from opentelemetry import trace
     from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator
 
-    attributes = {
+    attributes: dict[str, str | int] = {
         "messaging.system": "kafka",
         "messaging.operation.name": "send",
         "messaging.batch.message_count": len(batch),
