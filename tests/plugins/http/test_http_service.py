@@ -61,7 +61,7 @@ def test_schemas_are_those_of_the_command(
     assert (unknown.status, "opir plugins" in unknown.json["detail"]) == (404, True)
 
 
-def test_without_a_topic_there_is_no_document_of_one(stand: RunningService) -> None:
+def test_without_a_topic_there_is_no_document(stand: RunningService) -> None:
     answer = stand.ask("GET", "/asyncapi.yaml")
     assert (answer.status, answer.json["detail"]) == (404, "no output of this run has a topic")
 
