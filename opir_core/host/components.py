@@ -251,6 +251,8 @@ class SinkModel(Component):
     records)` opens the file `place`, which becomes `path` (its name in errors), and returns a
     context with `write(window)`; `records` are those of sensors and targets. `read_truth(path)`
     yields its records as a truth file of lines has them, and raises as `read` does.
+
+    `asyncapi(config)` returns the AsyncAPI document of the topic that the sink writes, as YAML.
     """
 
     hook = "opir_sinks"
@@ -261,6 +263,7 @@ class SinkModel(Component):
         None
     )
     read_truth: Callable[[Path], Iterable[Mapping[str, Any]]] | None = None
+    asyncapi: Callable[[Any], str] | None = None
 
 
 class RendererModel(Component):

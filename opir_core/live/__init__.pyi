@@ -14,6 +14,7 @@ from opir_core.live.progress import (
 )
 from opir_core.live.recording import (
     ChangesFile as ChangesFile,
+    recorded_run as recorded_run,
     repeated_run as repeated_run,
 )
 from opir_core.live.running import (
@@ -25,4 +26,7 @@ from opir_core.live.status import (
     LATE_EDGES_S as LATE_EDGES_S,
     LiveStatus as LiveStatus,
     SensorStatus as SensorStatus,
+)
+from opir_core.reading.format_versions import (
+    is_recorded as is_recorded,
 )

@@ -55,7 +55,8 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class LiveWindow:
-    """A window of a live run as written to sinks, with its cycle, lap and plan.
+    """A window of a live run as written to sinks, with its cycle, lap and plan; its computation
+    began at `begun_ns` of `time.monotonic_ns`.
 
     Targets in the truth of late reports are numbered as in the plan of their observation.
     """
@@ -64,6 +65,7 @@ class LiveWindow:
     cycle: int
     lap: int
     plan: Plan
+    begun_ns: int = 0
 
 
 #: Largest share of real time that a run may take with a further target: the rest is for its launch,
@@ -473,11 +475,13 @@ class LiveRun:
         begun_ns = time.monotonic_ns()
         former_ns = self._counts.time_ns
         for edge_ns in self._slices_ns(due_ns):
+            window_ns = time.monotonic_ns()
             window = self._reports.take(self._observed(edge_ns), edge_ns)
             self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
             self._write(window)
             self._record_commands(window.commands)
-            self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
+            lap = self._position.lap
+            self.on_window(LiveWindow(window, self._counts.cycle, lap, self.plan, window_ns))
         allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / 1_000_000_000
         if self.settings.slows:
             self._pace.slip(self._pace.late_ns(due_ns) - round(self.settings.late_after_s * 1e9))

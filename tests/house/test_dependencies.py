@@ -22,6 +22,7 @@ ASKED_FOR = {
     "astropy",
     "fastavro",
     "google",
+    "opentelemetry",
     "opir_report",
     "optuna",
     "pyarrow",

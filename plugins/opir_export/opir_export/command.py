@@ -10,9 +10,11 @@ from typing import Any
 from opir_core import load_run
 from opir_core.cli import table
 from opir_core.errors import ModelError, OpirError, Problem, SceneError
-from opir_core.host import described_error
+from opir_core.host import described_error, warn
+from opir_core.live import is_recorded
 from opir_core.plugin import Exporter, ExporterContext, ExporterModel, Host
 from opir_core.reading import InvalidNode, Node, class_reader, overridden
+from opir_export.formats.scene import SceneFile
 
 _HERE = "command line"
 _SCENES = {".yaml", ".yml"}
@@ -26,12 +28,31 @@ def export(arguments: argparse.Namespace) -> int:
         return 0
     path = _run_path(arguments)
     exporter = exporter_of(host, arguments.to, arguments.settings)
+    if is_recorded(path):
+        return _export_recorded(arguments, exporter)
     run = load_run(path)
     out = (
         Path(arguments.out) if arguments.out else _beside(path, run, arguments.to, exporter.suffix)
     )
     files = written(host, arguments.to, exporter, run, out)
     sys.stdout.write("".join(f"{file}\n" for file in files))
+    return 0
+
+
+def _export_recorded(arguments: argparse.Namespace, exporter: Exporter) -> int:
+    """Write the scene of a live run; `SceneError` for any other format."""
+    path = Path(arguments.path)
+    if not isinstance(exporter, SceneFile):
+        words = (
+            f"has the changes of a live run: repeat it first, `opir run {path} -o again.jsonl`, or"
+            " write its scene, --to scene"
+        )
+        raise SceneError([Problem("", words)], source=str(path))
+    stem = path.name.removesuffix(".jsonl").removesuffix(".changes")
+    out = Path(arguments.out) if arguments.out else path.with_name(f"{stem}{exporter.suffix}")
+    for words in exporter.write_recorded(path, out):
+        warn(f"not in the scene: {words}")
+    sys.stdout.write(f"{out}\n")
     return 0
 
 

@@ -16,6 +16,7 @@ from opir_export.settings import (
     OemConfig,
     ParquetConfig,
     ParquetSinkConfig,
+    SceneConfig,
     TdmConfig,
 )
 
@@ -99,6 +100,13 @@ _EXPORTERS: Sequence[tuple[str, type, str, str, str]] = (
         "cues",
         "CuesFile",
         "the volume that another sensor must search for the target of each track, as JSON lines",
+    ),
+    (
+        "scene",
+        SceneConfig,
+        "scene",
+        "SceneFile",
+        "the scene, as YAML; from the changes of a live run with its launches",
     ),
 )
 
@@ -187,7 +195,9 @@ def opir_run_views() -> Iterable[RunView]:
 def opir_add_commands(commands: Any) -> None:
     """Add `opir export`."""
     parser = commands.add_parser("export", help=_SUMMARY)
-    parser.add_argument("path", metavar="RUN", nargs="?", help="the events or the folder of a run")
+    parser.add_argument(
+        "path", metavar="RUN", nargs="?", help="the events, folder or changes of a run"
+    )
     parser.add_argument("--to", metavar="FORMAT", help="an exporter; --list lists them")
     parser.add_argument(
         "-o",

@@ -99,6 +99,15 @@ class TdmConfig:
 
 
 @frozen
+class SceneConfig:
+    """The scene of a run; of a live run that of one lap."""
+
+    lap: int = number(
+        default=0, minimum=0, maximum=1_000_000, help="lap of a live run that repeats its scene"
+    )
+
+
+@frozen
 class CuesConfig:
     """Site of the sensor that searches, and the estimate of each track that it is sent."""
 

@@ -220,6 +220,7 @@ class Covered(Closed):
 class Status(Closed, kw_only=True):
     """State and counts of the simulation, its sensors and its sinks."""
 
+    version: Annotated[str, Meta(description="of opir-core")]
     scene: str
     state: Literal["starting", "running", "ended", "stopped", "failed", "saved"]
     error: str | None

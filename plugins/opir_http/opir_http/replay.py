@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from opir_core import Run
+from opir_core import Run, __version__
 from opir_core.arrays import RowArray
 from opir_core.output import ForgeEncoder, chosen_renderer, unix_microseconds
 from opir_core.plugin import EncoderContext, Window
@@ -64,6 +64,7 @@ class Replay:
         """
         looks = self.run.summary["counts"].get("looks", 0)
         return Status(
+            version=__version__,
             scene=self.scene.name,
             state="saved",
             error=None,

@@ -60,6 +60,8 @@ _CONTENT_TYPES = {
     ".svg": "image/svg+xml",
 }
 _JSON = "application/json"
+_SCHEMA = "application/schema+json"
+_YAML = "application/yaml"
 #: Time, s, in which the status must be available for readiness.
 _STATUS_S = 2.0
 _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
@@ -424,6 +426,27 @@ async def ready(request: AnyRequest) -> Response[Readiness]:
     return json_answer(readiness, 200 if readiness.ready else 503, lateness(served.service))
 
 
+@get("/schemas/{encoder:str}", **described("The schema", problems=(404,)))
+async def schemas(
+    request: AnyRequest,
+    encoder: Annotated[str, PathParameter(min_length=1, description="name of an event encoder")],
+) -> Response[bytes]:
+    """The schema of an encoder's messages.
+
+    A JSON Schema; of a binary encoder the schema in the language of its format, as text.
+    """
+    text = await asyncio.to_thread(served_of(request).service.schema, encoder)
+    is_json_schema = '"$schema"' in text
+    return Response(text.encode(), media_type=_SCHEMA if is_json_schema else "text/plain")
+
+
+@get("/asyncapi.yaml", media_type=_YAML, **described("The document", problems=(404,)))
+async def asyncapi(request: AnyRequest) -> Response[bytes]:
+    """The AsyncAPI document of the run's topic: that of its first output which has one."""
+    text = await asyncio.to_thread(served_of(request).service.asyncapi)
+    return Response(text.encode(), media_type=_YAML)
+
+
 @get("/metrics", media_type="text/plain", **described("Metrics"))
 async def metrics(request: AnyRequest) -> Response[bytes]:
     """Metrics in Prometheus's text format."""
@@ -447,6 +470,8 @@ ROUTES = [
     stream,
     live,
     ready,
+    schemas,
+    asyncapi,
     metrics,
 ]
 

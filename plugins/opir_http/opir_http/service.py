@@ -11,13 +11,13 @@ import numpy as np
 from attrs import asdict, evolve, fields
 from msgspec import UnsetType
 
-from opir_core import Scene
+from opir_core import Scene, __version__
 from opir_core.errors import OpirError
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.host import Watchdog
 from opir_core.live import LiveRun, LiveStatus, SensorTask
 from opir_core.output import SinkStatus, chosen_renderer
-from opir_core.plugin import EncoderContext
+from opir_core.plugin import EncoderContext, EventEncoder, SinkModel
 from opir_http.answers import (
     Clock,
     CountsAnswer,
@@ -77,6 +77,7 @@ class Service:
         live = self.run.status()
         scene = self.run.plan.scene
         return Status(
+            version=__version__,
             scene=scene.name,
             state=live.state,  # type: ignore[arg-type]
             error=live.error or live.tracker_error,
@@ -201,6 +202,22 @@ class Service:
             return Retried(output, self.run.retry_output(output))
         except OpirError as error:
             raise ProblemError(404, str(error)) from error
+
+    def schema(self, encoder: str) -> str:
+        """Return the schema of an encoder's messages."""
+        for name in self.run.host.names(EventEncoder):
+            model = self.run.host.component(EventEncoder, name)
+            if name == encoder and model.schema is not None:
+                return model.schema()
+        raise ProblemError(404, f"no event encoder {encoder!r} has a schema: opir plugins")
+
+    def asyncapi(self) -> str:
+        """Return the AsyncAPI document of the first output that has a topic."""
+        for output in self.run.plan.scene.outputs:
+            model = self.run.host.component(SinkModel, output.name)
+            if model.asyncapi is not None:
+                return model.asyncapi(output.config)
+        raise ProblemError(404, "no output of this run has a topic")
 
     def health(self, live: LiveStatus | None = None) -> Health:
         """Return the health of the service: the same for every route, the metrics and the log."""

@@ -30,6 +30,7 @@ from opir_http.routes import application
 from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.settings import LOOPBACK, HttpSettings
+from opir_http.telemetry import end_spans, span_provider, window_spans
 from opir_http.watchdog import Notifier, RunWatchdog
 
 #: Environment variable of the bearer token, if no file is given.
@@ -64,6 +65,8 @@ def serve(arguments: argparse.Namespace) -> int:
     log = RequestLog(sys.stderr.write, token_name(arguments), is_json=is_json)
     with ended_if_stuck(arguments.dead_after):
         service = service_of(arguments)
+    if spans := span_provider():
+        service.run.on_window = window_spans(spans, service.run.on_window)
     on_stuck = partial(end_process, service.run) if arguments.supervise else None
     watchdog = RunWatchdog(service.run, on_stuck, Notifier.of(), arguments.dead_after)
     service.watchdog = watchdog.thread
@@ -89,6 +92,8 @@ def serve(arguments: argparse.Namespace) -> int:
             service.feed.stop()
             passed_s = 0.0 if asked_at_s is None else time.monotonic() - asked_at_s
             status = service.run.stop(within_s=max(_LEAST_S, STOP_S - passed_s))
+            if spans:
+                end_spans(spans)
     sys.stdout.write(final_report(status))
     if service.run.status().error:
         raise ModelError(f"the run failed: {service.run.status().error}")

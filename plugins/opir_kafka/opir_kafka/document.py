@@ -16,11 +16,12 @@ _SCHEMA_FORMAT = "application/schema+json;version=draft-2020-12"
 _SENSOR = "The sensor's id"
 
 
-def asyncapi_document() -> dict[str, Any]:
+def asyncapi_document(config: KafkaConfig | None = None) -> dict[str, Any]:
     """Return the document (AsyncAPI 3.0,
-    https://www.asyncapi.com/docs/reference/specification/v3.0.0).
+    https://www.asyncapi.com/docs/reference/specification/v3.0.0) of an output, by default of one
+    with the default settings.
     """
-    bare = KafkaConfig()
+    output = config or KafkaConfig()
     messages = _messages()
     return {
         "asyncapi": "3.0.0",
@@ -33,12 +34,12 @@ def asyncapi_document() -> dict[str, Any]:
             "license": {"name": "Apache-2.0"},
         },
         "defaultContentType": "application/json",
-        "servers": {"kafka": {"host": bare.bootstrap_servers, "protocol": "kafka"}},
+        "servers": {"kafka": {"host": output.bootstrap_servers, "protocol": "kafka"}},
         "channels": {
             "detections": {
-                "address": bare.topic,
+                "address": output.topic,
                 "servers": [{"$ref": "#/servers/kafka"}],
-                "description": f"One of these, by the output's encoder; default {bare.encoder}. The"
+                "description": f"One of these, by the output's encoder; here {output.encoder}. The"
                 " encoders forge-bands and forge-tracks add band irradiances or track states to"
                 " forge's messages. With heartbeat_s the messages heartbeat say which sensors watched.",
                 "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in messages},
@@ -59,11 +60,11 @@ def asyncapi_document() -> dict[str, Any]:
     }
 
 
-def asyncapi_text() -> str:
-    """Return the document as YAML."""
+def asyncapi_text(config: KafkaConfig | None = None) -> str:
+    """Return the document of an output as YAML."""
     import yaml
 
-    return yaml.safe_dump(asyncapi_document(), sort_keys=False, allow_unicode=True, width=120)
+    return yaml.safe_dump(asyncapi_document(config), sort_keys=False, allow_unicode=True, width=120)
 
 
 def _messages() -> dict[str, Any]:

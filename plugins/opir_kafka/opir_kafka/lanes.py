@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from opir_core.plugin import Batch, PartlySentError
+from opir_kafka.telemetry import trace_headers
 
 Rows = list[int]
 Frame = Callable[[bytes], bytes]
@@ -36,6 +37,7 @@ class Shipment:
         self._headers = [
             ("content-type", batch.content_type.encode()),
             ("schema-version", batch.schema_version.encode()),
+            *trace_headers(batch, future),
         ]
         self._open_rows = set(range(len(batch)))
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from opir_core.plugin import SinkModel, hookimpl
+from opir_core.plugin import SinkModel, deferred, hookimpl
 from opir_kafka.settings import KafkaConfig
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ def opir_sinks() -> Iterable[SinkModel]:
         summary="events into a Kafka topic, keyed by sensor, acknowledged by all replicas",
         config=KafkaConfig,
         build=_kafka,
+        asyncapi=deferred("opir_kafka.document.asyncapi_text"),
     )
 
 

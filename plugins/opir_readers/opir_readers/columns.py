@@ -103,7 +103,7 @@ _WORDS = (
 #: Names of axes that do not turn with the Earth.
 _INERTIAL = re.compile(r"eci(?!t)|j2000|eme2000|gcr[fs]|icr[fs]|inertial|mj2000|teme")
 
-_WITH_UNIT = re.compile(r"(.*?)\s*[(\[]\s*([^)\]]*?)\s*[)\]]")
+_OPENING = re.compile(r"[(\[]")
 
 
 @frozen
@@ -154,8 +154,12 @@ def bare_name(name: str) -> tuple[str, str]:
     ('altitude', 'ft')
     """
     lower = name.strip().lower()
-    match = _WITH_UNIT.fullmatch(lower)
-    return (match[1], match[2]) if match else (lower, "")
+    inside = lower[:-1]
+    closed = max(inside.rfind(")"), inside.rfind("]")) + 1
+    opening = _OPENING.search(inside, closed) if lower.endswith((")", "]")) else None
+    if opening is None:
+        return lower, ""
+    return inside[: opening.start()].rstrip(), inside[opening.end() :].strip()
 
 
 def unix_s_of_scale(scale: str, since_s: float) -> float:

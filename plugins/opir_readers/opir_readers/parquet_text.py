@@ -41,6 +41,9 @@ def text_of_parquet(content: bytes) -> str:
         names = [field.name for field in table.schema_arrow if _is_read(field)]
         if not names:
             raise BadFileError("has no columns of numbers, texts or times")
+        all_names = table.schema_arrow.names
+        if repeated := next((name for name in names if all_names.count(name) > 1), None):
+            raise BadFileError(f"has several columns {repeated!r}: rename or drop the others")
         _require_size(table.metadata, names)
         return _text_of(content, table.schema_arrow, names)
     except (pyarrow.ArrowException, OSError, ValueError) as error:

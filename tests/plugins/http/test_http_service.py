@@ -6,17 +6,21 @@ import os
 import re
 import threading
 import time
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from http_service import LAUNCH, RunningService, conforms, serving
 from hypothesis import HealthCheck, given, settings, strategies as st
 from opir_http import health
 from opir_http.routes import document
+from opir_kafka.document import asyncapi_document
 from waiting import until, within
 
 from opir_core import Engine, compile_plan, scene_from_mapping
+from opir_core.cli.main import main
 from opir_core.output import ForgeEncoder
 from opir_core.plugin import EncoderContext
 from opir_core.reading import scene_mapping
@@ -42,6 +46,40 @@ def test_the_document_has_every_route_and_no_other(stand: RunningService) -> Non
     }
     assert ours - page == reported
     assert stand.ask("GET", "/openapi.json").json == json.loads(json.dumps(document()))
+
+
+def test_schemas_are_those_of_the_command(
+    stand: RunningService, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for encoder, kind in (("forge", "application/schema+json"), ("avro", "text/plain")):
+        assert main(["schema", encoder]) == 0
+        answer = stand.ask("GET", f"/schemas/{encoder}")
+        assert answer.status == 200
+        assert answer.headers["content-type"].startswith(kind)
+        assert answer.body.decode() == capsys.readouterr().out
+    unknown = stand.ask("GET", "/schemas/nothing")
+    assert (unknown.status, "opir plugins" in unknown.json["detail"]) == (404, True)
+
+
+def test_without_a_topic_there_is_no_document(stand: RunningService) -> None:
+    answer = stand.ask("GET", "/asyncapi.yaml")
+    assert (answer.status, answer.json["detail"]) == (404, "no output of this run has a topic")
+
+
+def test_the_document_of_the_topic_has_the_settings_of_the_output(tmp_path: Path) -> None:
+    output = '{kafka: {bootstrap_servers: "localhost:1", topic: watch, spool: {path: "%s"}}}'
+    words = "--set", f"outputs=[{output % (tmp_path / 'events.spool')}]"
+    with serving(tmp_path, *words) as running:
+        answer = running.ask("GET", "/asyncapi.yaml")
+    assert answer.headers["content-type"].startswith("application/yaml")
+    document = yaml.safe_load(answer.body)
+    assert document["channels"]["detections"]["address"] == "watch"
+    assert document["servers"]["kafka"]["host"] == "localhost:1"
+    assert document["components"] == asyncapi_document()["components"]
+
+
+def test_the_status_has_the_version(stand: RunningService) -> None:
+    assert stand.ask("GET", "/status").json["version"] == version("opir-core")
 
 
 def test_a_launch_is_in_the_run_and_seen(stand: RunningService) -> None:

@@ -95,6 +95,14 @@ def test_any_text_is_refused_or_read(reader, text):
     require_whole(reader, reader.example[: len(reader.example) // 2] + text)
 
 
+@pytest.mark.parametrize("end", ["", "]", " (km)"])
+def test_a_line_of_brackets_is_read_in_one_pass(end):
+    """A search from each bracket to the end would take minutes: longer than a test may."""
+    text = "[" * 200_000 + end
+    with pytest.raises(BadFileError):
+        reader_of(text, READERS)
+
+
 def cost(reader, text):
     """Return the processor time, s, and the memory, bytes, of reading a text."""
     tracemalloc.start()

@@ -89,6 +89,12 @@ def test_what_is_no_parquet_is_refused(imported, content):
     assert "is no whole Parquet file" in imported("file", code=2)
 
 
+def test_two_columns_of_a_name_are_refused(imported):
+    table = pa.table([pa.array([1.0, 2.0])] * 3, names=["time_s", "lon_deg", "lon_deg"])
+    parquet.write_table(table, "file")
+    assert "has several columns 'lon_deg': rename or drop the others" in imported("file", code=2)
+
+
 def test_endless_repetitions_are_refused(tmp_path):
     path = written(tmp_path / "a", {"time_s": pa.array(np.zeros(30_000_000, dtype=np.int8))})
     assert path.stat().st_size < 1_000_000

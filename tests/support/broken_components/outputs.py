@@ -281,3 +281,9 @@ def nothing():
 class WithoutClose:
     def write(self, window):
         return
+
+
+@mutant(SinkModel, "goes-past-the-stage", "test_a_run_that_is_given_up_leaves_no_file")
+def goes_past_the_stage(_config, _context):
+    Path("events.out").write_text("", encoding="utf-8")
+    return Counts()

@@ -1,4 +1,5 @@
 // The page: shows a running scene, or a saved run, at the time of its time axis, and sends launches of the form.
+import { Alerts } from "/page/alerts.js";
 import { LaunchForm } from "/page/form.js";
 import { WorldMap } from "/page/map.js";
 import { likeliest, Order } from "/page/order.js";
@@ -26,8 +27,9 @@ const map = new WorldMap(byId("map"), store, order, {
 form = new LaunchForm(map);
 const table = new TrackTable(byId("track-rows"), store, order, (key) => { select(key); showOnMap(key); });
 const sensors = new SensorTable((key) => select(key));
+const alerts = new Alerts((key) => { select(key); showOnMap(key); });
 // For tests: the content of the canvas is in no element.
-window.opirMap = map; window.opirStore = store; window.opirPlayer = player;
+window.opirMap = map; window.opirStore = store; window.opirPlayer = player; window.opirAlerts = alerts;
 
 let detailsMs = 0, newsMs = 0, announced = 0;
 function frame() {
@@ -86,11 +88,11 @@ function status(data) {
 }
 
 const on = {
-  status,
+  status(data) { status(data); alerts.health(data.health, data.clock.timestamp); },
   detections(data) { store.addDetections(data.detections); },
-  tracks(data) { data.tracks.forEach((track) => store.addTrack(track)); },
+  tracks(data) { data.tracks.forEach((track) => store.addTrack(track)); alerts.tracks(data.tracks); },
   end() { setState("stopped"); },
-  lost() { setState("lost"); },
+  lost() { setState("lost"); alerts.health(null); },
 };
 
 const got = async (path) => { const answer = await ask(path); if (!answer.ok) throw new Error(path); return answer.json(); };
@@ -99,7 +101,7 @@ const got = async (path) => { const answer = await ask(path); if (!answer.ok) th
 // with their trails.
 async function past(data) {
   const since = new Date(Math.max(0, Date.parse(data.clock.timestamp) - PAST_S * 1000)).toISOString();
-  on.tracks(await got(`/tracks?limit=${TRACKS}&trail=true`));
+  (await got(`/tracks?limit=${TRACKS}&trail=true`)).tracks.forEach((track) => store.addTrack(track));
   let after = "";
   for (let page = 0; page < PAGES; page += 1) {
     const found = await got(`/detections?limit=${PAGE}&since=${since}${after}`);
@@ -136,7 +138,7 @@ byId("show-all").addEventListener("click", () => map.reset());
 async function start() {
   const data = await got("/status");
   status(data);
-  if (data.replay) { byId("launch-panel").hidden = byId("sinks-panel").hidden = true; await saved.open(data); return; }
+  if (data.replay) { byId("launch-panel").hidden = byId("sinks-panel").hidden = byId("alerts-panel").hidden = true; await saved.open(data); return; }
   follow("/stream?view=brief", (event, body) => on[event] && on[event](body));
   counts();
   await past(data);

@@ -26,6 +26,9 @@ _STRANGERS = {
     "a page": "<!doctype html><html><body></body></html>\n",
 }
 
+#: Distance from the Earth's centre that no ground has: 50 km below the poles, m.
+_INSIDE_M = 6_307_000.0
+
 _ALONE = "Compute everything from the text that is passed: no clock, no network, no random numbers."
 
 
@@ -68,6 +71,17 @@ class ReaderContract(Contract):
             "Return columns and records as FileReader describes them.",
         )
 
+    def test_places_are_above_the_ground(self) -> None:
+        """The states of the example are outside of the Earth."""
+        content = self.part()
+        if isinstance(content, StateTable):
+            least_m = float(np.linalg.norm(content.position_m, axis=1).min())
+            require(
+                least_m > _INSIDE_M,
+                f"the example has a place {least_m * 1e-3:.3f} km from the Earth's centre",
+                "Return metres, Earth-fixed: kilometres times 1000, feet times 0.3048.",
+            )
+
     def test_it_recognises_only_its_files(self) -> None:
         """`recognises` is true of the example, with other ends of lines too, and false of other
         texts.
@@ -91,14 +105,14 @@ class ReaderContract(Contract):
         )
 
     def test_a_spoilt_file_is_refused_with_the_reason(self) -> None:
-        """A file that is cut short, or in which a word is another, is read or raises `BadFileError`
-        with a reason.
+        """A file that is cut short, or in which a word is another or two lines have changed places,
+        is read, to whole states in order, or raises `BadFileError` with a reason.
         """
         example = self.component().example
         for text in spoilt(example):
             try:
                 self.component().recognises(text)
-                self.read(text)
+                content = self.read(text)
             except BadFileError as error:
                 require(
                     bool(error.args) and len(str(error.args[0])) > 3,
@@ -111,6 +125,13 @@ class ReaderContract(Contract):
                     f"the text that ends in {text[-40:]!r} raises {type(error).__name__}: {error}",
                     "Raise BadFileError for every text that the reader cannot take.",
                 )
+            else:
+                fault = _fault_of_table(content) if isinstance(content, StateTable) else ""
+                require(
+                    not fault,
+                    f"the text that ends in {text[-40:]!r} becomes {fault}",
+                    "Sort the states, or raise BadFileError with the line.",
+                )
 
     def test_the_content_depends_only_on_the_text(self) -> None:
         """A second call gives the same; clock, network and global random state are not used."""
@@ -121,8 +142,8 @@ class ReaderContract(Contract):
 
 
 def spoilt(text: str) -> list[str]:
-    """Return the text cut short after each line and in the middle of lines, and with each of its
-    words replaced.
+    """Return the text cut short after each line and in the middle of lines, with each of its words
+    replaced, and with its last lines in another order.
     """
     lines = text.splitlines(keepends=True)
     cut = ["".join(lines[:count]) for count in range(len(lines))]
@@ -140,7 +161,8 @@ def spoilt(text: str) -> list[str]:
         mark.join([*words[:place], "1e999", *words[place + 1 :]])
         for place in range(min(len(words), 60))
     ]
-    return [*cut, *changed, text.replace("\n", ""), text * 2]
+    swapped = "".join([*lines[:-2], *reversed(lines[-2:])])
+    return [*cut, *changed, swapped, text.replace("\n", ""), text * 2]
 
 
 def _is_read(read: Any, text: str) -> bool:
@@ -168,6 +190,8 @@ def _fault_of_table(table: Any) -> str:
     is_same_run = np.diff(table.run) == 0
     if not (np.diff(table.time_s)[is_same_run] > 0.0).all():
         return "a table whose times do not increase within a run"
+    if not (table.burns_s[:, 1] > table.burns_s[:, 0]).all():
+        return "a table with a burn that does not end after it begins"
     return "" if isinstance(table.line_of(0), int) else "a table whose line_of returns no number"
 
 

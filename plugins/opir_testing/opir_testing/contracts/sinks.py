@@ -139,6 +139,21 @@ class SinkContract(OutputContract):
         """
         self._require_written(edge_case_windows().values())
 
+    def test_a_run_that_is_given_up_leaves_no_file(self) -> None:
+        """A run that fails leaves no file: those of the sink are staged."""
+        with _empty_folder():
+            files = OutputFiles()
+            sink = self.opened_with(files)
+            for window in self.windows():
+                sink.write(window)
+            sink.close()
+            files.abandon()
+            require(
+                not _sizes(),
+                f"after a run that was given up there is {', '.join(_sizes())}",
+                "Open what `context.stage(path)` returns, unless the context resumes.",
+            )
+
     def test_a_batch_run_succeeds_and_succeeds_again(self) -> None:
         """A run like that of `opir run` writes all events, to files that exist and are empty, put
         in place later.
