@@ -15,7 +15,7 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 274_200,
+    "opir_core": 274_500,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_displays": 3_800,
@@ -24,7 +24,7 @@ TOKENS: dict[str, int] = {
     "opir_export": 25_300,
     "opir_forecast": 42_100,
     "opir_heo": 400,
-    "opir_http": 29_100,
+    "opir_http": 29_300,
     "opir_kafka": 6_810,
     "opir_leo": 950,
     "opir_nextgen": 500,
@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 100_080,
-    "tests": 816_500,
+    "tests": 817_950,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.
