@@ -35,12 +35,12 @@ TOKENS: dict[str, int] = {
     "opir_report": 50_200,
     "opir_sbirs": 370,
     "opir_scoring": 32_400,
-    "opir_stonesoup": 6_500,
+    "opir_stonesoup": 8_000,
     "opir_studies": 46_800,
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 100_080,
-    "tests": 817_950,
+    "tests": 819_150,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.
