@@ -150,11 +150,15 @@ class StoneSoupDirector(Director):
             tracks.track.tolist(), tracks.tick_s.tolist(), tracks.state, tracks.state_covariance,
             strict=True,
         )  # fmt: skip
+        # Without an id of its own a track draws one from the system's entropy.
         return OrderedSet(
-            Track([GaussianState(StateVector(state), covariance, timestamp=self._time(tick_s))],
-                  init_metadata={"track": number})
+            Track(
+                [GaussianState(StateVector(state), covariance, timestamp=self._time(tick_s))],
+                id=str(number),
+                init_metadata={"track": number},
+            )
             for number, tick_s, state, covariance in rows
-        )  # fmt: skip
+        )
 
     def _sensors(
         self, situation: Situation, tracks: Tracks, position_m: FloatArray, time: datetime
