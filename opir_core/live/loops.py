@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Mapping
 from concurrent.futures import Future
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from attrs import evolve, frozen
 
@@ -23,6 +23,9 @@ from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.shifting import shifted, shifted_command
+
+if TYPE_CHECKING:
+    from opir_core.simulation.pointing import NarrowField
 
 #: Interval, s, after which another thread releases the interpreter to the run; Python's default is
 #: 5 ms.
@@ -148,6 +151,19 @@ class RunPosition:
     def time_ns(self) -> int:
         """Scene time, over all laps, that the engine has reached."""
         return self.engine.time_ns + self.offset.time_ns
+
+    def narrow_fields(self, time_ns: int) -> "dict[int, NarrowField]":
+        """Return where narrow fields are at a time of the whole run, by the numbers of the sensors;
+        times and tracks are those of the whole run.
+        """
+        fields = self.engine.narrow_fields(time_ns - self.offset.time_ns)
+        return {number: self._of_run(field) for number, field in fields.items()}
+
+    def _of_run(self, field: "NarrowField") -> "NarrowField":
+        aim = field.aim
+        track = aim.track if aim.track < 0 else aim.track + self.offset.tracks
+        from_s = aim.from_s + self.offset.time_ns * 1e-9
+        return evolve(field, aim=evolve(aim, track=track, from_s=from_s))
 
     def task(self, task: SensorTask) -> CommandRecord | None:
         """Return what became of a task, whose track is numbered as in the whole run; None without a

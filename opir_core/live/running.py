@@ -257,7 +257,7 @@ class LiveRun:
             detections=counts.detections,
             targets=int((is_active(plan, position.engine.time_ns) & plan.targets.is_launch).sum()),
             targets_launched=self._launch_count,
-            sensors=counts.sensors(plan),
+            sensors=counts.sensors(plan, position.narrow_fields(counts.time_ns)),
             sinks=tuple(sink.status() for sink in self._sinks),
         )
 

@@ -1,7 +1,7 @@
 """State and counts of a live run."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import define, field, frozen
@@ -12,6 +12,9 @@ from opir_core.interfaces.sensor_health import SensorHealth
 from opir_core.output.sink_thread import SinkStatus
 from opir_core.planning.plan import Plan
 
+if TYPE_CHECKING:
+    from opir_core.simulation.pointing import NarrowField
+
 #: Upper edges, s, of the histogram of lateness; a last bin has all later cycles.
 LATE_EDGES_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
 
@@ -20,7 +23,8 @@ LATE_EDGES_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.
 class SensorStatus:
     """Detections of a sensor; the last one's scene time is None before the first.
 
-    `health` is what the tracker has found of it, as plain values, or None.
+    `health` is what the tracker has found of it, as plain values, or None; `field` is where its
+    narrow field is, None for a sensor without one.
     """
 
     id: str
@@ -28,6 +32,7 @@ class SensorStatus:
     detections: int
     last_detection_s: float | None
     health: Mapping[str, Any] | None = None
+    field: "NarrowField | None" = None
 
 
 @frozen
@@ -103,8 +108,8 @@ class Counts:
         self.late_cycles += late_s > allowed_s
         self.late_counts[int(np.searchsorted(LATE_EDGES_S, self.late_s))] += 1
 
-    def sensors(self, plan: Plan) -> tuple[SensorStatus, ...]:
-        """Return the status of each sensor."""
+    def sensors(self, plan: Plan, fields: Mapping[int, "NarrowField"]) -> tuple[SensorStatus, ...]:
+        """Return the status of each sensor; `fields` are narrow fields by the sensors' numbers."""
         health = self.health.documents() if self.health else [None] * len(plan.sensors)
         rows = zip(
             plan.sensors,
@@ -115,7 +120,12 @@ class Counts:
         )
         return tuple(
             SensorStatus(
-                sensor.id, sensor.type, count, last_ns * 1e-9 if last_ns >= 0 else None, report
+                id=sensor.id,
+                type=sensor.type,
+                detections=detections,
+                last_detection_s=last_ns * 1e-9 if last_ns >= 0 else None,
+                health=report,
+                field=fields.get(number),
             )
-            for sensor, count, last_ns, report in rows
+            for number, (sensor, detections, last_ns, report) in enumerate(rows)
         )

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError, nearest_names
@@ -23,7 +24,7 @@ from opir_core.planning.sensor_modes import SensorModes
 from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.planning.visibility import visible_now
 from opir_core.simulation.merging import MergeModes
-from opir_core.simulation.pointing import PointedFields
+from opir_core.simulation.pointing import NarrowField, PointedFields
 
 
 class Directing:
@@ -44,6 +45,8 @@ class Directing:
         self._tasks: dict[str, SensorTask] = {}
         self._tasked: tuple[CommandRecord, ...] = ()
         self._steering = Steering(plan.sensors)
+        #: By sensor why it did not take its last command, "" if it did.
+        self._refusals: dict[str, str] = {}
         self.use(plan, fields)
 
     def use(self, plan: Plan, fields: PointedFields) -> None:
@@ -98,6 +101,7 @@ class Directing:
         time_s = time_ns / 1_000_000_000
         if task.position_ecef_m is None and task.track < 0 and not task.mode:
             record = CommandRecord(time_s, task.sensor, -1, "the director's again", np.nan, np.nan)
+            self._refusals.pop(task.sensor, None)
             if self._tasks.pop(task.sensor, None):
                 self._refused = (*self._refused, record._replace(refusal="an operator had it"))
         else:
@@ -106,6 +110,13 @@ class Directing:
                 self._tasks[task.sensor] = task
         self._tasked = (*self._tasked, record)
         return record
+
+    def field_at(self, number: int, time_s: float) -> NarrowField:
+        """Return where the field of a sensor, by its number, is at a time, and who points it."""
+        sensor = self._plan.sensors[number].id
+        refusal = self._refusals.get(sensor, "")
+        field = self.fields.field_at(number, time_s)
+        return evolve(field, is_tasked=sensor in self._tasks, refusal=refusal)
 
     def _followed(self, time_s: float) -> Sequence[CommandRecord]:
         """Return what became of the commands to sensors that follow an operator's track, as long as
@@ -204,6 +215,7 @@ class Directing:
     def _obeyed(self, command: Command, time_s: float) -> CommandRecord:
         """Point the sensor of a command; return what became of it."""
         refusal = self._refusal(command, time_s)
+        self._refusals[command.sensor] = refusal
         start_s = from_s = np.nan
         if not refusal:
             aim = self.fields.point(self._numbers[command.sensor], command, time_s)

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from opir_core.planning.sensor_modes import SensorModes
     from opir_core.simulation.directing import Directing
     from opir_core.simulation.merging import MergeModes
-    from opir_core.simulation.pointing import PointedFields
+    from opir_core.simulation.pointing import NarrowField, PointedFields
     from opir_core.simulation.reporting import ReportingDelays
 
 
@@ -165,6 +165,16 @@ class Engine:
         a director.
         """
         return None if self._directing is None else self._directing.task(task, self.time_ns)
+
+    def narrow_fields(self, time_ns: int) -> "dict[int, NarrowField]":
+        """Return where narrow fields are at a time since the last decision, by the numbers of the
+        sensors.
+        """
+        fields = self._fields
+        if fields is None:
+            return {}
+        field_at = (self._directing or fields).field_at
+        return {number: field_at(number, time_ns * 1e-9) for number in fields.numbers}
 
     def _advanced(self, end_ns: int) -> Window:
         start_ns = self.time_ns

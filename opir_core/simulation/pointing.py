@@ -34,6 +34,13 @@ class FieldAim:
     position_ecef_m: FloatArray
     velocity_m_s: FloatArray
     mode: str = ""
+    track: int = -1
+    reason: str = ""
+
+    def position_at(self, time_s: FloatArray) -> FloatArray:
+        """Return the point (n, 3) at times (n,), ECEF, m."""
+        since_s = np.subtract(time_s, self.time_s)[:, None]
+        return self.position_ecef_m + self.velocity_m_s * since_s
 
     def direction(self, sensor_ecef_m: FloatArray, time_s: FloatArray) -> FloatArray:
         """Return directions (n, 3) from positions of the sensor (n, 3) at times (n,), not of unit
@@ -41,8 +48,23 @@ class FieldAim:
         """
         if np.isnan(self.position_ecef_m[0]):
             return -sensor_ecef_m
-        since_s = np.subtract(time_s, self.time_s)[:, None]
-        return self.position_ecef_m + self.velocity_m_s * since_s - sensor_ecef_m
+        return self.position_at(time_s) - sensor_ecef_m
+
+
+@frozen(eq=False)
+class NarrowField:
+    """Where the narrow field of a sensor is at a time.
+
+    `aim` is the last one begun, `position_ecef_m` (3,) its point at that time, nan for nadir.
+    `is_tasked` says whether an operator has the sensor; `refusal` is why it did not take the last
+    command, "" if it did.
+    """
+
+    half_angle_rad: float
+    aim: FieldAim
+    position_ecef_m: FloatArray
+    is_tasked: bool = False
+    refusal: str = ""
 
 
 class PointedFields:
@@ -108,6 +130,20 @@ class PointedFields:
         recent = [each for each, end_s in zip(aims, ends_s, strict=True) if end_s >= time_s]
         self._aims[number] = [*recent, aim]
         return aim
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The sensors' numbers."""
+        return tuple(self._aims)
+
+    def field_at(self, number: int, time_s: float) -> NarrowField:
+        """Return where the field of a sensor, by its number, is at a time."""
+        aims = self._aims[number]
+        begun = [aim for aim in aims if aim.start_s <= time_s]
+        aim = begun[-1] if begun else aims[0]
+        sensor = self.sensors[number]
+        half_angle_rad = _pointing(sensor.modes.get(aim.mode, sensor)).half_angle_rad
+        return NarrowField(half_angle_rad, aim, aim.position_at(np.array([time_s]))[0])
 
     def keep_out(self, number: int) -> KeepOut | None:
         """Return where a sensor must not look, None without a limit."""
@@ -178,10 +214,16 @@ class PointedFields:
 def _commanded(command: Command, former: FieldAim, start_s: float, time_s: float) -> FieldAim:
     """Return the aim of a command after a former one; its turn takes no time yet."""
     mode = command.mode or former.mode
+    aim = evolve(former, start_s=start_s, from_s=start_s, mode=mode, reason=command.reason)
     if command.position_ecef_m is None:
-        return evolve(former, start_s=start_s, from_s=start_s, mode=mode)
-    position_m = command.position_ecef_m
-    return FieldAim(start_s, start_s, time_s, position_m, command.velocity_m_s, mode)
+        return aim
+    return evolve(
+        aim,
+        time_s=time_s,
+        position_ecef_m=command.position_ecef_m,
+        velocity_m_s=command.velocity_m_s,
+        track=command.track,
+    )
 
 
 def _pointing(sensor: Sensor) -> Pointing:

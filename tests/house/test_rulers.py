@@ -15,16 +15,16 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 278_200,
+    "opir_core": 278_800,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_displays": 3_800,
     "opir_dsp": 500,
     "opir_estimation": 46_800,
-    "opir_export": 26_300,
+    "opir_export": 28_100,
     "opir_forecast": 42_100,
     "opir_heo": 400,
-    "opir_http": 29_900,
+    "opir_http": 30_200,
     "opir_kafka": 8_600,
     "opir_leo": 950,
     "opir_nextgen": 500,
@@ -35,12 +35,12 @@ TOKENS: dict[str, int] = {
     "opir_report": 50_200,
     "opir_sbirs": 440,
     "opir_scoring": 32_400,
-    "opir_stonesoup": 6_500,
+    "opir_stonesoup": 8_000,
     "opir_studies": 46_800,
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 100_080,
-    "tests": 834_900,
+    "tests": 838_600,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -7,11 +7,20 @@ from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin import EventEncoder, ExporterModel, RunView, SinkModel, deferred, hookimpl
+from opir_core.plugin import (
+    EventEncoder,
+    ExporterModel,
+    MetricModel,
+    RunView,
+    SinkModel,
+    deferred,
+    hookimpl,
+)
 from opir_export.settings import (
     ArrowConfig,
     CsvConfig,
     CuesConfig,
+    CzmlConfig,
     MapConfig,
     OemConfig,
     ParquetConfig,
@@ -29,6 +38,18 @@ def opir_exporters() -> Iterable[ExporterModel]:
     for name, config, module, function, summary in _EXPORTERS:
         build = _exporter(module, function)
         yield ExporterModel(name=name, summary=summary, config=config, build=build)
+
+
+@hookimpl
+def opir_metrics() -> Iterable[MetricModel]:
+    """Yield the metric `search_volume`."""
+    yield MetricModel(
+        name="search_volume",
+        summary="volume and area that a sensor on the ground must search for launches, and the share"
+        " of volumes that hold them",
+        config=CuesConfig,
+        build=deferred("opir_export.volume_metric.search_volume_metric"),
+    )
 
 
 def _exporter(module: str, function: str) -> Callable[..., Any]:
@@ -72,7 +93,7 @@ _EXPORTERS: Sequence[tuple[str, type, str, str, str]] = (
     ),
     (
         "czml",
-        MapConfig,
+        CzmlConfig,
         "czml",
         "CzmlFile",
         (

@@ -6,6 +6,7 @@ by the differences of free flights from one standard deviation to both sides of 
 flights), and is taken as normal there.
 """
 
+from collections.abc import Iterator
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -121,6 +122,50 @@ def cues_of(run: Any, config: CuesConfig) -> list[TrackCue]:
     ]
 
 
+class FlownVolume(NamedTuple):
+    """The search volume of a track over time: ECEF positions (n, 3), m, and their covariances
+    (n, 3, 3), m², at scene times (n,), s.
+    """
+
+    track: int
+    time_s: FloatArray
+    position_m: FloatArray
+    covariance_m2: FloatArray
+
+
+def flown_volumes(run: Any, step_s: float) -> Iterator[FlownVolume]:
+    """Yield the search volume of each track at steps from when its first estimate without a burn is
+    available, until it comes down; of those that have such an estimate.
+    """
+    tracks: Tracks = run.tracks
+    forces = Forces(zonal=run.plan.scene.forces.zonal)
+    # Of the settings only the event counts here: the volume is seen from no site.
+    rows = _event_rows(
+        tracks, np.unique(tracks.track), CuesConfig(lat_deg=0.0, lon_deg=0.0, at="burnout")
+    )
+    rows = rows[_reasons(tracks, rows) == ""]
+    for estimate in map(tracks.take, rows[:, None].tolist()):
+        start_s = float(estimate.available_s[0])
+        end_s = float(_end_s(estimate, forces)[0])
+        if start_s < end_s:
+            time_s = np.linspace(start_s, end_s, 2 + int((end_s - start_s) / step_s))
+            yield _flown(estimate, time_s, forces)
+
+
+def _flown(estimate: Tracks, time_s: FloatArray, forces: Forces) -> FlownVolume:
+    places = _places(estimate.take([0] * len(time_s)), time_s, forces)
+    covariance_m2 = places.root_m @ places.root_m.mT
+    return FlownVolume(int(estimate.track[0]), time_s, places.position_m, covariance_m2)
+
+
+def _end_s(estimates: Tracks, forces: Forces) -> FloatArray:
+    """Return the scene times (n,), s, at which targets come down, or the end of the search."""
+    tick_s = estimates.tick_s
+    state = ecef_to_eci_state(estimates.state[:, :3], estimates.state[:, 3:], tick_s)
+    duration_s, _ = impact(*state, forces=forces, within_s=LONGEST_FLIGHT_S)
+    return tick_s + np.where(np.isfinite(duration_s), duration_s, LONGEST_FLIGHT_S)
+
+
 def _event_rows(tracks: Tracks, numbers: IntArray, config: CuesConfig) -> IntArray:
     """Return the row (n,) of the event of each track, -1 for one without it."""
     event = config.at
@@ -172,8 +217,7 @@ def _times(estimates: Tracks, forces: Forces, config: CuesConfig) -> tuple[Float
     if not len(tick_s):
         return tick_s, np.empty(0, dtype=object)
     state = ecef_to_eci_state(estimates.state[:, :3], estimates.state[:, 3:], tick_s)
-    duration_s, _ = impact(*state, forces=forces, within_s=LONGEST_FLIGHT_S)
-    end_s = tick_s + np.where(np.isfinite(duration_s), duration_s, LONGEST_FLIGHT_S)
+    end_s = _end_s(estimates, forces)
     # Beyond the end by more than rounding, so that the last sample has a position.
     flights = free_flight_ephemeris(tick_s, end_s + _STEP_S, *state, forces=forces)
     site_m = _site_m(config)

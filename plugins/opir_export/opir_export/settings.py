@@ -165,6 +165,17 @@ class MapConfig:
 
 
 @frozen
+class CzmlConfig(MapConfig):
+    """Contents of a map over time, with the volumes that a sensor must search for its tracks."""
+
+    search_volumes: bool = flag(
+        default=False,
+        help="the ellipsoid that holds each target with 95 %, in free flight from the first estimate"
+        " without a burn, until it comes down",
+    )
+
+
+@frozen
 class ParquetSinkConfig:
     """The settings of the sink `parquet`."""
 

@@ -166,8 +166,28 @@ class SensorHealthAnswer(Closed):
     text: str
 
 
+class SensorPointing(Closed):
+    """Where the narrow field of a sensor is.
+
+    `position_ecef_m` is the point that it looks at, null for nadir, and `looks_from` when it has
+    turned there, null if it was there from the start. `track_id` is the track that it follows,
+    `reason` the command's. `is_tasked` says whether an operator has the sensor; `refusal` why it did
+    not take the last command, "" if it did.
+    """
+
+    half_angle_deg: float
+    mode: str
+    modes: list[str]
+    position_ecef_m: list[float] | None
+    looks_from: Time | None
+    track_id: Count | None
+    reason: str
+    is_tasked: bool
+    refusal: str
+
+
 class SensorState(Closed):
-    """Place and state of a sensor."""
+    """Place and state of a sensor; `pointing` of its narrow field, null if it has none."""
 
     sensor_id: str
     sensor_type: str
@@ -178,6 +198,7 @@ class SensorState(Closed):
     detections: Count
     last_detection: Time | None
     health: SensorHealthAnswer | None
+    pointing: SensorPointing | None = None
 
 
 class SinkState(Closed):

@@ -1,13 +1,15 @@
 """The states of sensors at a time."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from opir_core.live import SensorStatus
 from opir_core.output import timestamp_text
 from opir_core.plugin import Sensor
-from opir_http.answers import SensorState
+from opir_http.answers import SensorPointing, SensorState
 
 
 def sensor_states(
@@ -55,6 +57,28 @@ def _state(
         if detection_s is None
         else timestamp(epoch_us + round(detection_s * 1e9) // 1000),
         health=health,
+    )
+
+
+def pointing_of(sensor: Sensor, status: SensorStatus, epoch_us: int) -> SensorPointing | None:
+    """Return where the narrow field of a sensor is, None for a sensor without one."""
+    field = status.field
+    if field is None:
+        return None
+    aim = field.aim
+    has_turned = math.isfinite(aim.from_s)
+    return SensorPointing(
+        half_angle_deg=round(math.degrees(field.half_angle_rad), 4),
+        mode=aim.mode,
+        modes=list(sensor.modes),
+        position_ecef_m=[round(axis, 1) for axis in field.position_ecef_m.tolist()]
+        if math.isfinite(field.position_ecef_m[0])
+        else None,
+        looks_from=timestamp(epoch_us + round(aim.from_s * 1e6)) if has_turned else None,
+        track_id=None if aim.track < 0 else aim.track,
+        reason=aim.reason,
+        is_tasked=field.is_tasked,
+        refusal=field.refusal,
     )
 
 

@@ -24,6 +24,7 @@ from opir_http.answers import (
     Health,
     LaunchedAnswer,
     Retried,
+    SensorState,
     SinkState,
     Status,
     Task,
@@ -34,7 +35,7 @@ from opir_http.feed import Feed
 from opir_http.health import Backlogs
 from opir_http.problems import ProblemError, problem_of
 from opir_http.reading import merged, refuse_names, refuse_other_names
-from opir_http.sensors import sensor_states, timestamp
+from opir_http.sensors import pointing_of, sensor_states, timestamp
 from opir_http.settings import LIVE, HttpSettings
 
 
@@ -102,14 +103,7 @@ class Service:
                 targets_launched=live.targets_launched,
                 tracks=len(self.feed.tracks),
             ),
-            sensors=sensor_states(
-                self.run.plan.sensors,
-                live.time_ns * 1e-9,
-                [sensor.detections for sensor in live.sensors],
-                [sensor.last_detection_s for sensor in live.sensors],
-                self.run.scene.epoch_us,
-                [sensor.health for sensor in live.sensors],
-            ),
+            sensors=self._sensor_states(live),
             sinks=[SinkState(**asdict(sink), lag=_lag(sink)) for sink in live.sinks],
             viewers=Viewers(
                 connected=self.feed.viewers,
@@ -117,6 +111,21 @@ class Service:
                 dropped_windows=self.feed.dropped_windows,
             ),
         )
+
+    def _sensor_states(self, live: LiveStatus) -> list[SensorState]:
+        sensors = self.run.plan.sensors
+        epoch_us = self.run.scene.epoch_us
+        states = sensor_states(
+            sensors,
+            live.time_ns * 1e-9,
+            [sensor.detections for sensor in live.sensors],
+            [sensor.last_detection_s for sensor in live.sensors],
+            epoch_us,
+            [sensor.health for sensor in live.sensors],
+        )
+        for sensor, status, state in zip(sensors, live.sensors, states, strict=True):
+            state.pointing = pointing_of(sensor, status, epoch_us)
+        return states
 
     def config(self) -> dict[str, Any]:
         """Return the present configuration: the scene's settings, and those of the service under

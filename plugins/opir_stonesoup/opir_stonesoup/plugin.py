@@ -1,9 +1,9 @@
-"""The tracker `stonesoup`: Stone Soup is imported when the tracker is built."""
+"""The tracker and the director `stonesoup`: Stone Soup is imported when one of them is built."""
 
 from collections.abc import Iterable
 
-from opir_core.plugin import TrackerModel, deferred, hookimpl
-from opir_stonesoup.settings import StoneSoupConfig
+from opir_core.plugin import DirectorModel, TrackerModel, deferred, hookimpl
+from opir_stonesoup.settings import StoneSoupConfig, StoneSoupDirectorConfig
 
 
 @hookimpl
@@ -16,4 +16,16 @@ def opir_trackers() -> Iterable[TrackerModel]:
         config=StoneSoupConfig,
         build=deferred("opir_stonesoup.tracker.stone_soup_tracker"),
         reads=(),
+    )
+
+
+@hookimpl
+def opir_directors() -> Iterable[DirectorModel]:
+    """Yield the director `stonesoup`."""
+    yield DirectorModel(
+        name="stonesoup",
+        summary="Stone Soup's sensor managers: each sensor to a track, by the uncertainty that its"
+        " looks would take away",
+        config=StoneSoupDirectorConfig,
+        build=deferred("opir_stonesoup.director.stone_soup_director"),
     )

@@ -1,4 +1,4 @@
-"""Settings of the tracker `stonesoup`. Nothing heavy is imported here."""
+"""Settings of the tracker and the director `stonesoup`. Nothing heavy is imported here."""
 
 from typing import Any
 
@@ -8,6 +8,7 @@ from opir_core.plugin import number, part, text
 
 FILTERS = ("ekf", "ukf")
 ASSOCIATIONS = ("gnn", "jpda")
+MANAGERS = ("brute-force", "greedy")
 MOTIONS = ("acceleration", "jerk", "two-body")
 
 
@@ -107,4 +108,41 @@ class StoneSoupConfig:
         above=0.0,
         maximum=1e9,
         help="a track with a larger position sigma is deleted after tentative_s without detection",
+    )
+
+
+@frozen
+class StoneSoupDirectorConfig:
+    """Settings of the director `stonesoup`."""
+
+    interval_s: float = number(
+        default=5.0, unit="s", minimum=0.01, maximum=3600.0, help="time between decisions"
+    )
+    manager: str = text(
+        default="brute-force",
+        choices=MANAGERS,
+        help="brute-force: BruteForceSensorManager, the best of all plans; greedy:"
+        " GreedySensorManager, the best track of each sensor as if it were alone",
+    )
+    most_plans: int = number(
+        default=256,
+        minimum=1,
+        maximum=1_000_000,
+        help="of more plans (each sensor has a track of those in its reach) the greedy manager"
+        " chooses",
+    )
+    noise: float = number(
+        default=10.0,
+        unit="m/s/√s",
+        minimum=0.0,
+        maximum=1000.0,
+        help="process-noise density of the velocity between a track's last tick and the next"
+        " decision",
+    )
+    least_probability_launch: float = number(
+        default=0.5,
+        minimum=0.0,
+        maximum=1.0,
+        help="tracks with a smaller probability of a launch get no sensor; those whose tracker does"
+        " not weigh it do",
     )

@@ -53,7 +53,15 @@ _MOST_NOTES = 3
 #: last, s: the phases of `impact_region` end 20 s after it.
 _OF_WHOLE_BURNS = {"impact_region", "warning_time", "milestones"}
 #: Metrics that have no figures, or the worst, without a tracker.
-_OF_TRACKS = {*_OF_WHOLE_BURNS, "accuracy", "cue_delay", "custody", "launch_error", "tracks"}
+_OF_TRACKS = {
+    *_OF_WHOLE_BURNS,
+    "accuracy",
+    "cue_delay",
+    "custody",
+    "launch_error",
+    "search_volume",
+    "tracks",
+}
 AFTER_BURNOUT_S = 30.0
 #: The metric of bounds of quantities over time.
 MILESTONES = "milestones"

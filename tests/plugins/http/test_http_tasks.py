@@ -1,6 +1,8 @@
 """An operator points sensors over HTTP."""
 
+import math
 import time
+from datetime import datetime
 
 import pytest
 from http_service import conforms, serving
@@ -78,6 +80,39 @@ def test_an_operator_changes_the_mode_of_a_sensor(service):
     assert answer.status == 200
     conforms(answer.json, "Tasked")
     assert answer.json["from_s"] == pytest.approx(answer.json["start_s"] + 4.0)
+
+
+def pointing_of(service):
+    status = service.ask("GET", "/status").json
+    conforms(status, "Status")
+    pointing = {sensor["sensor_id"]: sensor["pointing"] for sensor in status["sensors"]}
+    assert pointing["WEST"] is pointing["EAST"] is None
+    return pointing["SPOT"]
+
+
+def test_the_status_says_where_a_field_looks_and_who_points_it(service):
+    answer = service.ask("PUT", TASK, {"place_deg": [0.0, -100.0], "mode": "stare"}).json
+    until(lambda: pointing_of(service)["mode"] == "stare", "the command is never taken")
+    pointing = pointing_of(service)
+    assert pointing["half_angle_deg"] == 1.0
+    assert pointing["modes"] == ["stare"]
+    longitude = math.radians(-100.0)
+    place_m = [6378137.0 * math.cos(longitude), 6378137.0 * math.sin(longitude), 0.0]
+    assert pointing["position_ecef_m"] == pytest.approx(place_m, abs=0.1)
+    looks_from = datetime.fromisoformat(pointing["looks_from"])
+    since = looks_from - datetime.fromisoformat("2026-04-01T12:00:00Z")
+    assert since.total_seconds() == pytest.approx(answer["from_s"], abs=1e-5)
+    assert pointing["is_tasked"]
+    assert pointing["reason"] == "operator"
+    assert pointing["track_id"] is None
+    refused = service.ask("PUT", TASK, {"place_deg": [0.0, 80.0]})
+    assert refused.status == 409
+    assert pointing_of(service)["refusal"] == refused.json["detail"]
+    assert pointing_of(service)["position_ecef_m"] == pytest.approx(place_m, abs=0.1)
+    service.ask("DELETE", TASK)
+    pointing = pointing_of(service)
+    assert not pointing["is_tasked"]
+    assert not pointing["refusal"]
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ https://github.com/AnalyticalGraphicsInc/czml-writer/wiki/CZML-Guide
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,8 @@ from opir_export.scenery.map_features import (
     sensor_paths,
     timestamps,
 )
-from opir_export.settings import MapConfig
+from opir_export.search_volumes import ELLIPSOID_SIGMAS, FlownVolume, flown_volumes
+from opir_export.settings import CzmlConfig
 
 Packet = Mapping[str, Any]
 
@@ -33,6 +35,7 @@ Packet = Mapping[str, Any]
 _FLIGHT = (213, 94, 0, 255)
 _SENSOR = (0, 114, 178, 255)
 _PREDICTION = (204, 121, 167, 255)
+_SEARCH = (0, 158, 115, 255)
 #: Opacity of regions, of 255.
 _FAINT = 60
 #: Degree of the interpolation between positions: flights bend.
@@ -45,7 +48,7 @@ _MULTIPLIER = 10
 class CzmlFile:
     """Writes a run as one CZML document."""
 
-    config: MapConfig
+    config: CzmlConfig
 
     suffix = ".czml"
 
@@ -59,7 +62,7 @@ class CzmlFile:
         return [path]
 
 
-def packets(run: Any, config: MapConfig) -> Iterator[Packet]:
+def packets(run: Any, config: CzmlConfig) -> Iterator[Packet]:
     """Yield the packets of a run: document and clock, then sensors, targets, predictions."""
     paths = list(flights(run, config.step_s))
     end_s = max([run.plan.scene.duration_s, *(float(flight.time_s[-1]) for flight in paths)])
@@ -78,9 +81,67 @@ def packets(run: Any, config: MapConfig) -> Iterator[Packet]:
         yield from _flight_packets(run, flight)
     for prediction in predictions(run, config.regions):
         yield from _prediction_packets(run, prediction, end_s)
+    if config.search_volumes:
+        for volume in flown_volumes(run, config.step_s):
+            yield _volume_packet(run, volume)
 
 
-def _sensor_packets(run: Any, path: SensorPath, config: MapConfig) -> Iterator[Packet]:
+def _volume_packet(run: Any, volume: FlownVolume) -> Packet:
+    """Return the ellipsoid of a search volume over time."""
+    start, end = timestamps(run, volume.time_s[[0, -1]])
+    radii_m, axes = _ellipsoids(volume.covariance_m2)
+    return {
+        "id": f"search/{volume.track}",
+        "name": f"Track {volume.track}: search volume, 95 %",
+        "availability": f"{start}/{end}",
+        "position": _sampled(run, volume.time_s, volume.position_m),
+        "orientation": _samples(run, volume.time_s, "unitQuaternion", _quaternions(axes), 9),
+        "ellipsoid": {
+            "radii": _samples(run, volume.time_s, "cartesian", radii_m, 3),
+            "material": _solid((*_SEARCH[:3], _FAINT)),
+            "outline": True,
+            "outlineColor": _colour(_SEARCH),
+        },
+    }
+
+
+def _ellipsoids(covariance_m2: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the radii (n, 3), m, of 95 % and the axes (n, 3, 3) as columns, right-handed.
+
+    Each axis goes on from that of the time before: a viewer interpolates between them.
+    """
+    variance_m2, axes = _continued(*np.linalg.eigh(covariance_m2))
+    axes[:, :, 2] *= np.linalg.det(axes)[:, None]
+    return ELLIPSOID_SIGMAS * np.sqrt(np.maximum(variance_m2, 0.0)), axes
+
+
+def _continued(variance_m2: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return variances (n, 3) and axes (n, 3, 3) in the order and sense of the time before."""
+    orders = np.array(list(permutations(range(3))))
+    for step in range(1, len(axes)):
+        overlap = np.abs(axes[step - 1].T @ axes[step])
+        order = orders[np.argmax(overlap[np.arange(3), orders].sum(axis=1))]
+        axes[step] = axes[step][:, order]
+        variance_m2[step] = variance_m2[step][order]
+        axes[step] *= np.sign(np.sum(axes[step - 1] * axes[step], axis=0))
+    return variance_m2, axes
+
+
+def _quaternions(axes: FloatArray) -> FloatArray:
+    """Return unit quaternions (n, 4), x, y, z, w, of rotations (n, 3, 3), without changes of sign
+    from one to the next; Bar-Itzhack, Journal of Guidance, Control and Dynamics 23 (2000), 1085.
+    """
+    trace = np.trace(axes, axis1=1, axis2=2)[:, None, None]
+    difference = axes - axes.mT
+    vector = difference[:, [2, 0, 1], [1, 2, 0]][:, :, None]
+    turns = np.block([[axes + axes.mT - trace * np.eye(3), vector], [vector.mT, trace]])
+    turns = np.linalg.eigh(turns)[1][:, :, 3]
+    same = np.sign(np.sum(turns[1:] * turns[:-1], axis=1))
+    turns[1:] *= np.cumprod(np.where(same < 0.0, -1.0, 1.0))[:, None]
+    return turns
+
+
+def _sensor_packets(run: Any, path: SensorPath, config: CzmlConfig) -> Iterator[Packet]:
     name = path.sensor.id
     yield {
         "id": f"sensor/{name}",
@@ -181,14 +242,18 @@ def _words(region: ImpactRegion) -> str:
 
 def _sampled(run: Any, time_s: FloatArray, position_ecef_m: FloatArray) -> dict[str, Any]:
     """Return positions at times, seconds after the first."""
-    samples = np.column_stack([time_s - time_s[0], position_ecef_m])
-    return {
-        "epoch": timestamps(run, time_s[:1])[0],
-        "referenceFrame": "FIXED",
-        "interpolationAlgorithm": "LAGRANGE",
-        "interpolationDegree": min(_DEGREE, len(time_s) - 1) or 1,
-        "cartesian": np.round(samples, 3).ravel().tolist(),
-    }
+    epoch, samples = _samples(run, time_s, "cartesian", position_ecef_m, 3).items()
+    degree = min(_DEGREE, len(time_s) - 1) or 1
+    interpolation = {"interpolationAlgorithm": "LAGRANGE", "interpolationDegree": degree}
+    return dict([epoch, ("referenceFrame", "FIXED"), *interpolation.items(), samples])
+
+
+def _samples(
+    run: Any, time_s: FloatArray, name: str, values: FloatArray, digits: int
+) -> dict[str, Any]:
+    """Return values (n, m) at times, seconds after the first, rounded to digits."""
+    samples = np.column_stack([np.round(time_s - time_s[0], 3), np.round(values, digits)])
+    return {"epoch": timestamps(run, time_s[:1])[0], name: samples.ravel().tolist()}
 
 
 def _fixed(position_ecef_m: FloatArray) -> dict[str, Any]:

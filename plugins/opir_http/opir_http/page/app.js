@@ -1,5 +1,6 @@
 // The page: shows a running scene, or a saved run, at the time of its time axis, and sends launches of the form.
 import { Alerts } from "/page/alerts.js";
+import { Tasks } from "/page/fields.js";
 import { LaunchForm } from "/page/form.js";
 import { WorldMap } from "/page/map.js";
 import { likeliest, Order } from "/page/order.js";
@@ -23,11 +24,13 @@ const map = new WorldMap(byId("map"), store, order, {
   select,
   place: (lon, lat) => form.place(lon, lat),
   time: () => ({ timeS: frame(), speed: player.speed }),
+  point: () => { tasks.show(reportAt(frame()), player.timeS); tasks.list.focus(); },
 });
 form = new LaunchForm(map);
 const table = new TrackTable(byId("track-rows"), store, order, (key) => { select(key); showOnMap(key); });
 const sensors = new SensorTable((key) => select(key));
 const alerts = new Alerts((key) => { select(key); showOnMap(key); });
+const tasks = new Tasks(store, order, (key) => select(key));
 // For tests: the content of the canvas is in no element.
 window.opirMap = map; window.opirStore = store; window.opirPlayer = player; window.opirAlerts = alerts;
 
@@ -36,14 +39,18 @@ function frame() {
   const timeS = player.tick(), now = performance.now();
   table.update(timeS);
   saved.update();
-  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); sensors.show(store.sensors); showLeft(map.layers.left); showPlots(timeS); showLatest(store.latest(timeS, 12)); if (saved.range) showSaved(timeS); }
+  if (now - detailsMs > 400) { detailsMs = now; showDetails(detailsOf(store, map.selected, timeS)); timeline.draw(timeS); sensors.show(store.sensors); showLeft(map.layers.left); showPlots(timeS); tasks.show(reportAt(timeS), timeS); showLatest(store.latest(timeS, 12)); if (saved.range) showSaved(timeS); }
   if (now - newsMs > NEWS_MS) { newsMs = now; announce(); }
   return timeS;
 }
 
+function selectedTrack() { const key = map.selected; return key && key.startsWith("track ") ? store.tracks.get(Number(key.slice(6))) : null; }
+
+// The selected track's estimate at a time of a run that goes on, for a task; else null.
+function reportAt(timeS) { const track = saved.range ? null : selectedTrack(); return track ? store.documentAt(track, timeS) : null; }
+
 function showPlots(timeS) {
-  const key = map.selected, track = key && key.startsWith("track ") ? store.tracks.get(Number(key.slice(6))) : null;
-  if (map.layers.colour) drawPicked(track, timeS, map.layers);
+  if (map.layers.colour) drawPicked(selectedTrack(), timeS, map.layers);
 }
 
 // How many tracks the map shows without their regions.

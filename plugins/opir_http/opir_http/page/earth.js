@@ -19,11 +19,49 @@ export function groundPoint(position, azimuthDeg, elevationDeg) {
   const e = Math.cos(el) * Math.sin(az), n = Math.cos(el) * Math.cos(az), u = Math.sin(el);
   const sl = Math.sin(lat), cl = Math.cos(lat), so = Math.sin(lon), co = Math.cos(lon);
   const way = [-so * e - sl * co * n + cl * co * u, co * e - sl * so * n + cl * so * u, cl * n + sl * u];
-  const k = 1 / (1 - F), p = [position[0], position[1], position[2] * k], d = [way[0], way[1], way[2] * k];
-  const a = dot(d, d), b = dot(p, d), c = dot(p, p) - A * A, root = b * b - a * c;
-  if (root < 0) return null;
-  const range = (-b - Math.sqrt(root)) / a;
-  return geodetic(position.map((axis, index) => axis + range * way[index]));
+  const range = rangeToGround(position, way);
+  return range === Infinity ? null : geodetic(along(position, way, range));
+}
+
+const scaled = ([x, y, z]) => [x, y, z / (1 - F)];
+
+const along = (position, way, range) => position.map((axis, index) => axis + range * way[index]);
+
+// How far along a line of sight the ground is, in lengths of `way`; Infinity if it meets none.
+export function rangeToGround(position, way) {
+  const p = scaled(position), d = scaled(way), a = dot(d, d), b = dot(p, d), root = b * b - a * (dot(p, p) - A * A);
+  return root < 0 || b > 0 ? Infinity : (-b - Math.sqrt(root)) / a;
+}
+
+export function ecef(latDeg, lonDeg, height) {
+  const lat = latDeg * DEG, lon = lonDeg * DEG, n = A / Math.sqrt(1 - E2 * Math.sin(lat) ** 2);
+  return [(n + height) * Math.cos(lat) * Math.cos(lon), (n + height) * Math.cos(lat) * Math.sin(lon), (n * (1 - E2) + height) * Math.sin(lat)];
+}
+
+// The place on the horizon below a line of sight that meets no ground.
+function horizon(position, way) {
+  const p = scaled(position), d = scaled(way), near = A / Math.hypot(...p), out = d.map((axis, index) => axis - (dot(p, d) / dot(p, p)) * p[index]), length = Math.hypot(...out);
+  const [x, y, z] = p.map((axis, index) => near ** 2 * axis + (A * Math.sqrt(1 - near ** 2) * out[index]) / length);
+  return [x, y, z * (1 - F)];
+}
+
+// The ground in a cone from a satellite about a point, up to the horizon, as a GeoJSON polygon; null if it meets none.
+export function cone(position, point, halfAngleDeg, points = 48) {
+  const unit = (v) => { const length = Math.hypot(...v); return v.map((axis) => axis / length); };
+  const cross = ([a, b, c], [x, y, z]) => [b * z - c * y, c * x - a * z, a * y - b * x];
+  const axis = unit(point.map((each, index) => each - position[index])), side = unit(cross(axis, Math.abs(axis[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0])), other = cross(axis, side);
+  const half = halfAngleDeg * DEG, ring = [];
+  let isSeen = false;
+  for (let step = 0; step < points; step += 1) {
+    const turn = (step / points) * 2 * Math.PI, way = axis.map((each, index) => Math.cos(half) * each + Math.sin(half) * (Math.cos(turn) * side[index] + Math.sin(turn) * other[index]));
+    const range = rangeToGround(position, way), place = geodetic(range === Infinity ? horizon(position, way) : along(position, way, range));
+    isSeen ||= range !== Infinity;
+    ring.push([place.lon, place.lat]);
+  }
+  if (!isSeen && rangeToGround(position, axis) === Infinity) return null;
+  const polygon = { type: "Polygon", coordinates: [[...ring, ring[0]]] };
+  if (globalThis.d3.geoArea(polygon) > 2 * Math.PI) polygon.coordinates[0].reverse();
+  return polygon;
 }
 
 // The cap of the Earth that a satellite sees, as a GeoJSON polygon: to its horizon or its field of regard, whichever is narrower.

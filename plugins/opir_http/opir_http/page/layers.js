@@ -1,5 +1,6 @@
 // Draws the layers of the map: ground, night, fields of view, regions, trails, marks. Shapes are kept while the view rests.
 import { cap, ellipse, footprint, geodetic, landOf, rewound, subsolar } from "/page/earth.js";
+import { drawPointed } from "/page/fields.js";
 import { after } from "/page/store.js";
 import { drawCoverage } from "/page/coverage.js";
 import { Crowd } from "/page/crowd.js";
@@ -89,6 +90,7 @@ export class Layers {
     this.marks = [];
     this.drawn = { launches: 0, impacts: 0, ellipses: 0, regions: 0, tracks: 0 };
     if (Number.isFinite(nowS)) { this.drawShade(store.sensors, nowS); this.drawTracks(store, nowS, { speed, selected, isMoving, order }); this.drawHits(store, nowS, speed, isCalm); }
+    drawPointed(this, store.sensors, nowS, selected);
     this.drawSensors(store.sensors, selected);
     this.drawPlaces(places, crosshair);
   }

@@ -5,7 +5,7 @@ import { prepared, View } from "/page/view.js";
 const NEAR_PX = 16, REST_MS = 250, STEP_PX = 60, ZOOM = 1.4;
 
 export class WorldMap {
-  // `on` has `select(key)`, `place(lon, lat)` and `time()`: the scene's time shown, its speed and whether it runs.
+  // `on` has `select(key)`, `place(lon, lat)`, `point()` and `time()`: the scene's time shown, its speed and whether it runs.
   constructor(canvas, store, order, on) {
     this.canvas = canvas; this.store = store; this.order = order; this.on = on;
     this.view = new View(); this.layers = new Layers(canvas, this.view);
@@ -108,6 +108,7 @@ export class WorldMap {
     else if (name === "0" || name === "Home") this.reset();
     else if (name === "Enter" || name === " ") this.click(this.view.midX, this.view.midY, 60);
     else if (name === "Escape") this.on.select(null);
+    else if (name === "p" || name === "P") this.on.point();
     else return false;
     return true;
   }

@@ -1,5 +1,6 @@
 // The table of tracks: a line for every track on the map, in an order that the reader chooses. Only the lines in view and a few
 // around them are elements: a browser lays out a table as a whole, and a thousand lines take longer than a frame.
+import { fieldDetails } from "/page/fields.js";
 import { likeliest } from "/page/order.js";
 import { byId, position, whole } from "/page/panels.js";
 
@@ -191,7 +192,7 @@ export function detailsOf(store, key, timeS) {
   if (!key) return [["Nothing", "Click a mark on the map or a row of the table."]];
   if (key.startsWith("sensor ")) {
     const sensor = store.sensors.find((each) => `sensor ${each.sensor_id}` === key);
-    return sensor ? [["Satellite", sensor.sensor_id], ["Type", sensor.sensor_type], ["State", sensor.state], ["Scan period", `${sensor.scan_period_ms} ms`], ["Detections", whole.format(sensor.detections)], ["Last detection", sensor.last_detection ? `${sensor.last_detection.slice(11, 22)} Z` : "–"], ...(sensor.health ? sensor.health.text.split("; ").map((part, at) => [at ? "" : "Found", part]) : [])] : [["Satellite", "–"]];
+    return sensor ? [["Satellite", sensor.sensor_id], ["Type", sensor.sensor_type], ["State", sensor.state], ["Scan period", `${sensor.scan_period_ms} ms`], ["Detections", whole.format(sensor.detections)], ["Last detection", sensor.last_detection ? `${sensor.last_detection.slice(11, 22)} Z` : "–"], ...(sensor.pointing ? fieldDetails(sensor.pointing, timeS) : []), ...(sensor.health ? sensor.health.text.split("; ").map((part, at) => [at ? "" : "Found", part]) : [])] : [["Satellite", "–"]];
   }
   const track = store.tracks.get(Number(key.slice(6))), report = track && store.documentAt(track, timeS);
   if (!report) return [["Track", `${key.slice(6)}, not at this time`]];
