@@ -3,6 +3,8 @@
 import asyncio
 from types import SimpleNamespace
 
+from aiokafka import errors
+from opir_kafka.failures import words
 from opir_kafka.topic import topic_fault
 
 PARTITION = {"partition": 0, "leader": -1, "replicas": [1, 2], "isr": [2], "error_code": 5}
@@ -27,3 +29,8 @@ def test_a_broker_that_hangs_does_not_keep_the_others_from_answering():
 
     text = asyncio.run(fault())
     assert text == "topic events: partition 0 has no leader; brokers away or behind: 1"
+
+
+def test_brokers_that_take_no_request_do_not_answer():
+    error = errors.NodeNotReadyError("Attempt to send a request to node which is not ready.")
+    assert words(error, "broker:9092") == "no broker answers at broker:9092"
