@@ -15,6 +15,7 @@ import shutil
 import sys
 import tempfile
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import yaml
@@ -125,19 +126,26 @@ def wait_for_tracks(port, launches):
         time.sleep(1.0)
 
 
-def measured(port, launches, tracker, seconds, picture):
-    """Return the page about a service; write a picture of it where asked."""
+@contextmanager
+def opened_page(port):
+    """Yield the page of a service in headless Chromium."""
     executable = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable, args=["--no-sandbox"])
         view = browser.new_page(viewport={"width": 1600, "height": 900})
         view.goto(f"http://127.0.0.1:{port}/")
+        yield view
+        browser.close()
+
+
+def measured(port, launches, tracker, seconds, picture):
+    """Return the page about a service; write a picture of it where asked."""
+    with opened_page(port) as view:
         wait_for_tracks(port, launches)
         table = markdown_table(HEAD, rates(view, seconds))
         if picture:
             view.screenshot(path=str(picture))
-        version = browser.version.partition(".")[0]
-        browser.close()
+        version = view.context.browser.version.partition(".")[0]
     state = status(port)
     return PAGE.format(
         launches=launches,

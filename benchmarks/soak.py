@@ -3,11 +3,10 @@ every event delivered.
 
 `opir serve --speed max --loop` in a process of its own: two constellations, a tracker, a launch
 requested every minute of scene time, a viewer of the stream, and two outputs with a spool: a pipe
-that another process reads, and a topic of a mock broker, or of Apache Kafka (`--apache`; Java and
-Maven are needed). Every half minute or so a fault of some seconds: the broker is gone, stopped,
-slow or refuses events (of Apache Kafka: it is killed, ended or stopped), the reader of the pipe is
-stopped, or no file of the service can grow. After SIGTERM every event that the service reports as
-delivered must have arrived. `--machine` is a sentence on the machine, for the page.
+that another process reads, and a topic of a mock broker. Every half minute or so a fault of some
+seconds: the broker is gone, stopped, slow or refuses events, the reader of the pipe is stopped, or
+no file of the service can grow. After SIGTERM every event that the service reports as delivered
+must have arrived. `--machine` is a sentence on the machine, for the page.
 """
 
 import http.client
@@ -21,34 +20,33 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from pages import Table, options_of, printed, svg_plot, write_csv
+from pages import Table, markdown_table, options_of, printed, svg_plot, write_csv
 from soak_faults import (
     Faults,
     PipeReader,
     TopicReader,
-    apache_kafka,
     mock_kafka,
 )
+from waiting import until
 
-PAGE = """# {title}
+PAGE = """# Soak test
 
 Does the service run for long without leaks or lost events, whatever fails around it? {answer}:
 {minutes:g} minutes of `opir serve --speed {speed} --loop`, {laps} laps of a scene of 5 minutes,
 {given} events to each of two outputs, {faults} faults.
 
-| criterion | result | met |
-|---|---|---|
 {rows}
 
-![Memory, spool file, waiting events and events read, by minute]({name}.svg)
+![Memory, spool file, waiting events and events read, by minute](soak.svg)
 
-Both outputs, a pipe and a topic of {broker}, have a spool of 8 MiB that holds the run when it is
+Both outputs, a pipe and a topic of a mock Kafka broker, have a spool of 8 MiB that holds the run when it is
 full. A launch is requested every {trigger_s:g} s of scene time; one viewer reads the stream.
 Faults of 2 to 12 s, 10 to 25 s apart, of seed {seed}: {kinds}. {machine} Samples:
-[{name}.csv]({name}.csv).
+[soak.csv](soak.csv).
 
 Memory is constant if the least of the last quarter is at most {flat:g} % above the least of the
 first, after the warm-up ({warm_up:g} % of the run, and {warm_up_laps} laps). What grows before is
@@ -59,6 +57,12 @@ LAUNCH = {
     "type": "ICBM",
     "launch": {"lat_deg": 34.73, "lon_deg": -120.57},
     "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+}
+PANELS = {
+    "memory, MiB": "rss_mib",
+    "spool file, MiB": "spool_mib",
+    "events waiting": "waiting",
+    "events read": "out",
 }
 HEADERS = {"Content-Type": "application/json", "If-Match": "*"}
 #: Tracks that the page keeps: so few that they are all there within the warm-up.
@@ -79,6 +83,14 @@ COUNTED = re.compile(r"(\d+) (?:delivered|spooled|dropped)")
 FATES = ("delivered", "spooled", "dropped", "withheld")
 
 
+def streamed(port, path):
+    """Yield the lines of a stream as they come, until the service ends, in order or not."""
+    connection = http.client.HTTPConnection("127.0.0.1", port)
+    connection.request("GET", path)
+    with suppress(OSError, http.client.HTTPException):
+        yield from connection.getresponse()
+
+
 class Viewer:
     """A client of the stream, which counts its frames."""
 
@@ -90,10 +102,7 @@ class Viewer:
         self.thread.start()
 
     def _read(self):
-        connection = http.client.HTTPConnection("127.0.0.1", self._port)
-        connection.request("GET", "/stream?view=brief")
-        response = connection.getresponse()
-        while line := response.readline():
+        for line in streamed(self._port, "/stream?view=brief"):
             self.frames += line.startswith(b"event:")
             self.has_end |= line.startswith(b"event: end")
 
@@ -116,11 +125,7 @@ def limit_tracks(port):
     """
     config = request(port, "GET", "/config")[1]
     config["http"]["maximum_tracks"] = TRACKS
-    end_s = time.monotonic() + 60.0
-    while (answer := request(port, "PUT", "/config", config))[0] != 200:
-        assert answer[0] == 429, answer
-        assert time.monotonic() < end_s, answer
-        time.sleep(0.5)
+    until(lambda: request(port, "PUT", "/config", config)[0] == 200, within_s=60.0)
 
 
 def balanced_status(port):
@@ -149,20 +154,26 @@ class Service(NamedTuple):
     faults: Faults
 
 
+def resident_mib(process):
+    """Return the resident memory of a process, MiB."""
+    text = Path(f"/proc/{process}/status").read_text(encoding="ascii")
+    memory = re.search(r"VmRSS:\s+(\d+)", text)
+    assert memory
+    return int(memory[1]) / 1024
+
+
 def sample(service, start_s):
     """Return the state of the service; of counts of outputs, the sum of both."""
     fault = service.faults.kind or ""
     # While the disk takes nothing, a window waits half counted.
     port = service.port
     status = request(port, "GET", "/status")[1] if fault else balanced_status(port)
-    place = Path(f"/proc/{service.process.pid}")
-    memory = re.search(r"VmRSS:\s+(\d+)", (place / "status").read_text(encoding="ascii"))
+    process = service.process.pid
     files = [Path(f"{spool}{end}") for spool in service.spools for end in ("", "-wal", "-shm")]
-    assert memory
     return {
         "at_s": time.monotonic() - start_s,
-        "rss_mib": int(memory[1]) / 1024,
-        "descriptors": len(list((place / "fd").iterdir())),
+        "rss_mib": resident_mib(process),
+        "descriptors": len(list(Path(f"/proc/{process}/fd").iterdir())),
         "spool_mib": sum(file.stat().st_size for file in files if file.exists()) / 2**20,
         "waiting": sum(sink["spooled"] for sink in status["sinks"]),
         "given": status["sinks"][0]["given"],
@@ -185,8 +196,7 @@ def scene_with(folder, address):
 
 def soaked(options, folder):
     """Run the service before a broker; return the results."""
-    kafka = apache_kafka if options.apache else mock_kafka
-    with kafka(folder, "soak") as (address, broker_faults):
+    with mock_kafka("soak") as (address, broker_faults):
         return soaked_before(address, broker_faults, options, folder)
 
 
@@ -272,6 +282,14 @@ class Criterion(NamedTuple):
     is_met: bool
 
 
+def criteria_table(rows):
+    """Return criteria as a table of a page."""
+    head = ("criterion", "result", "met")
+    return markdown_table(
+        head, [(row.name, row.result, "yes" if row.is_met else "NO") for row in rows]
+    )
+
+
 def memory_criteria(samples):
     """Return the criteria on memory, descriptors and spools."""
     warm = [row for row in samples[int(WARM_UP * len(samples)) :] if row["lap"] >= WARM_UP_LAPS]
@@ -353,25 +371,19 @@ def criteria(results):
     ]
 
 
-def page(results, options, name):
+def page(results, options):
     """Return the page."""
     final = results["samples"][-1]
     faults = results["faults"]
     rows = criteria(results)
-    is_met = all(row.is_met for row in rows)
     return PAGE.format(
-        answer="Yes" if is_met else "No",
+        answer="Yes" if all(row.is_met for row in rows) else "No",
         minutes=options.minutes,
         speed=options.speed,
-        title="Soak test with Apache Kafka" if options.apache else "Soak test",
-        broker="Apache Kafka 4.1" if options.apache else "a mock Kafka broker",
-        name=name,
         laps=final["lap"],
         given=final["given"],
         faults=sum(faults.values()),
-        rows="\n".join(
-            f"| {row.name} | {row.result} | {'yes' if row.is_met else 'NO'} |" for row in rows
-        ),
+        rows=criteria_table(rows),
         trigger_s=TRIGGER_S,
         seed=options.seed,
         kinds=", ".join(f"{kind} ({count} times)" for kind, count in faults.items()),
@@ -382,35 +394,28 @@ def page(results, options, name):
     )
 
 
-def draw(path, samples):
-    """Draw the samples by minute."""
-    panels = {
-        "memory, MiB": "rss_mib",
-        "spool file, MiB": "spool_mib",
-        "events waiting": "waiting",
-        "events read": "out",
-    }
+def draw(path, samples, panels=PANELS):
+    """Draw four columns of the samples by minute."""
     with svg_plot(path, 2, 2, figsize=(9.0, 5.0), sharex=True) as (_, axes):
         for panel, (title, name) in zip(axes.flat, panels.items(), strict=True):
             minute = [row["at_s"] / 60 for row in samples]
-            panel.plot(minute, samples.column(name), marker=".", linewidth=1.0)
+            panel.plot(minute, samples.column(name), linewidth=1.0)
             panel.set(title=title, ylim=(0.0, None), xlabel="minute")
 
 
 def main():
     """Run the test; return 1 if a criterion is not met."""
-    options = options_of(__doc__, minutes=30.0, seed=1, machine="", speed="max", apache=False)
+    options = options_of(__doc__, minutes=30.0, seed=1, machine="", speed="max")
     with tempfile.TemporaryDirectory() as folder:
         results = soaked(options, Path(folder))
     rows = criteria(results)
     is_met = all(row.is_met for row in rows)
     print(results["output"], results["faults"], *rows, "met" if is_met else "NOT MET", sep="\n")
     if options.write:
-        name = "soak_apache" if options.apache else "soak"
-        text = page(results, options, name)
-        (options.write / f"{name}.md").write_text(text, encoding="utf-8")
-        write_csv(options.write / f"{name}.csv", results["samples"])
-        draw(options.write / f"{name}.svg", Table(results["samples"]))
+        text = page(results, options)
+        (options.write / "soak.md").write_text(text, encoding="utf-8")
+        write_csv(options.write / "soak.csv", results["samples"])
+        draw(options.write / "soak.svg", Table(results["samples"]))
     return 0 if is_met else 1
 
 

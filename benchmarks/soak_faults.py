@@ -11,14 +11,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 import kafka_cluster
 from kafka_broker import PRODUCE, MockBroker
+from waiting import until
 
 #: The mock broker keeps 5 MiB of each partition, which the consumer must have read by then: batches
 #: are compressed, for two sensors see most of it, and a fault of 12 s at full speed fills their
@@ -44,20 +43,21 @@ print(lines, recent.repeated, flush=True)
 
 
 class Recent:
-    """Ids seen lately, at most 200 000; `repeated` counts those that came twice."""
+    """Ids seen lately, at most `size`; `repeated` counts those that came twice."""
 
-    def __init__(self):
+    def __init__(self, size=200_000):
         self.repeated = 0
-        self._ids = {}
+        self.ids = {}
+        self._size = size
 
     def add(self, name):
         """Add an id; return whether it is new."""
-        is_new = name not in self._ids
+        is_new = name not in self.ids
         self.repeated += not is_new
-        self._ids[name] = None
-        if len(self._ids) > 200_000:
-            for old in list(self._ids)[:100_000]:
-                del self._ids[old]
+        self.ids[name] = None
+        if len(self.ids) > self._size:
+            for old in list(self.ids)[: self._size // 2]:
+                del self.ids[old]
         return is_new
 
 
@@ -90,12 +90,12 @@ class TopicReader:
     consumer that is too late for the broker's memory fails: `error` says so.
     """
 
-    def __init__(self, address, topic):
+    def __init__(self, address, topic, size=200_000):
         from confluent_kafka import OFFSET_BEGINNING, Consumer, TopicPartition
 
         self.messages = 0
         self.disordered = 0
-        self.recent = Recent()
+        self.recent = Recent(size)
         self.error = None
         settings = {
             "bootstrap.servers": address,
@@ -106,9 +106,10 @@ class TopicReader:
             "reconnect.backoff.max.ms": 500,
         }
         self._consumer = Consumer(settings)
-        self._consumer.assign(
-            [TopicPartition(topic, number, OFFSET_BEGINNING) for number in range(PARTITIONS)]
-        )
+        self._parts = [
+            TopicPartition(topic, number, OFFSET_BEGINNING) for number in range(PARTITIONS)
+        ]
+        self._consumer.assign(self._parts)
         self._is_over = threading.Event()
         self._newest = {}
         self._thread = threading.Thread(target=self._read, daemon=True)
@@ -129,6 +130,11 @@ class TopicReader:
             self.disordered += event["timestamp"] < self._newest.get(sensor, "")
             self._newest[sensor] = event["timestamp"]
 
+    def wait_for_end(self):
+        """Wait until all messages that are in the topic are read."""
+        ends = [self._consumer.get_watermark_offsets(part, 60.0)[1] for part in self._parts]
+        until(lambda: self.messages + self.recent.repeated >= sum(ends), within_s=300.0)
+
     def close(self):
         """Stop reading."""
         self._is_over.set()
@@ -136,14 +142,12 @@ class TopicReader:
         self._consumer.close()
 
 
-#: How each kind of fault begins and ends, by its name.
-FaultKinds = dict[str, tuple[Callable[[], Any], Callable[[], Any]]]
-#: Returns those of a broker, which may draw.
-BrokerFaults = Callable[[random.Random], FaultKinds]
-
-
 class Faults:
-    """Faults of random kind and duration, one at a time, each followed by a time without."""
+    """Faults of random kind and duration, one at a time, each followed by a time without.
+
+    `broker_faults` takes the source of random numbers and returns how each kind of fault of the
+    broker begins and ends, by its name.
+    """
 
     def __init__(self, seed, process, broker_faults, reader):
         def limit(size):
@@ -187,7 +191,7 @@ class Faults:
 
 
 @contextmanager
-def mock_kafka(_folder, topic):
+def mock_kafka(topic):
     """Yield the address and the faults of librdkafka's mock broker, in a process of its own, with a
     topic.
     """
@@ -211,16 +215,9 @@ def mock_kafka(_folder, topic):
 
 @contextmanager
 def apache_kafka(folder, topic):
-    """Yield the address and the faults of Apache Kafka, one node, with a topic."""
-    with kafka_cluster.cluster(folder / "kafka") as cluster:
-        cluster.topic(PARTITIONS, name=topic)
-        (node,) = cluster.nodes
-        kinds = {
-            "broker killed (SIGKILL)": (lambda: node.stop(signal.SIGKILL), node.start),
-            "broker ended (SIGTERM)": (node.stop, node.start),
-            "broker stopped (SIGSTOP)": (
-                lambda: node.send(signal.SIGSTOP),
-                lambda: node.send(signal.SIGCONT),
-            ),
-        }
-        yield cluster.address, lambda _rng: kinds
+    """Yield three nodes of Apache Kafka with a topic that takes messages while two replicas are in
+    sync.
+    """
+    with kafka_cluster.cluster(folder / "kafka", 3) as cluster:
+        cluster.topic(PARTITIONS, 3, topic, min_insync_replicas="2")
+        yield cluster

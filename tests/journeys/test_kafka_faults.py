@@ -11,6 +11,7 @@ import random
 import signal
 import threading
 import time
+from contextlib import closing
 
 import kafka_broker
 import pytest
@@ -22,6 +23,7 @@ from kafka_broker import (
     METADATA,
     PERMANENT_CODES,
     PRODUCE,
+    MockBroker,
     brief,
     closed,
     dead_address,
@@ -327,6 +329,23 @@ def test_the_topic_is_not_there_yet(mock, spool):
     mock.tell("topic-error", topic, 0)
     assert closed(sink) == Delivery(delivered=100)
     examine(mock, topic, 100)
+
+
+@pytest.mark.slow
+def test_a_leader_that_is_away_is_named(spool):
+    with closing(MockBroker(2)) as brokers:
+        topic = brokers.topic(1)
+        brokers.tell("leader", topic, 0, 1)
+        sink = kafka_sink(brokers.address, topic, spool, Policy(stall_s=30.0))
+        fill(sink, 2, 20, 0, 0.0)
+        until(lambda: sink.delivery_so_far().delivered == 40)
+        brokers.tell("down", 1)
+        fill(sink, 2, 20, 40, 0.0)
+        until(lambda: "the leader of partition 0, broker 1, is away" in (sink.trouble or ""))
+        brokers.heal()
+        until(lambda: sink.delivery_so_far().delivered == 80)
+        assert sink.trouble is None
+        assert closed(sink) == Delivery(delivered=80)
 
 
 @pytest.mark.slow

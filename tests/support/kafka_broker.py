@@ -68,14 +68,14 @@ BRISK = {
 
 
 class MockBroker:
-    """The mock broker's process."""
+    """The process of a mock broker, or of several."""
 
     can_be_spoilt = True
 
-    def __init__(self):
+    def __init__(self, brokers=1):
         program = str(Path(__file__).with_name("mock_broker.py"))
         self._process = subprocess.Popen(
-            [sys.executable, program],
+            [sys.executable, program, str(brokers)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

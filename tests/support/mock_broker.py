@@ -1,11 +1,11 @@
-"""A Kafka broker in a process of its own: librdkafka's mock cluster, from the wheel of
+"""Kafka brokers in a process of their own: librdkafka's mock cluster, from the wheel of
 confluent-kafka.
 
-    python mock_broker.py TOPIC:PARTITIONS ...
+    python mock_broker.py BROKERS
 
-prints host:port and obeys commands, a line each, until its input ends:
+prints host:port of each and obeys commands, a line each, until its input ends:
 
-    down | up                   close every connection and refuse new ones | take them again
+    down [NODE] | up            close every connection and refuse new ones | take them again
     slow MS                     answer each request that much later
     error API CODE ...          answer the next requests of that API with these codes, one each
     clear API                   forget such codes
@@ -43,9 +43,9 @@ _ONE = 1
 
 
 class MockCluster:
-    """One broker."""
+    """Brokers with the numbers from 1 on."""
 
-    def __init__(self):
+    def __init__(self, brokers):
         import confluent_kafka
 
         wheel = Path(confluent_kafka.__file__).parents[1] / "confluent_kafka.libs"
@@ -59,7 +59,7 @@ class MockCluster:
         settings = self._library.rd_kafka_conf_new()
         self._library.rd_kafka_conf_set(settings, b"log_level", b"0", complaint, 512)
         client = self._library.rd_kafka_new(_PRODUCER, settings, complaint, 512)
-        self._cluster = self._library.rd_kafka_mock_cluster_new(client, 1)
+        self._cluster = self._library.rd_kafka_mock_cluster_new(client, brokers)
 
     @property
     def address(self):
@@ -79,8 +79,8 @@ class MockCluster:
             self._cluster, name.encode(), int(partition), int(node)
         )
 
-    def down(self):
-        self._library.rd_kafka_mock_broker_set_down(self._cluster, _EVERY_BROKER)
+    def down(self, node=_EVERY_BROKER):
+        self._library.rd_kafka_mock_broker_set_down(self._cluster, int(node))
 
     def up(self):
         self._library.rd_kafka_mock_broker_set_up(self._cluster, _EVERY_BROKER)
@@ -99,10 +99,7 @@ class MockCluster:
 
 
 def main():
-    cluster = MockCluster()
-    for each in sys.argv[1:]:
-        name, _, partitions = each.partition(":")
-        cluster.topic(name, partitions or "1")
+    cluster = MockCluster(int(sys.argv[1]))
     sys.stdout.write(f"{cluster.address}\n")
     sys.stdout.flush()
     for line in sys.stdin:

@@ -17,9 +17,12 @@ LOOK_S = 1.0
 
 
 class SinkBacklog(NamedTuple):
-    """Events that wait in an output, the time of the last check, and how often they were more."""
+    """Events and windows that wait in an output, events that have left it so far, the time of the
+    last check, and how often more waited.
+    """
 
-    events: int
+    waiting: int
+    gone: int
     checked_s: float
     rises: int
 
@@ -45,16 +48,27 @@ class Backlogs:
         return words if self._grows(sink) else ""
 
     def _grows(self, sink: SinkStatus) -> bool:
-        """Whether a backlog has grown at the last checks, without shrinking between them."""
-        events = sink.spooled + sink.queued_windows
+        """Whether a backlog has grown at the last checks, without shrinking between them.
+
+        What is as little as the output took since the last check is on its way: no backlog.
+        """
+        gone = sink.delivered + sink.dropped + sink.withheld
+        waiting = lag(sink) + sink.queued_windows
         time_s = time.monotonic()
-        backlog = self._backlogs.setdefault(sink.path, SinkBacklog(events, time_s, 0))
+        backlog = self._backlogs.setdefault(sink.path, SinkBacklog(waiting, gone, time_s, 0))
         if time_s - backlog.checked_s >= LOOK_S:
-            is_less = events == 0 or events < backlog.events
-            rises = 0 if is_less else backlog.rises + (events > backlog.events)
-            backlog = SinkBacklog(events, time_s, rises)
+            is_less = waiting <= gone - backlog.gone or waiting < backlog.waiting
+            rises = 0 if is_less else backlog.rises + (waiting > backlog.waiting)
+            backlog = SinkBacklog(waiting, gone, time_s, rises)
             self._backlogs[sink.path] = backlog
         return backlog.rises >= 3
+
+
+def lag(sink: SinkStatus) -> int:
+    """Return the number of events of a sink, of this and earlier runs, that are still on their
+    way.
+    """
+    return max(0, sink.given + sink.recovered - sink.delivered - sink.dropped - sink.withheld)
 
 
 #: The reason of a run that was stopped: the log is over then, for a run reports its own end.

@@ -16,7 +16,7 @@ from opir_core.errors import OpirError
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.host import Watchdog
 from opir_core.live import LiveRun, LiveStatus, SensorTask
-from opir_core.output import SinkStatus, chosen_renderer
+from opir_core.output import chosen_renderer
 from opir_core.plugin import EncoderContext, EventEncoder, SinkModel
 from opir_http.answers import (
     Clock,
@@ -32,7 +32,7 @@ from opir_http.answers import (
     Viewers,
 )
 from opir_http.feed import Feed
-from opir_http.health import Backlogs
+from opir_http.health import Backlogs, lag
 from opir_http.problems import ProblemError, problem_of
 from opir_http.reading import merged, refuse_names, refuse_other_names
 from opir_http.sensors import pointing_of, sensor_states, timestamp
@@ -104,7 +104,7 @@ class Service:
                 tracks=len(self.feed.tracks),
             ),
             sensors=self._sensor_states(live),
-            sinks=[SinkState(**asdict(sink), lag=_lag(sink)) for sink in live.sinks],
+            sinks=[SinkState(**asdict(sink), lag=lag(sink)) for sink in live.sinks],
             viewers=Viewers(
                 connected=self.feed.viewers,
                 dropped_frames=self.feed.dropped_frames,
@@ -325,10 +325,3 @@ def etag_of(config: Mapping[str, Any]) -> str:
     """Return the entity tag of a configuration."""
     text = msgspec.json.encode(config, order="sorted")
     return f'"{hashlib.sha256(text).hexdigest()[:32]}"'
-
-
-def _lag(sink: SinkStatus) -> int:
-    """Return the number of events of a sink, of this and earlier runs, that are still on their
-    way.
-    """
-    return max(0, sink.given + sink.recovered - sink.delivered - sink.dropped - sink.withheld)

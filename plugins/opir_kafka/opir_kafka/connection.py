@@ -95,14 +95,14 @@ async def _ended(step: Awaitable[Any]) -> None:
         _log.debug("closing: %r", error)
 
 
-async def probe(config: KafkaConfig) -> None:
-    """Connect to one broker after the other; raise why none takes the connection, which aiokafka
-    only logs.
+async def probe(config: KafkaConfig, *servers: str) -> None:
+    """Connect to one broker after the other, by default to those of the settings; raise why none
+    takes the connection, which aiokafka only logs.
     """
     reason: Exception | None = None
     security = _security_arguments(config.security)
     timeout_ms = round(config.request_timeout_s * 1000)
-    for server in config.servers:
+    for server in servers or config.servers:
         host, _, port = server.rpartition(":")
         try:
             async with asyncio.timeout(config.connect_timeout_s):

@@ -193,7 +193,10 @@ _MESSAGES = (
         errors.IncompatibleBrokerVersion | errors.UnrecognizedBrokerVersion,
         "{servers} does not know what the settings ask for, a login perhaps, or is too old",
     ),
-    (OSError | errors.KafkaConnectionError, "no broker answers at {servers}"),
+    (
+        OSError | errors.KafkaConnectionError | errors.NodeNotReadyError,
+        "no broker answers at {servers}",
+    ),
 )
 
 

@@ -1,5 +1,6 @@
 """What the brokers say of a topic: why it takes no messages, and whether it keeps them all."""
 
+import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,14 +17,18 @@ _SETTINGS = ("min.insync.replicas", "cleanup.policy")
 _OF_REPLICAS = {5, 9}
 
 
-async def topic_fault(client: AIOKafkaClient, topic: str, partition: int | None = None) -> str:
+async def topic_fault(
+    client: AIOKafkaClient, topic: str, within_s: float, partition: int | None = None
+) -> str:
     """Return why a partition takes no messages, by default any partition of the topic; "" if the
     brokers say nothing of it.
+
+    The brokers are asked twice, for at most half of `within_s` each time.
 
     Raises what the brokers answer that is permanent, such as a missing permission, and the error of
     the last broker that was asked, if none answers.
     """
-    described = await _answer(client, MetadataRequest([topic]))
+    described = await _answer(client, MetadataRequest([topic]), within_s / 2)
     metadata: Mapping[str, Any] = described.to_object()["topics"][0]
     if metadata["error_code"] == errors.UnknownTopicOrPartitionError.errno:
         return f"there is no topic {topic}; make it, or let the broker make topics"
@@ -37,7 +42,7 @@ async def topic_fault(client: AIOKafkaClient, topic: str, partition: int | None 
     leaderless = [row for row in rows if row["leader"] < 0]
     if leaderless:
         return f"topic {topic}: {_named(leaderless)} no leader; {_away(leaderless)}"
-    minimum = int((await topic_settings(client, topic)).get("min.insync.replicas", 1))
+    minimum = int((await topic_settings(client, topic, within_s / 2)).get("min.insync.replicas", 1))
     lagging = [row for row in rows if len(row["isr"]) < minimum]
     if lagging:
         in_sync = min(len(row["isr"]) for row in lagging)
@@ -51,11 +56,11 @@ async def topic_fault(client: AIOKafkaClient, topic: str, partition: int | None 
     return ""
 
 
-async def topic_settings(client: AIOKafkaClient, topic: str) -> Mapping[str, str]:
+async def topic_settings(client: AIOKafkaClient, topic: str, within_s: float) -> Mapping[str, str]:
     """Return settings of a topic as the brokers tell them; none where they do not."""
     request = DescribeConfigsRequest([(_TOPIC, topic, list(_SETTINGS))])
     try:
-        resources = (await _answer(client, request)).to_object()["resources"]
+        resources = (await _answer(client, request, within_s)).to_object()["resources"]
     except errors.KafkaError:
         return {}
     entries = [entry for resource in resources for entry in resource["config_entries"]]
@@ -73,13 +78,17 @@ def compaction_warning(topic: str, settings: Mapping[str, str]) -> str:
     )
 
 
-async def _answer(client: AIOKafkaClient, request: Any) -> Any:
-    """Return the answer of the first broker that gives one."""
+async def _answer(client: AIOKafkaClient, request: Any, within_s: float) -> Any:
+    """Return the answer of the first broker that gives one; each has its share of a time, s, for
+    one that hangs says nothing of the others.
+    """
     failure: Exception = errors.NodeNotReadyError("no broker is known")
-    for broker in client.cluster.brokers():
+    brokers = client.cluster.brokers()
+    for broker in brokers:
         try:
-            return await client.send(broker.nodeId, request)
-        except errors.KafkaError as error:
+            async with asyncio.timeout(within_s / len(brokers)):
+                return await client.send(broker.nodeId, request)
+        except (TimeoutError, errors.KafkaError) as error:
             failure = error
     raise failure
 

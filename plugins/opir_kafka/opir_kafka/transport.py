@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from aiokafka import AIOKafkaProducer
 from aiokafka.errors import UnknownTopicOrPartitionError
 from aiokafka.partitioner import DefaultPartitioner
+from aiokafka.structs import TopicPartition
 
 from opir_core.errors import SinkError
 from opir_core.plugin import Batch, Transport
@@ -199,9 +200,8 @@ class KafkaTransport(Transport):
             async with asyncio.timeout(self._config.connect_timeout_s):
                 partitions = sorted(await producer.partitions_for(self._config.topic))
         except (TimeoutError, UnknownTopicOrPartitionError):
-            async with asyncio.timeout(self._config.request_timeout_s):
-                if fault := await topic_fault(producer.client, self._config.topic):
-                    raise TopicError(fault) from None
+            if fault := await self._topic_fault(producer):
+                raise TopicError(fault) from None
             raise
         choose = DefaultPartitioner()
         return partitions, cache(lambda key: int(choose(key, partitions, partitions)))
@@ -211,8 +211,9 @@ class KafkaTransport(Transport):
         if self._is_topic_examined:
             return
         with suppress(Exception):
-            async with asyncio.timeout(self._config.request_timeout_s):
-                settings = await topic_settings(producer.client, self._config.topic)
+            within_s = self._config.request_timeout_s
+            async with asyncio.timeout(within_s):
+                settings = await topic_settings(producer.client, self._config.topic, within_s)
             self._is_topic_examined = True
             if warning := compaction_warning(self._config.topic, settings):
                 _log.warning("%s", warning)
@@ -274,9 +275,8 @@ class KafkaTransport(Transport):
         """
         try:
             await probe(self._config)
-            async with asyncio.timeout(self._config.request_timeout_s):
-                fault = await topic_fault(producer.client, self._config.topic, partition)
-            if fault:
+            fault = await self._topic_fault(producer, partition)
+            if fault := fault or await self._leader_fault(producer, partition):
                 self._faults[partition] = fault
                 self._note(fault)
             elif self._faults.pop(partition, None):
@@ -286,6 +286,32 @@ class KafkaTransport(Transport):
             if is_fatal(error):
                 raise
             self._note(words(error, self._config.bootstrap_servers))
+
+    async def _topic_fault(self, producer: AIOKafkaProducer, partition: int | None = None) -> str:
+        within_s = self._config.request_timeout_s
+        async with asyncio.timeout(within_s):
+            return await topic_fault(producer.client, self._config.topic, within_s, partition)
+
+    async def _leader_fault(self, producer: AIOKafkaProducer, partition: int) -> str:
+        """Return that a partition's leader is away, which the other brokers do not miss yet; raise
+        what is permanent.
+        """
+        cluster = producer.client.cluster
+        leader = cluster.leader_for_partition(TopicPartition(self._config.topic, partition))
+        if leader is None or leader < 0:
+            return ""
+        text = f"the leader of partition {partition}, broker {leader}, is away"
+        broker = cluster.broker_metadata(leader)
+        if broker is None:
+            return text
+        address = f"{broker.host}:{broker.port}"
+        try:
+            await probe(self._config, address)
+        except Exception as error:
+            if is_fatal(error):
+                raise
+            return f"{text}: {words(error, address)}"
+        return ""
 
     def _pauses(self) -> Iterator[float]:
         pauses_s = self._config.pauses_s()

@@ -20,6 +20,7 @@ class RunWithBacklog:
         self.scene = stub_scene()
         self.plan = stub_plan([stub_sensor("A", 0.0)], target, ["T1"], self.scene)
         self.spooled = 0
+        self.delivered = 0
         self.queued = 0
         self.attempts = 0
         self.state = "open"
@@ -31,7 +32,10 @@ class RunWithBacklog:
             state=self.state,
             error=self.error,
             attempts=self.attempts,
+            given=self.spooled + self.delivered,
             spooled=self.spooled,
+            delivered=self.delivered,
+            **dict.fromkeys(("dropped", "withheld", "recovered"), 0),
             queued_windows=self.queued,
         )
         return SimpleNamespace(state="running", sinks=(sink,), cycle_age_s=0.01)
@@ -73,6 +77,17 @@ def test_a_backlog_that_grew_three_times_is_not_ready(
         setattr(run, place, events)
         ready.append(served.health().ready)
     assert ready == [True, True, True, True, False, False, True, True, True, True, True, True]
+
+
+@pytest.mark.parametrize(("rate", "is_ready"), [(50, True), (3, False)])
+def test_what_is_as_little_as_an_output_takes_between_checks_is_no_backlog(
+    rate: int, is_ready: bool, run: Any, served: service.Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(health, "LOOK_S", 0.0)
+    for run.spooled in (1, 4, 6, 9, 12):
+        run.delivered += rate
+        state = served.health()
+    assert state.ready is is_ready
 
 
 def test_a_backlog_is_checked_once_a_second(run: Any, served: service.Service) -> None:

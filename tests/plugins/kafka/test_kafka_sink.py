@@ -304,11 +304,16 @@ AWAITS_THAT_END_THEMSELVES = {
     "_ended(producer.stop())",
     "_ended(producer.client.close())",
     "probe(config)",
-    "probe(self._config)",
+    *("probe(self._config)", "probe(self._config, address)"),
     "self._probe(producer, partition)",
+    *("self._topic_fault(producer)", "self._topic_fault(producer, partition)"),
+    "self._leader_fault(producer, partition)",  # a probe
     # The callers of topic.py give it request_timeout_s.
-    *("_answer(client, MetadataRequest([topic]))", "_answer(client, request)"),
-    *("topic_settings(client, topic)", "client.send(broker.nodeId, request)"),
+    *(
+        "_answer(client, MetadataRequest([topic]), within_s / 2)",
+        "_answer(client, request, within_s)",
+    ),
+    "topic_settings(client, topic, within_s / 2)",
     "sending",  # which is done
 }
 
