@@ -168,8 +168,7 @@ class LineFile(Sink):
             self._withheld += withheld
             self._write_lines(lines, events)
         if self._heartbeats is not None:
-            self._heartbeats.steering.take(window.commands)
-            self._write_lines(self._heartbeats.until(window.end_s), 0)
+            self._write_lines(self._heartbeats.until(window.end_s, window.commands), 0)
 
     def sync(self) -> None:
         """Make the lines that were written outlast a power cut; a pipe has none to keep."""

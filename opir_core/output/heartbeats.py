@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from opir_core.interfaces.records import Batch
+from opir_core.interfaces.records import Batch, CommandRecord
 from opir_core.interfaces.sensors import Sensor
 from opir_core.output.events.text import timestamp_text
 from opir_core.planning.partial_looks import Steering, stated_sensors
@@ -42,28 +42,30 @@ class Heartbeats:
         self._every_s = every_s
         self._complete = 0
         self._end_s = 0.0
-        #: Takes what became of commands to sensors, before the lines of their time.
-        self.steering = Steering(sensors)
+        self._steering = Steering(sensors)
 
-    def until(self, end_s: float) -> bytes:
+    def until(self, end_s: float, commands: Sequence[CommandRecord] = ()) -> bytes:
         """Return the lines of the intervals that are complete at a time of the scene, s, and were
-        not returned before.
+        not returned before; `commands` are what became of those to sensors since the last call.
         """
-        return _encode_lines(self._until(end_s))
+        return _encode_lines(self._until(end_s, commands))
 
     def rest(self) -> bytes:
         """Return the lines of the interval in which the run ended."""
         return _encode_lines(self._rest())
 
-    def batches_until(self, end_s: float) -> Iterator[Batch]:
+    def batches_until(
+        self, end_s: float, commands: Sequence[CommandRecord] = ()
+    ) -> Iterator[Batch]:
         """Yield what `until` returns as a batch keyed by the sensors' ids, if there are any."""
-        return self._batches(self._until(end_s))
+        return self._batches(self._until(end_s, commands))
 
     def last_batches(self) -> Iterator[Batch]:
         """Yield what `rest` returns, likewise."""
         return self._batches(self._rest())
 
-    def _until(self, end_s: float) -> list[Heartbeat]:
+    def _until(self, end_s: float, commands: Sequence[CommandRecord]) -> list[Heartbeat]:
+        self._steering.take(commands)
         self._end_s = max(self._end_s, end_s)
         complete = int(np.floor(self._end_s / self._every_s + 1e-9))
         edges_s = np.arange(self._complete, complete + 1) * self._every_s
@@ -91,7 +93,7 @@ class Heartbeats:
 
     def _beats(self, start_s: float, end_s: float) -> Iterator[Heartbeat]:
         """Yield the heartbeats of an interval."""
-        for sensor in stated_sensors(self._sensors, self.steering.commands, end_s):
+        for sensor in stated_sensors(self._sensors, self._steering.commands, end_s):
             for from_s, to_s in sensor.spans_until_s(end_s):
                 span_s = np.array([max(from_s, start_s), min(to_s, end_s)])
                 times_us = np.rint(span_s * 1e6).astype(np.int64) + self._epoch_us

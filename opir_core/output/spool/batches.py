@@ -48,7 +48,7 @@ class EncodedBatcher:
         """
         yield from self._encoded(window)
         if self.heartbeats is not None:
-            yield from self.heartbeats.batches_until(window.end_s)
+            yield from self.heartbeats.batches_until(window.end_s, window.commands)
 
     def _encoded(self, window: Window) -> Iterator[Batch]:
         for block in encoder_blocks(window, self._encoder):

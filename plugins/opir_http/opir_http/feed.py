@@ -273,7 +273,9 @@ class Feed:
         if len(window.tracks):
             tracks = frame("tracks", _json(self.tracks.take(window.tracks)))
             frames.append((0, tracks, tracks))
-        beats = b"" if self._heartbeats is None else self._heartbeats.until(window.end_s)
+        beats = b""
+        if self._heartbeats is not None:
+            beats = self._heartbeats.until(window.end_s, window.commands)
         if beats:
             heartbeats = frame("heartbeats", b"[" + b",".join(beats.splitlines()) + b"]")
             frames.append((0, heartbeats, heartbeats))

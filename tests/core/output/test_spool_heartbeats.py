@@ -9,6 +9,7 @@ from attrs import evolve
 from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, window
 
 from opir_core.interfaces.outputs import Delivery
+from opir_core.interfaces.records import CommandRecord
 from opir_core.output.heartbeats import Heartbeats
 from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.journal import Journal
@@ -61,6 +62,15 @@ def test_the_lines_are_those_of_a_file() -> None:
     lines = file.until(window(20).end_s) + file.rest()
     sent = [parcel.body for parcel in carrier.parcels if not parcel.events]
     assert b"".join(sent) == lines
+
+
+def test_a_sensor_that_leaves_its_survey_does_not_watch() -> None:
+    wide = evolve(SENSORS[0], modes={"sector": SENSORS[0]})
+    turn = CommandRecord(0.2, wide.id, -1, "", start_s=0.3, from_s=0.4, mode="sector")
+    batcher = EncodedBatcher(ENCODER, SENSORS, Heartbeats([wide], 0, 1.0))
+    (batch,) = batcher.batches(evolve(QUIET, commands=(turn,)))
+    ends = [json.loads(line)["watched_to"] for line in batch.body.splitlines()]
+    assert ends[0] == "1970-01-01T00:00:00.300000Z"
 
 
 @pytest.mark.parametrize("mood", ["hold", "fail"])
