@@ -1,6 +1,4 @@
-"""Live runs: a scene paced by the clock, in a thread of its own, with changes applied between two
-windows.
-"""
+"""Live runs: a scene paced by the clock, in a thread of its own; changes apply between windows."""
 
 import math
 import threading
@@ -143,7 +141,7 @@ class LiveRun:
         self._changes = ChangeQueue(self._stopping)
         self._state = "starting"
         self._error: str | None = None
-        #: Why the tracker has ended, until the next lap has a new one.
+        #: Why the tracker has ended, until the next lap.
         self._tracker_error: str | None = None
         #: Time of the monotonic clock at which the last cycle ended.
         self._beat_s = time.monotonic()
@@ -519,9 +517,7 @@ class LiveRun:
         return [start_ns + (due_ns - start_ns) * number // count for number in range(1, count + 1)]
 
     def _observed(self, due_ns: int) -> Window:
-        """Return the window of observations up to a scene time; after the scene's end there are
-        none.
-        """
+        """Return the window of observations up to a scene time; none after the scene's end."""
         position = self._position
         if self._is_over:
             return quiet_window(self._counts.time_ns, due_ns)

@@ -72,9 +72,9 @@ DISTRIBUTIONS = (
         "opir_trackers",
         "opir_stonesoup",
         "opir_render",
+        "opir_scoring",
         "opir_export",
         "opir_paper",
-        "opir_scoring",
         "opir_report",
     ),
     *(
