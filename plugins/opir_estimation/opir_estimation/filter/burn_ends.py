@@ -53,6 +53,11 @@ class BurnEndLaw:
     along: tuple[float, ...] = (0.1, 1.0)
     across: tuple[float, ...] = (0.3, 1.0, 3.0)
 
+    #: In the last seconds of a burn errors across are as before or, as probably, at least of this
+    #: size: what was regular may be steered before it is cut off, and few looks are left to show it.
+    late_s: float = 16.0
+    late_across: float = 3.0
+
     #: Standard deviation of the angle between thrust and velocity at the first look, rad: what the
     #: law of boosts has at 100 to 400 m/s (`docs/design/pitch_over.py`).
     tilt_rad: float = 0.15
@@ -402,14 +407,20 @@ class _Unknowns(NamedTuple):
 
     @property
     def sizes(self) -> FloatArray:
-        """The standard deviations (s, p) of start and errors, for each pair of sizes of these."""
+        """The standard deviations (s, p) of start and errors, for sizes of these along and across,
+        and across late.
+        """
         start = [LAW.start_m] * 3 + [LAW.start_m_s] * 3
         across, _, along = (error.shape[1] for error in self.errors)
-        rows = []
-        for size_along, size_across in product(LAW.along, LAW.across):
-            tilt = [1.0, *[size_across] * (across - 1)]
-            rows.append([*start, *tilt, *tilt, *[size_along] * along])
-        return np.array(rows)
+        late = min(round(LAW.late_s / LAW.error_step_s), across - 1)
+        courses = product(LAW.across, (0.0, LAW.late_across))
+        tilts = [
+            [1.0, *[size] * (across - 1 - late), *[max(size, least)] * late]
+            for size, least in courses
+        ]
+        return np.array(
+            [[*start, *tilt, *tilt, *[size] * along] for size, tilt in product(LAW.along, tilts)]
+        )
 
     def columns(
         self, path: _Path, bins: _Bins
