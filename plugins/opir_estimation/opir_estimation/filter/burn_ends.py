@@ -53,10 +53,12 @@ class BurnEndLaw:
     along: tuple[float, ...] = (0.1, 1.0)
     across: tuple[float, ...] = (0.3, 1.0, 3.0)
 
-    #: In the last seconds of a burn errors across are as before or, as probably, at least of this
-    #: size: what was regular may be steered before it is cut off, and few looks are left to show it.
+    #: In the last seconds of a burn errors across are, with this probability, at least of this size,
+    #: else as before: what was regular may be steered before it is cut off, and few looks are left to
+    #: show it. Notional: class profiles are, gravity turns are not.
     late_s: float = 16.0
     late_across: float = 3.0
+    late_share: float = 0.2
 
     #: Standard deviation of the angle between thrust and velocity at the first look, rad: what the
     #: law of boosts has at 100 to 400 m/s (`docs/design/pitch_over.py`).
@@ -422,6 +424,12 @@ class _Unknowns(NamedTuple):
             [[*start, *tilt, *tilt, *[size] * along] for size, tilt in product(LAW.along, tilts)]
         )
 
+    @property
+    def log_weights(self) -> FloatArray:
+        """The log prior weights (s,) of the sizes."""
+        late = np.log([1.0 - LAW.late_share, LAW.late_share])
+        return np.tile(late, len(LAW.along) * len(LAW.across))
+
     def columns(
         self, path: _Path, bins: _Bins
     ) -> tuple[_DesignColumns, _DesignColumns, _DesignColumns]:
@@ -535,7 +543,8 @@ class _Fit(NamedTuple):
         stagings_s = prior.stagings_s(path.grid)
         unknowns = _Unknowns.of(path, prior, stagings_s)
         found = _posteriors(unknowns, path, bins)
-        share = _shares(found.log_evidence + prior.log_weights(stagings_s, path.grid.end_s))
+        log_weights = unknowns.log_weights[:, None] + prior.log_weights(stagings_s, path.grid.end_s)
+        share = _shares(found.log_evidence + log_weights)
         best = np.unravel_index(np.argmax(share), share.shape)
         fitted = unknowns.path(path, int(best[1]), found.staged[best], found.others[best])
         gravity = prior.motion.fall.gravity(fitted.states[:, :3])

@@ -133,11 +133,11 @@ def drawn(stages, rng):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("stages", "lead_rad", "late_rad"),
-    [(1, 0.0, 0.0), (2, 0.0, 0.0), (1, 0.12, 0.0), (1, 0.0, 0.2)],
+    [(1, 0.0, 0.0), (2, 0.0, 0.0), (1, 0.12, 0.0), (1, 0.0, 0.15)],
 )
 def test_ends_of_burns_are_as_sure_as_they_say(stages, lead_rad, late_rad):
     """With thrust along the velocity, with a lead of 7 degrees for the whole burn, and with one that
-    grows to 11 degrees at its end.
+    grows to 9 degrees at its end.
     """
     rng = np.random.default_rng(3 + stages)
     scores = []
@@ -151,7 +151,7 @@ def test_ends_of_burns_are_as_sure_as_they_say(stages, lead_rad, late_rad):
     # 99.9 % of χ² with 24 degrees of freedom, over 24, is at most 2.14.
     assert 0.1 < np.mean(scores) < 2.14
     # The filter that follows a burn has 80 m/s.
-    assert np.median(sigmas) < 70.0
+    assert np.median(sigmas) < 60.0
 
 
 def test_the_force_at_the_end_is_that_of_the_last_stage():
