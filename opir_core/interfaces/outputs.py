@@ -202,7 +202,19 @@ class Transport(PluginPart):
 
 
 class Container(Protocol):
-    """A form of files of binary messages: a head, then blocks."""
+    """A form of files of binary messages: a head, then blocks.
+
+    >>> class Counted(Container):
+    ...     head = b"C"
+    ...
+    ...     def block(self, body):
+    ...         return len(body).to_bytes(4, "big") + body
+    ...
+    ...     def whole(self, file):
+    ...         return len(file.read())
+    >>> Counted().block(b"two")
+    b'\\x00\\x00\\x00\\x03two'
+    """
 
     head: bytes
 

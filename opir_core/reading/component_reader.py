@@ -375,15 +375,16 @@ _FEW_FIELDS = 3
 
 def is_written_out(config_class: type, block: Mapping[str, Any]) -> bool:
     """Return whether a block sets every field of a configuration class, or the alternative of
-    it.
+    it, but for those that opir leaves out.
     """
     pairs = alternatives(config_class)
     counterpart = {pair.plain: pair.other for pair in pairs} | {
         pair.other: pair.plain for pair in pairs
     }
     names = [attribute.name for attribute in fields(config_class) if attribute.init]
+    unwritten = getattr(config_class, "unwritten", ())
     return len(names) >= _FEW_FIELDS and all(
-        name in block or counterpart.get(name) in block for name in names
+        name in block or counterpart.get(name) in block or name in unwritten for name in names
     )
 
 
