@@ -64,7 +64,8 @@ class Registry:
         Raises `RegistryAwayError` where that is worth another try, else `RegistryRefusalError`.
         """
         if self._number is None:
-            self._number = await _in_thread(self._registered)
+            async with asyncio.timeout(2.0 * self._timeout_s):
+                self._number = await _in_thread(self._registered)
         if self._schema_type == "AVRO":
             return self._avro_frame(b"\0" + self._number.to_bytes(4, "big"))
         place = _message_place(self._schema) if self._schema_type == "PROTOBUF" else b""

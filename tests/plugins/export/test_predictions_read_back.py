@@ -18,7 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from attrs import evolve, frozen
+from attrs import evolve, fields_dict, frozen
 from exported_runs import exported
 from symmetric_scenes import scene, simulated
 
@@ -199,7 +199,9 @@ def from_table(path: Path) -> Read:
 
 
 def of_truth(_path: Path) -> Read:
-    """CCSDS messages have true states and measured angles; cues have neither launch nor impact."""
+    """CCSDS messages have true states and measured angles; cues have neither launch nor impact, scenes
+    nothing of tracks.
+    """
     return iter(())
 
 
@@ -213,13 +215,14 @@ READERS: dict[str, Callable[[Path], Read]] = {
     ".oem": of_truth,
     ".tdm": of_truth,
     ".cues": of_truth,
+    ".scene": of_truth,
 }
 
 
 def files_of(run: opir.Run, name: str, folder: Path) -> list[Path]:
     """Return the files of an exporter, with all predictions where it may leave some out."""
     config = Host.discover().component(ExporterModel, name).config
-    settings = ["regions=all"] if "regions" in config.__annotations__ else []
+    settings = ["regions=all"] if "regions" in fields_dict(config) else []
     settings += ["lat_deg=9.4", "lon_deg=167.5"] if name == "cues" else []
     return exported(run, name, folder / f"run.{name}", *settings)
 

@@ -77,7 +77,7 @@ def test_the_container_serves_and_asks_for_readiness() -> None:
 def metrics_page(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Return the metrics of a service that knows its sensors' calibration."""
     with serving(tmp_path_factory.mktemp("metrics"), "--speed", "20", "--tracker", "imm") as stand:
-        until(lambda: b"opir_sensor_innovations{" in stand.ask("GET", "/metrics").body)
+        until(lambda: b"opir_sensor_outlier_ratio{" in stand.ask("GET", "/metrics").body)
         return stand.ask("GET", "/metrics").body.decode()
 
 

@@ -43,7 +43,7 @@ def sent(future: "Future[None]") -> list[dict[str, bytes]]:
     """Put a batch of ten messages and return their headers."""
     shipment = Shipment(next(EncodedBatcher(ENCODER, SENSORS).batches(window(10))), future)
     batch = Appended()
-    assert shipment.put(batch, list(range(10))) == 10
+    assert shipment.put(batch, list(range(10)), None) == 10
     return batch.headers
 
 
