@@ -109,11 +109,14 @@ def cell_text(value):
 
 
 def write_csv(path, rows, facts=None):
-    """Write rows with the same columns, and facts about the run above them as `# name: value`."""
+    """Write rows with the same columns, if there are any, and facts about the run above them as
+    `# name: value`.
+    """
     text = io.StringIO()
     text.writelines(f"# {name}: {cell_text(value)}\n" for name, value in (facts or {}).items())
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(rows[0])
+    if rows:
+        writer.writerow(rows[0])
     writer.writerows([cell_text(value) for value in row.values()] for row in rows)
     path.write_text(text.getvalue(), encoding="utf-8")
 
