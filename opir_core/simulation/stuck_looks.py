@@ -32,16 +32,6 @@ class StuckScans:
     faults: SensorFaults
     fields: "PointedFields | None"
 
-    @classmethod
-    def of(
-        cls, plan: Plan, faults: SensorFaults, fields: "PointedFields | None"
-    ) -> "StuckScans | None":
-        """Return the stuck scans of a plan; None without any."""
-        if not any(fault.fault == STUCK for _, fault in faults.faults):
-            return None
-        starts = scan_starts(plan.scene.seed, plan.sensors)
-        return cls(plan.sensors, starts, plan.look_geometry(), faults, fields)
-
     def is_looking(self, pair: IntArray, scan: IntArray) -> BoolArray:
         """Return which looks (n,) are made in spite of a stuck scan."""
         pairs = self.geometry.pairs
@@ -98,4 +88,8 @@ class StuckScans:
 
 def stuck_scans(plan: Plan, fields: "PointedFields | None") -> StuckScans | None:
     """Return the scans of a plan's sensors that are stuck at times; None without any."""
-    return None if plan.faults is None else StuckScans.of(plan, plan.faults, fields)
+    faults = plan.faults
+    if faults is None or not any(fault.fault == STUCK for _, fault in faults.faults):
+        return None
+    starts = scan_starts(plan.scene.seed, plan.sensors)
+    return StuckScans(plan.sensors, starts, plan.look_geometry(), faults, fields)

@@ -1,4 +1,4 @@
-"""Scans that are stuck: who is told, and what is refused."""
+"""Scans that are stuck: what trackers and directors know of them, and what is refused."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
