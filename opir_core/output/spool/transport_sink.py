@@ -115,8 +115,9 @@ class TransportSink(Sink):
     def close(self) -> Delivery:
         """Wait for acknowledgements, as long as the policy allows, and return the counts."""
         if self._batcher.heartbeats is not None:
-            with suppress(Exception):  # why there is no room, or no transport, is told below
-                for batch in self._batcher.heartbeats.last_batches():
+            last_batches = list(self._batcher.heartbeats.last_batches())
+            with suppress(Exception):  # the counts say why there is no room, or no transport
+                for batch in last_batches:
                     self._queue(batch)
         trouble = self._sender.finish()
         delivery = self._final(trouble)
