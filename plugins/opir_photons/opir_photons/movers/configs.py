@@ -275,7 +275,7 @@ class ReentryConfig(SourceConfig):
         minimum=0.0,
         maximum=120e3,
         help="height at which it breaks up",
-        source="satellites break up at 78 km: NASA, Debris Assessment Software, NASA/TP-2019-220300",
+        source="notional: bodies from orbits break up at 70 to 80 km",
     )
     fragment_spread: float = number(
         default=3.0,
