@@ -80,6 +80,7 @@ def test_reported_missiles_are_missiles(run: Run) -> None:
     reported = run.detections.reported_type != UNKNOWN_TYPE
     for sensor in (SBIRS, NEXTGEN):
         own_rows = reported & (run.detections.sensor == sensor)
+        # 885 and 2735 of 2343 and 4695 events of launches: re-entries explain the dim ones as well.
         assert own_rows.sum() > 800
         # The sensors report a type from a probability of 1/2.
         assert np.isin(run.truth.target[own_rows], (0, 1)).mean() > 0.99

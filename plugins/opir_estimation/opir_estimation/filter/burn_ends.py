@@ -53,9 +53,9 @@ class BurnEndLaw:
     along: tuple[float, ...] = (0.1, 1.0)
     across: tuple[float, ...] = (0.3, 1.0, 3.0)
 
-    #: In the last seconds of a burn errors across are, with this probability, at least of this size,
+    #: In the last seconds of a burn errors across are at least of this size with this probability,
     #: else as before: what was regular may be steered before it is cut off, and few looks are left to
-    #: show it. Notional: class profiles are, gravity turns are not.
+    #: show it. Notional: the class profiles of `ballistic` are so steered, gravity turns are not.
     late_s: float = 16.0
     late_across: float = 3.0
     late_share: float = 0.2
