@@ -5,30 +5,14 @@ is drawn of a narrow field.
 import numpy as np
 import pytest
 from http_service import serving
+from operated_scene import OPERATED_SCENE
 from page_browser import PATIENCE_MS, chromium, opened
 from playwright.sync_api import expect
 
 pytestmark = pytest.mark.browser
 
-SCENE = """
-scene: operated
-epoch: "2026-04-01T12:00:00Z"
-duration_s: 900
-seed: 5
-sensors:
-  - {model: generic-scanner, id: WEST, orbital_slot_deg: -150.0}
-  - {model: generic-scanner, id: EAST, orbital_slot_deg: -90.0}
-  - {model: generic-pointed, id: SPOT, orbital_slot_deg: -100.0, modes: {stare: {settle_s: 4.0}}}
-  - {model: generic-pointed, id: FAR, orbital_slot_deg: 70.0}
-targets:
-  - id: T1
-    type: ICBM
-    launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 1.0}
-    aim: {lat_deg: 9.0, lon_deg: 167.7}
-tracker: imm
-director: operator
-outputs: ["null"]
-"""
+FAR = "  - {model: generic-pointed, id: FAR, orbital_slot_deg: 70.0}\ntargets:"
+SCENE = OPERATED_SCENE.replace("600", "900").replace("targets:", FAR)
 
 
 @pytest.fixture(scope="module")

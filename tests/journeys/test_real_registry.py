@@ -1,17 +1,16 @@
 """Apicurio Registry itself: a consumer decodes a topic with nothing but the registry's schemas."""
 
 import json
-from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from typing import Any
-from uuid import UUID
 
 import fastavro
 import httpx
 import kafka_broker
 import pytest
 import schema_registry
+from avro_values import json_value
 from command_line import main
 from kafka_broker import messages
 from repository import EXAMPLES
@@ -51,29 +50,13 @@ def schema_of(registry: str, value: bytes) -> Any:
     return answer.raise_for_status().json()
 
 
-def plain(value: Any) -> Any:
-    """Return a value that fastavro decoded as JSON has it."""
-    match value:
-        case bytes():
-            return str(UUID(bytes=value))
-        case datetime():
-            return value.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-        case list():
-            return [plain(item) for item in value]
-        case dict():
-            return {name: plain(item) for name, item in value.items() if item is not None}
-        case None | str() | int() | float():
-            return value
-    return float(value)
-
-
 def test_avro_is_decoded_with_the_schema_of_the_registry(
     broker: Any, registry: str, tmp_path: Path
 ) -> None:
     sent = values(broker, registry, "avro", broker.topic())
     schema = fastavro.parse_schema(json.loads(schema_of(registry, sent[0])["schema"]))
     decoded = [
-        plain(fastavro.schemaless_reader(BytesIO(value[5:]), schema, None)) for value in sent
+        json_value(fastavro.schemaless_reader(BytesIO(value[5:]), schema, None)) for value in sent
     ]
     path = tmp_path / "events.jsonl"
     assert main(["run", SCENE, "-q", "--out", str(path)]) == 0

@@ -10,6 +10,7 @@ from uuid import UUID
 import fastavro
 import numpy as np
 import pytest
+from avro_values import json_value
 from command_line import run_command
 from file_sinks import sink
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -63,22 +64,6 @@ def from_avro(message):
     record = fastavro.schemaless_reader(stream, SCHEMA, None)
     assert not stream.read()
     return {name: json_value(value) for name, value in record.items()}
-
-
-def json_value(value):
-    """Return a value that fastavro decoded as JSON has it."""
-    match value:
-        case bytes():
-            return str(UUID(bytes=value))
-        case datetime():
-            return value.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-        case list():
-            return [json_value(each) for each in value]
-        case dict():
-            return {name: json_value(each) for name, each in value.items()}
-        case None | str() | int() | float():
-            return value
-    return float(value)
 
 
 def protobuf_class():

@@ -6,25 +6,8 @@ from datetime import datetime, timedelta
 
 import pytest
 from http_service import conforms, serving
+from operated_scene import OPERATED_SCENE
 
-SCENE = """
-scene: operated
-epoch: "2026-04-01T12:00:00Z"
-duration_s: 600
-seed: 5
-sensors:
-  - {model: generic-scanner, id: WEST, orbital_slot_deg: -150.0}
-  - {model: generic-scanner, id: EAST, orbital_slot_deg: -90.0}
-  - {model: generic-pointed, id: SPOT, orbital_slot_deg: -100.0, modes: {stare: {settle_s: 4.0}}}
-targets:
-  - id: T1
-    type: ICBM
-    launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 1.0}
-    aim: {lat_deg: 9.0, lon_deg: 167.7}
-tracker: imm
-director: operator
-outputs: ["null"]
-"""
 TASK = "/sensors/SPOT/task"
 PLACE = {"place_deg": [34.73, -120.57]}
 
@@ -32,7 +15,9 @@ PLACE = {"place_deg": [34.73, -120.57]}
 @pytest.fixture(scope="module")
 def service(tmp_path_factory):
     pytest.importorskip("opir_trackers")
-    with serving(tmp_path_factory.mktemp("operated"), "--speed", "4", scene=SCENE) as running:
+    with serving(
+        tmp_path_factory.mktemp("operated"), "--speed", "4", scene=OPERATED_SCENE
+    ) as running:
         yield running
 
 
@@ -157,7 +142,7 @@ def test_a_body_is_json(service):
 
 
 def test_a_scene_without_a_director_takes_no_task(tmp_path):
-    with serving(tmp_path, scene=SCENE.replace("director: operator", "")) as running:
+    with serving(tmp_path, scene=OPERATED_SCENE.replace("director: operator", "")) as running:
         answer = running.ask("PUT", TASK, PLACE)
     assert answer.status == 409
     assert "director: operator" in answer.json["detail"]
