@@ -15,6 +15,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
+from opir_core.doors import deferred
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
@@ -28,10 +29,10 @@ from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarm
 from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_core.simulation.measurement import Classification, classifier_inputs
 from opir_core.simulation.output_checks import checked_confirmation, checked_measured, checked_rates
-from opir_core.simulation.probability import stuck_scans_of
 
 if TYPE_CHECKING:
     from opir_core.simulation.pointing import PointedFields
+    from opir_core.simulation.stuck_looks import StuckScans
 
 
 @frozen(eq=False, repr=False)
@@ -123,7 +124,9 @@ class FalseAlarmGenerator:
         }
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._faults = plan.faults
-        self._stuck = stuck_scans_of(plan, fields)
+        self._stuck: StuckScans | None = None
+        if plan.faults is not None:
+            self._stuck = deferred("opir_core.simulation.stuck_looks.stuck_scans")(plan, fields)
         self._fields = fields
         self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)

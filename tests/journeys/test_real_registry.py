@@ -50,20 +50,22 @@ def schema_of(registry: str, value: bytes) -> Any:
     return answer.raise_for_status().json()
 
 
+def known(event: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of an event that have a value."""
+    return {name: value for name, value in event.items() if value is not None}
+
+
 def test_avro_is_decoded_with_the_schema_of_the_registry(
     broker: Any, registry: str, tmp_path: Path
 ) -> None:
     sent = values(broker, registry, "avro", broker.topic())
     schema = fastavro.parse_schema(json.loads(schema_of(registry, sent[0])["schema"]))
-    decoded = [
-        json_value(fastavro.schemaless_reader(BytesIO(value[5:]), schema, None)) for value in sent
-    ]
+    records = [fastavro.schemaless_reader(BytesIO(value[5:]), schema, None) for value in sent]
+    decoded = [known(json_value(record)) for record in records]
     path = tmp_path / "events.jsonl"
     assert main(["run", SCENE, "-q", "--out", str(path)]) == 0
     events = [json.loads(line) for line in path.read_text().splitlines()]
-    expected = [
-        {name: value for name, value in event.items() if value is not None} for event in events
-    ]
+    expected = [known(event) for event in events]
     by_id = {event["detection_id"]: event for event in decoded}
     assert [by_id[event["detection_id"]] for event in expected] == expected
     assert len(decoded) == len(expected) == 750
