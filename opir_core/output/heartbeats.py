@@ -12,7 +12,7 @@ import numpy as np
 from opir_core.interfaces.records import Batch, CommandRecord
 from opir_core.interfaces.sensors import Sensor
 from opir_core.output.events.text import timestamp_text
-from opir_core.planning.partial_looks import Steering, stated_sensors
+from opir_core.planning.partial_looks import SteeringCommands, stated_sensors
 from opir_core.reading.format_versions import HEARTBEAT_FORMAT
 
 VERSION = HEARTBEAT_FORMAT.version
@@ -42,7 +42,7 @@ class Heartbeats:
         self._every_s = every_s
         self._complete = 0
         self._end_s = 0.0
-        self._steering = Steering(sensors)
+        self._steering = SteeringCommands(sensors)
 
     def until(self, end_s: float, commands: Sequence[CommandRecord] = ()) -> bytes:
         """Return the lines of the intervals that are complete at a time of the scene, s, and were

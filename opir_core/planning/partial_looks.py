@@ -13,7 +13,7 @@ def stated_sensors(
     sensors: Iterable[Sensor], commands: Sequence[CommandRecord], end_s: float
 ) -> tuple[Sensor, ...]:
     """Return sensors with the spans in which they look at their whole field of regard, by the
-    commands of a `Steering`, of a scene that ends at a time.
+    commands of a `SteeringCommands`, of a scene that ends at a time.
 
     A sensor that is narrow in its own settings keeps its spans.
     """
@@ -27,7 +27,7 @@ def stated_sensors(
     )
 
 
-class Steering:
+class SteeringCommands:
     """What became of the commands that decide when sensors look at their whole field of regard."""
 
     def __init__(self, sensors: Iterable[Sensor]) -> None:

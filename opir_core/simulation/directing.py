@@ -18,7 +18,7 @@ from opir_core.interfaces.directors import (
 )
 from opir_core.interfaces.records import CommandRecord, Detections, Tracks, Window
 from opir_core.planning.keep_out import sun_refusal
-from opir_core.planning.partial_looks import Steering
+from opir_core.planning.partial_looks import SteeringCommands
 from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_modes import SensorModes
 from opir_core.planning.solar_exclusion import SolarExclusion
@@ -44,7 +44,7 @@ class Directing:
         #: By sensor what an operator has it do, and what became of tasks since the last window.
         self._tasks: dict[str, SensorTask] = {}
         self._tasked: tuple[CommandRecord, ...] = ()
-        self._steering = Steering(plan.sensors)
+        self._steering = SteeringCommands(plan.sensors)
         #: By sensor why it did not take its last command, "" if it did.
         self._refusals: dict[str, str] = {}
         self.use(plan, fields)

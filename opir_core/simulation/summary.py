@@ -9,7 +9,7 @@ import numpy as np
 
 from opir_core.arrays import IndexArray, IntArray
 from opir_core.interfaces.records import Detections, DetectionTruth, Window
-from opir_core.planning.partial_looks import Steering
+from opir_core.planning.partial_looks import SteeringCommands
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked, Pairs
 
@@ -73,7 +73,7 @@ class Tally:
         #: The commands to sensors and those that were refused, of a scene with a director.
         self._commands = np.zeros(2, dtype=np.int64)
         self._is_directed = plan.make_director is not None
-        self.steering = Steering(sensors)
+        self.steering = SteeringCommands(sensors)
         self._last_s = np.full(shape, -np.inf)
         self._reported = np.zeros((shape[1], len(self._types)), dtype=np.int64)
         self._confidence = np.zeros(shape[1])

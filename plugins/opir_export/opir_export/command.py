@@ -14,7 +14,7 @@ from opir_core.host import described_error, warn
 from opir_core.live import is_recorded
 from opir_core.plugin import Exporter, ExporterContext, ExporterModel, Host
 from opir_core.reading import InvalidNode, Node, class_reader, overridden
-from opir_export.formats.scene import SceneFile
+from opir_export.formats.scene import RecordedScene
 
 _HERE = "command line"
 _SCENES = {".yaml", ".yml"}
@@ -42,7 +42,7 @@ def export(arguments: argparse.Namespace) -> int:
 def _export_recorded(arguments: argparse.Namespace, exporter: Exporter) -> int:
     """Write the scene of a live run; `SceneError` for any other format."""
     path = Path(arguments.path)
-    if not isinstance(exporter, SceneFile):
+    if not isinstance(exporter, RecordedScene):
         words = (
             f"has the changes of a live run: repeat it first, `opir run {path} -o again.jsonl`, or"
             " write its scene, --to scene"

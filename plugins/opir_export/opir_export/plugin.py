@@ -126,7 +126,7 @@ _EXPORTERS: Sequence[tuple[str, type, str, str, str]] = (
         "scene",
         SceneConfig,
         "scene",
-        "SceneFile",
+        "RecordedScene",
         "the scene, as YAML; from the changes of a live run with its launches",
     ),
 )

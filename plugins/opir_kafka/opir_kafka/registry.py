@@ -46,7 +46,7 @@ _REMEDIES = {
 }
 
 
-class Registry:
+class SchemaRegistry:
     """A registry, and the schema that it is to have."""
 
     def __init__(self, config: KafkaConfig, schema_type: str, schema: str) -> None:
@@ -128,7 +128,7 @@ class Registry:
         return RegistryRefusalError(f"{words}; {_REMEDIES.get(error.code, _REMEDIES[404])}")
 
 
-def registry_of(config: KafkaConfig, context: SinkContext) -> Registry | None:
+def registry_of(config: KafkaConfig, context: SinkContext) -> SchemaRegistry | None:
     """Return the registry of the settings, None where they name none; `SinkError` for an encoder
     without a schema.
     """
@@ -139,7 +139,7 @@ def registry_of(config: KafkaConfig, context: SinkContext) -> Registry | None:
     schema_type = _SCHEMA_TYPES.get(content_type.rpartition("/")[2])
     if encoder.schema is None or schema_type is None:
         raise SinkError(f"kafka: the encoder {config.encoder} has no schema for a registry")
-    return Registry(config, schema_type, encoder.schema())
+    return SchemaRegistry(config, schema_type, encoder.schema())
 
 
 def _message_place(schema: str) -> bytes:

@@ -27,7 +27,7 @@ from opir_kafka.settings import KafkaConfig
 from opir_kafka.topic import compaction_warning, topic_fault, topic_settings
 
 if TYPE_CHECKING:
-    from opir_kafka.registry import Registry
+    from opir_kafka.registry import SchemaRegistry
 
 _log = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ class KafkaTransport(Transport):
     """
 
     def __init__(
-        self, config: KafkaConfig, connect: Connector, registry: "Registry | None" = None
+        self, config: KafkaConfig, connect: Connector, registry: "SchemaRegistry | None" = None
     ) -> None:
         self._config = config
         self._connect = connect

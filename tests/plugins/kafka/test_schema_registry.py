@@ -14,7 +14,7 @@ import pytest
 from command_line import main
 from kafka_broker import dead_address, messages
 from opir_kafka.failures import RegistryRefusalError
-from opir_kafka.registry import Registry
+from opir_kafka.registry import SchemaRegistry
 from opir_kafka.settings import KafkaConfig, RegistryConfig
 from repository import EXAMPLES
 from schema_registry import Double
@@ -177,7 +177,7 @@ def test_messages_of_another_schema_are_refused(
     config = KafkaConfig(registry=RegistryConfig(url=registry.address))
     schema = Host.discover().component(EventEncoder, "avro").schema
     assert schema is not None
-    frame = asyncio.run(Registry(config, "AVRO", schema()).frame())
+    frame = asyncio.run(SchemaRegistry(config, "AVRO", schema()).frame())
     with pytest.raises(RegistryRefusalError, match="messages of another schema"):
         frame(b"\xc3\x01" + bytes(8) + b"record")
 

@@ -17,7 +17,7 @@ Change = Mapping[str, Any]
 
 
 @frozen
-class SceneFile:
+class RecordedScene:
     """Writes a scene as YAML, into a file of events of its own."""
 
     config: SceneConfig
