@@ -42,9 +42,9 @@ def listed(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Se
     return table(head, rows[:_LISTED], numbers=numbers) + omitted if rows else ""
 
 
-def grouped(number: int) -> str:
-    """Return a whole number with spaces between thousands."""
-    return f"{number:,}".replace(",", " ")
+def grouped(number: int | None) -> str:
+    """Return a whole number with spaces between thousands, a dash for an unknown one."""
+    return "–" if number is None else f"{number:,}".replace(",", " ")
 
 
 #: Probabilities from which two decimals would be 1.00, and below which they would be 0.00.

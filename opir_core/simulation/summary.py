@@ -203,7 +203,8 @@ class Tally:
                 {
                     "sensor_id": sensor.id,
                     "sensor_type": sensor.type,
-                    "looks": int(self._looks_of_sensor[row]),
+                    # Those of its own settings are not those that a sensor with modes makes.
+                    "looks": None if sensor.modes else int(self._looks_of_sensor[row]),
                     "reporting_mean_s": sum(stage.mean_s for stage in sensor.reporting),
                     "detections": int(self._detections[row].sum() + self._noise[row]),
                     "noise_detections": int(self._noise[row]),

@@ -136,6 +136,7 @@ def test_detections_of_all_modes_are_those_of_the_sensor() -> None:
     looks = of.plan.pairs.looks
     # 30 s with one look a second in place of ten.
     assert of.summary["counts"]["looks"] == pytest.approx(looks.sum() - 30 * 9, abs=2)
+    assert [row["looks"] is None for row in of.summary["sensors"]] == [False, True]
 
 
 @pytest.mark.parametrize("window_s", [0.7, 33.0])

@@ -87,3 +87,16 @@ def test_commands_of_another_run_are_refused(tmp_path: Path) -> None:
     commands.write_text(commands.read_text().replace("turn", "order"))
     with pytest.raises(opir.OpirError, match="not the commands of the manifest's run"):
         opir.load_run(path)
+
+
+def test_looks_of_a_sensor_with_modes_are_not_those_of_its_own_settings() -> None:
+    spot = {**SCENE["sensors"][1], "modes": {"stare": {}}}
+    scene = {**SCENE, "sensors": [SCENE["sensors"][0], spot]}
+    page = report_page(opir.simulate(opir.scene_from_mapping(scene)))
+    (table,) = [
+        each
+        for section in page.sections
+        for each in section.contents
+        if isinstance(each, ReportTable) and each.caption == "Sensors"
+    ]
+    assert [row[2] == "–" for row in table.rows] == [False, True]
