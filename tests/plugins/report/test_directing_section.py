@@ -96,7 +96,7 @@ def test_looks_of_a_sensor_with_modes_are_not_those_of_its_own_settings() -> Non
     (table,) = [
         each
         for section in page.sections
-        for each in section.contents
+        for each in section.parts
         if isinstance(each, ReportTable) and each.caption == "Sensors"
     ]
     assert [row[2] == "–" for row in table.rows] == [False, True]
