@@ -21,7 +21,7 @@ TOKENS: dict[str, int] = {
     "opir_displays": 3_800,
     "opir_dsp": 500,
     "opir_estimation": 46_800,
-    "opir_export": 28_100,
+    "opir_export": 28_200,
     "opir_forecast": 42_100,
     "opir_heo": 400,
     "opir_http": 30_200,
@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 102_100,
-    "tests": 839_600,
+    "tests": 839_700,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -74,6 +74,14 @@ def test_a_map_has_no_search_volumes_unless_they_are_asked_for(tmp_path):
     assert "search/" not in path.read_text()
 
 
+def test_a_run_whose_tracks_all_may_burn_says_that_it_has_no_volumes(tmp_path, caplog):
+    run, _ = flying_run()
+    burning = evolve(run, tracks=run.tracks.take([1]))
+    (path,) = exported(burning, "czml", tmp_path / "run.czml", "search_volumes=true")
+    assert "search/" not in path.read_text()
+    assert "no track has an estimate without a burn" in caplog.text
+
+
 class TestSearchVolume(MetricContract):
     name = "search_volume"
 

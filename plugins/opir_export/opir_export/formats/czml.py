@@ -13,6 +13,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray
+from opir_core.host import warn
 from opir_core.interfaces import IMPACT_CONDITIONS
 from opir_core.output import OutputFiles
 from opir_core.plugin import ImpactRegion
@@ -82,8 +83,10 @@ def packets(run: Any, config: CzmlConfig) -> Iterator[Packet]:
     for prediction in predictions(run, config.regions):
         yield from _prediction_packets(run, prediction, end_s)
     if config.search_volumes:
-        for volume in flown_volumes(run, config.step_s):
-            yield _volume_packet(run, volume)
+        volumes = list(flown_volumes(run, config.step_s))
+        if not volumes:
+            warn("search volumes: none, as no track has an estimate without a burn")
+        yield from (_volume_packet(run, volume) for volume in volumes)
 
 
 def _volume_packet(run: Any, volume: FlownVolume) -> Packet:
