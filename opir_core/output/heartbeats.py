@@ -70,7 +70,9 @@ class Heartbeats:
         complete = int(np.floor(self._end_s / self._every_s + 1e-9))
         edges_s = np.arange(self._complete, complete + 1) * self._every_s
         self._complete = complete
-        return self._between(edges_s)
+        beats = self._between(edges_s)
+        self._steering.forget(complete * self._every_s)
+        return beats
 
     def _rest(self) -> list[Heartbeat]:
         return self._between(np.array([self._complete * self._every_s, self._end_s]))

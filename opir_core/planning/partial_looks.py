@@ -40,8 +40,23 @@ class SteeringCommands:
         mode.
         """
         count = len(self.commands)
-        self.commands += [record for record in commands if self._matters(record)]
+        self.commands += [
+            record._replace(mode=self._latest[record.sensor][1])
+            for record in commands
+            if self._matters(record)
+        ]
         return len(self.commands) > count
+
+    def forget(self, before_s: float) -> None:
+        """Forget what no longer matters from a time on: of each sensor all but its latest command
+        before that.
+        """
+        latest = {record.sensor: record for record in self.commands if record.start_s <= before_s}
+        self.commands = [
+            record
+            for record in self.commands
+            if record.start_s > before_s or record is latest[record.sensor]
+        ]
 
     def _matters(self, record: CommandRecord) -> bool:
         if record.sensor not in self._latest or record.refusal or not record.start_s >= 0.0:

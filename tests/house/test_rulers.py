@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 35_200,
     "opir_trackers": 47_720,
     "benchmarks": 102_100,
-    "tests": 839_700,
+    "tests": 839_900,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

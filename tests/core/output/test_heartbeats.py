@@ -12,8 +12,10 @@ from opir_testing import stub_sensor, stub_window
 
 import opir_core as opir
 from opir_core.builtin.sinks import LineFile
+from opir_core.interfaces.records import CommandRecord
 from opir_core.output import deliver
 from opir_core.output.heartbeats import Heartbeats
+from opir_core.planning.partial_looks import SteeringCommands
 from opir_core.plugin import Delivery, Sensor
 
 EPOCH = datetime(2026, 4, 1, 12, tzinfo=UTC)
@@ -113,3 +115,19 @@ def test_heartbeats_follow_the_events_of_their_window(tmp_path: Path) -> None:
     assert records.count("event") == 6
     one = ["event"] * 3 + ["heartbeat"] * 2
     assert records == one + one
+
+
+def test_commands_of_the_past_are_forgotten_and_change_no_line() -> None:
+    wide = evolve(stub_sensor(), modes={"sector": stub_sensor()})
+    turns = [
+        CommandRecord(at_s, wide.id, -1, "", start_s=at_s + 0.1, from_s=at_s + 0.3, mode="sector")
+        for at_s in (0.5 * number for number in range(80))
+    ]
+    whole, parts = (Heartbeats((wide,), EPOCH_US, 1.0) for _ in range(2))
+    lines = b"".join(parts.until(end_s, turns[2 * end_s - 2 : 2 * end_s]) for end_s in range(1, 41))
+    assert lines == whole.until(40.0, turns)
+    assert lines.count(b"\n") == 120
+    steering = SteeringCommands([wide])
+    steering.take(turns)
+    steering.forget(20.0)
+    assert [record.start_s for record in steering.commands] == [turn.start_s for turn in turns[39:]]
