@@ -21,8 +21,6 @@ WITHOUT_PUBLIC_WAY = {
     "opir_studies/executors.py": {"_processes"},
 }
 
-TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
-
 
 def is_private(name):
     return name.startswith("_") and not name.startswith("__")
@@ -67,9 +65,10 @@ def is_of(node, *names):
 
 
 def test_no_private_name_of_another_library_is_used():
-    opir_names = {name for tree in TREES.values() for name in own_names(tree)} - {"_tracks"}
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
+    opir_names = {name for tree in trees.values() for name in own_names(tree)} - {"_tracks"}
     uses = {}
-    for path, tree in TREES.items():
+    for path, tree in trees.items():
         private = (
             {name for name in foreign_names(tree) if is_private(name)} - opir_names - DOCUMENTED
         )
