@@ -54,5 +54,9 @@ class TestCuesExporter(ExporterContract):
     }
 
 
+class TestSceneExporter(ExporterContract):
+    name = "scene"
+
+
 class TestTablesOfARun(RunViewContract):
     name = "tables"
