@@ -271,6 +271,9 @@ def _require_own_paths(
             f" with --tracker"
         )
         problems.append(Problem("--tracks", words))
+    if arguments.commands is not None and files["commands"] is None:
+        words = "the scene has no director; omit this option, or set one with --set director=NAME"
+        problems.append(Problem("--commands", words))
     events = [
         Path(choice.config.path) for choice in scene.outputs if choice.name in _FILES_OF_EVENTS
     ]
