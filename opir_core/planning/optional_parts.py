@@ -47,6 +47,18 @@ def network(scene: Scene, sensors: tuple[Sensor, ...]) -> "Network | None":
     return network_of(scene, scene.links, sensors)
 
 
+def reporting(sensors: tuple[Sensor, ...], links: "Network | None") -> tuple[Sensor, ...]:
+    """Return sensors with the spans in which their reports do not arrive: their silence says
+    nothing.
+    """
+    if links is None:
+        return sensors
+    return tuple(
+        evolve(sensor, partial_s=(*sensor.partial_s, *links.lost_s(number)))
+        for number, sensor in enumerate(sensors)
+    )
+
+
 def director_maker_of(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...]
 ) -> "Callable[[], Director] | None":

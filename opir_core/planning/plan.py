@@ -39,7 +39,13 @@ from opir_core.planning.built_parts import (
     trajectories_fault,
 )
 from opir_core.planning.looks import LookGeometry
-from opir_core.planning.optional_parts import director_maker_of, faults_of, network, watching
+from opir_core.planning.optional_parts import (
+    director_maker_of,
+    faults_of,
+    network,
+    reporting,
+    watching,
+)
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.partial_looks import stated_sensors
 from opir_core.planning.reported_types import (
@@ -272,7 +278,8 @@ def reseeded(plan: Plan, seed: int) -> Plan:
     """
     scene = evolve(plan.scene, seed=seed)
     host = plan.host
-    if any(fault.mtbf_s is not None for fault in scene.faults):
+    outages = () if scene.links is None else scene.links.outages
+    if any(failure.mtbf_s is not None for failure in (*scene.faults, *outages)):
         return compile_plan(scene, host)
     changed = evolve(plan, scene=scene, bias=drawn_bias(seed, plan.sensors))
     changed = evolve(changed, links=network(scene, plan.sensors))
@@ -332,6 +339,8 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     with problems.of("sources"):
         sources = _sources(scene, host, sensors, launches)
     problems.require_none()
+    links = network(scene, sensors)
+    sensors = reporting(sensors, links)
     targets = _joined(scene, launches, _rows_by_model(scene), sources)
     detection, classifier, confidence = models_of(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
@@ -350,7 +359,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         end_ns=round(scene.duration_s * 1e9),
         make_director=director_maker_of(scene, host, sensors),
         faults=faults,
-        links=network(scene, sensors),
+        links=links,
         sources=sources,
         reported_types=reported_types(scene, host),
     )
