@@ -79,9 +79,7 @@ class SensorFaults(NamedTuple):
         reasons = (
             f"{_REFUSALS[fault.fault]} since {fault.at_s:g} s"
             for sensor, fault in self.faults
-            if sensor == number
-            and fault.fault in _REFUSALS
-            and fault.at_s <= time_s < fault.end_s
+            if sensor == number and fault.fault in _REFUSALS and fault.at_s <= time_s < fault.end_s
         )
         return next(reasons, "")
 

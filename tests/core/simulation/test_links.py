@@ -415,6 +415,8 @@ def test_silence_of_a_dead_link_says_nothing(
 
 def test_what_no_report_tells_of_is_said_to_be_lost() -> None:
     dead = links(FAST, outages=[{"node": name} for name in ("WEST", "EAST")])
-    assert undetected_text(compile_plan(scene(dead)), 0) == "the reports of EAST, WEST do not arrive"
+    assert (
+        undetected_text(compile_plan(scene(dead)), 0) == "the reports of EAST, WEST do not arrive"
+    )
     one = links(FAST, outages=[{"node": "WEST"}])
     assert "P_d at most" in undetected_text(compile_plan(scene(one)), 0)
