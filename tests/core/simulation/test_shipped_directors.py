@@ -12,7 +12,7 @@ from opir_core.builtin.directors import Cue
 from opir_core.builtin.information import Information
 from opir_core.plugin import Command, Detections, Director, Sensor, Situation, Tracks
 
-PLACES_M = np.array([[-2.6e6, -4.6e6, 3.6e6], [-2.0e6, -5.6e6, 2.4e6]])
+PLACES_M = np.array([[-2.6e6, -4.6e6, 3.6e6], [-2.0e6, -5.6e6, 2.4e6], [-1.2e6, -4.4e6, 4.4e6]])
 
 
 def spot(name: str, slot_deg: float, **settings: Any) -> dict[str, Any]:
@@ -103,6 +103,52 @@ def test_cue_sends_no_sensor_to_a_track_that_it_loses_at_once(sensors: Sequence[
     assert sent(cue, sensors, 0.0, [1e3], {"A": 20.0}) == {"B": 0}
     lenient = Cue(CueConfig(hand_over_s=0.0))
     assert sent(lenient, sensors, 0.0, [1e3], {"A": 20.0}) == {"A": 0, "B": 0}
+
+
+SLOTS_DEG = {"A": -120.0, "B": -100.0, "C": -110.0}
+NARROW = [spot(name, slot_deg) for name, slot_deg in SLOTS_DEG.items()]
+WIDE = [{**each, "model": "SBIRS-GEO", "modes": "notional"} for each in NARROW]
+SPREAD: Mapping[str, Any] = {"mode": "sector", "search_mode": "survey"}
+
+
+@pytest.mark.parametrize(("rows", "settings"), [(NARROW, {}), (WIDE, SPREAD)])
+def test_cue_spreads_three_sensors_over_three_tracks(
+    rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]
+) -> None:
+    free = sensors_of(rows)
+    at_once = sent(Cue(CueConfig(**settings)), free, 0.0, [1e3, 2e3, 3e3])
+    assert at_once == {"A": 2, "B": 1, "C": 0}
+    # Of the sensors that go to the first track, those that double it leave for the others.
+    cue = Cue(CueConfig(**settings, dwell_s=20.0))
+    sent(cue, free, 0.0, [1e3])
+    later = sent(cue, free, 2.0, [1e3, 2e3, 3e3])
+    assert sorted(later.values()) == [0, 1, 2]
+    assert sent(cue, free, 4.0, [1e3, 2e3, 3e3]) == later
+
+
+def test_cue_takes_no_more_sensors_from_a_track_than_others_need() -> None:
+    cue = Cue(CueConfig(dwell_s=20.0))
+    free = sensors_of(NARROW)
+    assert sent(cue, free, 0.0, [1e3]) == {"A": 0, "B": 0, "C": 0}
+    assert sorted(sent(cue, free, 2.0, [1e3, 2e3]).values()) == [0, 0, 1]
+
+
+def test_cue_leaves_wide_fields_in_survey_that_would_double_others() -> None:
+    cue = Cue(CueConfig(**SPREAD, dwell_s=20.0))
+    wide = sensors_of(WIDE)
+    first = commands_of(cue, wide, 0.0, [1e3])
+    assert {name: command.mode for name, command in first.items()} == {
+        "A": "sector",
+        "B": "survey",
+        "C": "survey",
+    }
+    # A narrow field without a track goes first; the wide one that followed surveys again.
+    mixed = [*wide, *sensors_of([spot("D", -105.0)])]
+    assert sent(cue, mixed, 2.0, [1e3]) == {"A": 0, "D": 0}
+    last = commands_of(cue, mixed, 24.0, [1e3])
+    assert {name: command.track for name, command in last.items()} == {"A": -1, "D": 0}
+    assert last["A"].mode == "survey"
+    assert sent(Cue(CueConfig(**SPREAD)), mixed, 0.0, [1e3])["D"] == 0
 
 
 def test_information_goes_to_what_is_least_known(sensors: Sequence[Sensor]) -> None:
