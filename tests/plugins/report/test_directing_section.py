@@ -102,7 +102,7 @@ MODED: dict[str, Any] = {
 def moded_run() -> opir.Run:
     """Return a run whose sensor is sent in three modes: the last two commands follow one track."""
     run = opir.simulate(opir.scene_from_mapping(MODED))
-    wide = CommandRecord(5.0, "SPOT", -1, "no track", 6.0, 9.0, mode="wide")
+    wide = CommandRecord(5.0, "SPOT", -1, "too long for its bar", 6.0, 9.0, mode="wide")
     refused = CommandRecord(10.0, "SPOT", -1, "no", float("nan"), float("nan"), "no", mode="stare")
     follows = CommandRecord(20.0, "SPOT", 4, "track 4: 1.5 nats", 21.0, 30.0, mode="stare")
     again = CommandRecord(40.0, "SPOT", 4, "track 4: 0.5 nats", 41.0, 41.0)
@@ -114,7 +114,7 @@ def test_the_modes_of_a_sensor_over_time_are_those_of_its_commands() -> None:
     rows = report_data(moded_run())["modes"]
     assert [tuple(row) for row in rows] == [
         ("SPOT", "own settings", 1.0, -1, "", "", 0.0, 0.0, 6.0),
-        ("SPOT", "wide", 4.0, -1, "", "no track", 6.0, 9.0, 21.0),
+        ("SPOT", "wide", 4.0, -1, "", "too long for its bar", 6.0, 9.0, 21.0),
         ("SPOT", "stare", 1.0, 4, "", "track 4: 1.5 nats", 21.0, 30.0, 90.0),
     ]
 
@@ -126,10 +126,8 @@ def test_the_strip_of_modes_has_their_names_and_reasons() -> None:
         "wide",
         "stare",
     ]
-    assert [(text.get_text(), text.get_position()[0]) for text in axes.texts] == [
-        ("no track", 15.0),
-        ("track 4: 1.5 nats", 60.0),
-    ]
+    (text,) = axes.texts
+    assert (text.get_text(), text.get_position()[0]) == ("track 4: 1.5 nats", 60.0)
     (section,) = [each for each in report_page(moded_run()).sections if each.name == "directing"]
     pictures = [each for each in section.parts if not isinstance(each, ReportTable)]
     assert [each.name for each in pictures] == ["directing", "modes"]
