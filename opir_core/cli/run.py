@@ -338,7 +338,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         f" looks, "
         f"{scene.duration_s:g} s, seed {scene.seed}"
     )
-    notes = [*([] if lost is None else [_lost(counts)]), *_refused(counts), *scene.automatic]
+    notes = [*([] if lost is None else [_lost(counts)]), *_refused(counts, files), *scene.automatic]
     sections = [
         "\n".join([head, *notes]),
         "\n".join(answers(outcome.summary)),
@@ -361,11 +361,12 @@ def _lost(counts: Mapping[str, int]) -> str:
     return f"links: {grouped(counts['lost_reports'])} of {grouped(sent)} reports do not arrive"
 
 
-def _refused(counts: Mapping[str, int]) -> list[str]:
-    """Return how many commands sensors refuse, in words; nothing if none."""
+def _refused(counts: Mapping[str, int], files: Mapping[str, Path]) -> list[str]:
+    """Return how many commands sensors refuse, and which file says why; nothing if none."""
     refused = counts.get("refused_commands", 0)
     words = f"director: {grouped(refused)} of {grouped(counts.get('commands', 0))} commands refused"
-    return [words] if refused else []
+    why = f"; {files['commands']} says why" if "commands" in files else ""
+    return [words + why] if refused else []
 
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")

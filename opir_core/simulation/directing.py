@@ -16,7 +16,7 @@ from opir_core.interfaces.directors import (
     Situation,
     command_fault,
 )
-from opir_core.interfaces.records import CommandRecord, Detections, Tracks, Window
+from opir_core.interfaces.records import OPERATOR, CommandRecord, Detections, Tracks, Window
 from opir_core.planning.keep_out import sun_refusal
 from opir_core.planning.partial_looks import SteeringCommands
 from opir_core.planning.plan import Plan
@@ -132,7 +132,7 @@ class Directing:
             return Command(
                 sensor=task.sensor,
                 position_ecef_m=task.position_ecef_m,
-                reason="operator",
+                reason=OPERATOR,
                 mode=task.mode,
             )
         rows = np.flatnonzero(self._latest.track == task.track)
@@ -143,7 +143,7 @@ class Directing:
             position_ecef_m=state[:3] + state[3:] * since_s,
             velocity_m_s=state[3:],
             track=task.track,
-            reason="operator",
+            reason=OPERATOR,
             mode=task.mode,
         )
 

@@ -43,14 +43,23 @@ def test_explain_lists_the_modes(path: str, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_run_counts_the_commands_that_sensors_refuse(
-    path: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    path: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     assert main(["run", path]) == 0
     assert "refused" not in capsys.readouterr().out
     unknown = [Command(sensor="SPOT", mode="star")]
     monkeypatch.setattr(RoundRobin, "commands", lambda *_: unknown)
     assert main(["run", path]) == 0
-    assert "director: 3 of 3 commands refused" in capsys.readouterr().out
+    assert "director: 3 of 3 commands refused\n" in capsys.readouterr().out
+    assert main(["run", path, "-o", str(tmp_path / "e.jsonl")]) == 0
+    written = tmp_path / "e.commands.jsonl"
+    assert f"3 of 3 commands refused; {written} says why\n" in capsys.readouterr().out
+    assert [row["refusal"] for row in lines_of(written)] == [
+        "SPOT has no mode 'star'; the nearest: stare, sector"
+    ] * 3
 
 
 def test_a_mode_that_no_sensor_has_is_refused_with_its_place(
