@@ -278,8 +278,10 @@ def reseeded(plan: Plan, seed: int) -> Plan:
     """
     scene = evolve(plan.scene, seed=seed)
     host = plan.host
-    outages = () if scene.links is None else scene.links.outages
-    if any(failure.mtbf_s is not None for failure in (*scene.faults, *outages)):
+    random_times = [fault.mtbf_s for fault in scene.faults]
+    if scene.links is not None:
+        random_times += [outage.mtbf_s for outage in scene.links.outages]
+    if any(mtbf_s is not None for mtbf_s in random_times):
         return compile_plan(scene, host)
     changed = evolve(plan, scene=scene, bias=drawn_bias(seed, plan.sensors))
     changed = evolve(changed, links=network(scene, plan.sensors))
