@@ -15,7 +15,7 @@ from opir_core.host.error_messages import described_error
 from opir_core.host.host import Host
 from opir_core.host.registry import warn
 from opir_core.interfaces.directors import SensorTask
-from opir_core.interfaces.records import OPERATOR, CommandRecord, Window
+from opir_core.interfaces.records import CommandRecord, Window
 from opir_core.live.changes import (
     BusyError,
     Change,
@@ -27,6 +27,7 @@ from opir_core.live.changes import (
     settings_change,
     wait_until,
 )
+from opir_core.live.commands import RefusalWarnings, written
 from opir_core.live.loops import (
     LapOffset,
     LapPlans,
@@ -69,8 +70,6 @@ class LiveWindow:
 #: Largest share of real time that a run may take with a further target: the rest is for its launch,
 #: which is compiled in another thread, and for targets that are not burning yet.
 _MOST_LOAD = 0.9
-#: Sensors whose first refusal is a warning.
-_MOST_REFUSING = 100
 
 
 @frozen(kw_only=True)
@@ -124,7 +123,7 @@ class LiveRun:
         self.changes_file: ChangesRecord | None = None
         #: Where what became of commands to sensors is written, if it is: set before the start.
         self.commands_file: CommandsFile | None = None
-        self._refusing: set[str] = set()
+        self._refusals = RefusalWarnings()
         #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always
         #: belong together.
         plan = evolve(compile_plan(scene, host), on_tracker_error=self._end_tracker)
@@ -455,20 +454,9 @@ class LiveRun:
             warn(f"{error}; the end of the run is not in it")
 
     def _record_commands(self, commands: Sequence[CommandRecord]) -> None:
-        """Write what became of commands; a file that takes no more is left as it is. Of each sensor
-        that refuses those of the director the first refusal is a warning.
-        """
-        for record in commands:
-            is_new = record.sensor not in self._refusing and len(self._refusing) < _MOST_REFUSING
-            if record.refusal and is_new and record.reason != OPERATOR:
-                self._refusing.add(record.sensor)
-                warn(f"director: a command to {record.sensor} is refused: {record.refusal}")
-        if self.commands_file is not None and commands:
-            try:
-                self.commands_file.write(commands)
-            except SinkError as error:
-                warn(f"{error}; further commands are not written")
-                self.commands_file = None
+        """Write what became of commands; a file that takes no more is left as it is."""
+        self._refusals.warn_of(commands)
+        self.commands_file = written(self.commands_file, commands)
 
     def _cycle(self) -> bool:
         """Run one cycle; return whether there is another."""

@@ -39,13 +39,7 @@ from opir_core.planning.built_parts import (
     trajectories_fault,
 )
 from opir_core.planning.looks import LookGeometry
-from opir_core.planning.optional_parts import (
-    director_maker_of,
-    faults_of,
-    network,
-    reporting,
-    watching,
-)
+from opir_core.planning.optional_parts import director_maker_of, faults_of, linked, watching
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.partial_looks import stated_sensors
 from opir_core.planning.reported_types import (
@@ -278,13 +272,9 @@ def reseeded(plan: Plan, seed: int) -> Plan:
     """
     scene = evolve(plan.scene, seed=seed)
     host = plan.host
-    random_times = [fault.mtbf_s for fault in scene.faults]
-    if scene.links is not None:
-        random_times += [outage.mtbf_s for outage in scene.links.outages]
-    if any(mtbf_s is not None for mtbf_s in random_times):
+    if scene.fails_at_random:
         return compile_plan(scene, host)
     changed = evolve(plan, scene=scene, bias=drawn_bias(seed, plan.sensors))
-    changed = evolve(changed, links=network(scene, plan.sensors))
     with PluginErrors(host, scene):
         if scene.sources or plan.detection.uses_seed:
             changed = evolve(changed, **_seeded_parts(plan, scene))
@@ -341,8 +331,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     with problems.of("sources"):
         sources = _sources(scene, host, sensors, launches)
     problems.require_none()
-    links = network(scene, sensors)
-    sensors = reporting(sensors, links)
+    sensors, links = linked(scene, sensors)
     targets = _joined(scene, launches, _rows_by_model(scene), sources)
     detection, classifier, confidence = models_of(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
