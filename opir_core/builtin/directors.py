@@ -64,9 +64,13 @@ class RoundRobin(Director):
 class Cue(Director):
     """Points sensors at tracks: each at one that no other sensor follows, as far as there are such.
 
-    A sensor keeps its track for `dwell_s`, and as long as no track waits. The least known position
-    comes first. A track waits too when its sensor will have lost sight of it in `hand_over_s`:
-    another sensor, which still sees it then, follows it beside the first one until that happens.
+    A sensor keeps its track for `dwell_s`, and as long as no track waits; one that follows a track
+    beside another sensor goes to a track that waits at once. The least known position comes first.
+    A track waits too when its sensor will have lost sight of it in `hand_over_s`: another sensor,
+    which still sees it then, follows it beside the first one until that happens.
+
+    Narrow fields without a track of their own double those of others. A wide field does not: it
+    would survey no longer.
     """
 
     def __init__(self, config: CueConfig) -> None:
@@ -103,7 +107,7 @@ class Cue(Director):
         sight = _Sight.of(situation, tracks, self._config.hand_over_s)
         order = np.argsort(-_variance_m2(tracks), kind="stable")
         for sensor in self._free(situation.time_s, sight):
-            row = self._next_row(sight, order[sight.lasting[sensor][order]])
+            row = self._next_row(sight, sensor, order[sight.lasting[sensor][order]])
             if row is not None:
                 self._followed[sensor] = sight.tracks[row], situation.time_s
         position_m = position_at(tracks, situation.time_s)
@@ -128,11 +132,19 @@ class Cue(Director):
         waiting = set(sight.tracks).difference(self._lasting_tracks(sight))
         for sensor, (track, since_s) in list(self._followed.items()):
             had_its_time = time_s - since_s >= self._config.dwell_s
-            is_needed = any(
-                sight.has(sight.lasting, sensor, other) for other in waiting.difference([track])
-            )
-            if not sight.has(sight.now, sensor, track) or (had_its_time and is_needed):
+            reached = [
+                other
+                for other in sorted(waiting.difference([track]))
+                if sight.has(sight.lasting, sensor, other)
+            ]
+            is_double = self._lasting_tracks(sight).count(track) > 1
+            is_needed = bool(reached) and (is_double or had_its_time)
+            surveys = is_double and had_its_time and sensor in sight.wide
+            if is_needed or surveys or not sight.has(sight.now, sensor, track):
                 del self._followed[sensor]
+            if is_double:
+                # One sensor for each track that waits; the others stay.
+                waiting.difference_update(reached[:1])
         return [sensor for sensor in sight.now if sensor not in self._followed]
 
     def _lasting_tracks(self, sight: "_Sight") -> list[int]:
@@ -143,33 +155,42 @@ class Cue(Director):
             if sight.has(sight.lasting, sensor, track)
         ]
 
-    def _next_row(self, sight: "_Sight", rows: IntArray) -> int | None:
-        """Return the first of some rows whose track the fewest sensors follow; None without any."""
-        if not len(rows):
-            return None
+    def _next_row(self, sight: "_Sight", sensor: str, rows: IntArray) -> int | None:
+        """Return the first of some rows whose track the fewest sensors follow; None without any
+        that is worth this sensor.
+        """
         followed = self._lasting_tracks(sight)
         counts = [followed.count(sight.tracks[row]) for row in rows.tolist()]
+        if not counts or (min(counts) and sensor in sight.wide):
+            return None
         return int(rows[int(np.argmin(counts))])
 
 
 @frozen(eq=False)
 class _Sight:
-    """Which tracks, by number, each sensor can be pointed at: now, and still after a while."""
+    """Which tracks, by number, each sensor can be pointed at: now, and still after a while; the
+    narrow fields come first.
+
+    `wide` are the sensors that see their whole field of regard unless they are in a mode.
+    """
 
     tracks: list[int]
     now: dict[str, BoolArray]
     lasting: dict[str, BoolArray]
+    wide: frozenset[str]
 
     @classmethod
     def of(cls, situation: Situation, tracks: Tracks, after_s: float) -> "_Sight":
         position_m = position_at(tracks, situation.time_s)
         later_m = position_at(tracks, situation.time_s + after_s)
-        ids = [sensor.id for sensor in situation.sensors]
+        sensors = sorted(situation.sensors, key=lambda sensor: not sensor.is_narrow)
+        ids = [sensor.id for sensor in sensors]
+        wide = frozenset(sensor.id for sensor in sensors if not sensor.is_narrow)
         now = {sensor: situation.in_reach(sensor, position_m) for sensor in ids}
         lasting = {
             sensor: now[sensor] & situation.in_reach(sensor, later_m, after_s) for sensor in ids
         }
-        return cls(tracks.track.tolist(), now, lasting)
+        return cls(tracks.track.tolist(), now, lasting, wide)
 
     def has(self, reach: dict[str, BoolArray], sensor: str, track: int) -> bool:
         return track in self.tracks and bool(reach[sensor][self.tracks.index(track)])

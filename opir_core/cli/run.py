@@ -271,6 +271,9 @@ def _require_own_paths(
             f" with --tracker"
         )
         problems.append(Problem("--tracks", words))
+    if arguments.commands is not None and files["commands"] is None:
+        words = "the scene has no director; omit this option, or set one with --set director=NAME"
+        problems.append(Problem("--commands", words))
     events = [
         Path(choice.config.path) for choice in scene.outputs if choice.name in _FILES_OF_EVENTS
     ]
@@ -335,7 +338,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
         f" looks, "
         f"{scene.duration_s:g} s, seed {scene.seed}"
     )
-    notes = [*([] if lost is None else [_lost(counts)]), *_refused(counts), *scene.automatic]
+    notes = [*([] if lost is None else [_lost(counts)]), *_refused(counts, files), *scene.automatic]
     sections = [
         "\n".join([head, *notes]),
         "\n".join(answers(outcome.summary)),
@@ -358,11 +361,12 @@ def _lost(counts: Mapping[str, int]) -> str:
     return f"links: {grouped(counts['lost_reports'])} of {grouped(sent)} reports do not arrive"
 
 
-def _refused(counts: Mapping[str, int]) -> list[str]:
-    """Return how many commands sensors refuse, in words; nothing if none."""
+def _refused(counts: Mapping[str, int], files: Mapping[str, Path]) -> list[str]:
+    """Return how many commands sensors refuse, and which file says why; nothing if none."""
     refused = counts.get("refused_commands", 0)
     words = f"director: {grouped(refused)} of {grouped(counts.get('commands', 0))} commands refused"
-    return [words] if refused else []
+    why = f"; {files['commands']} says why" if "commands" in files else ""
+    return [words + why] if refused else []
 
 
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets", "sources")

@@ -61,7 +61,9 @@ class Situation:
     decision that sensors did not take, and one for each sensor that an operator has given back: it
     looks elsewhere, in another mode. `in_reach(sensor, position_ecef_m, after_s)` returns which
     positions (n, 3) a sensor, given by its id, can be pointed at `after_s` after the decision, by
-    default at once: in its field of regard, not behind the Earth, not beside the Sun or the limb.
+    default at once: in its field of regard, not behind the Earth, not beside the Sun or the limb;
+    none while it does not look, its scan is stuck or its reports do not arrive. That it is blind,
+    nobody knows.
     """
 
     time_s: float

@@ -332,6 +332,10 @@ class Tracks(Columns):
     is_brief: BoolArray = field(default=_computed(lambda rows: np.full(len(rows.track), False)))
 
 
+#: The reason of commands that are an operator's tasks.
+OPERATOR = "operator"
+
+
 class CommandRecord(NamedTuple):
     """What became of a command that was given at `time_s`.
 

@@ -164,9 +164,9 @@ class Sensor:
 
     `watched_s` are the spans of scene time in which it looks, in order; None for all of it. That
     nothing was detected outside of them says nothing, nor in `partial_s`, the spans in which it
-    looks at a part of its field of regard alone. A sensor with `pointing` looks only where it is
-    pointed, which its field of regard bounds; `modes` are, by name, what it is in each of its
-    modes.
+    looks at a part of its field of regard alone, or its reports do not arrive. A sensor with
+    `pointing` looks only where it is pointed, which its field of regard bounds; `modes` are, by
+    name, what it is in each of its modes.
     """
 
     id: str

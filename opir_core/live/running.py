@@ -27,6 +27,7 @@ from opir_core.live.changes import (
     settings_change,
     wait_until,
 )
+from opir_core.live.commands import RefusalWarnings, written
 from opir_core.live.loops import (
     LapOffset,
     LapPlans,
@@ -122,6 +123,7 @@ class LiveRun:
         self.changes_file: ChangesRecord | None = None
         #: Where what became of commands to sensors is written, if it is: set before the start.
         self.commands_file: CommandsFile | None = None
+        self._refusals = RefusalWarnings()
         #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always
         #: belong together.
         plan = evolve(compile_plan(scene, host), on_tracker_error=self._end_tracker)
@@ -453,12 +455,8 @@ class LiveRun:
 
     def _record_commands(self, commands: Sequence[CommandRecord]) -> None:
         """Write what became of commands; a file that takes no more is left as it is."""
-        if self.commands_file is not None and commands:
-            try:
-                self.commands_file.write(commands)
-            except SinkError as error:
-                warn(f"{error}; further commands are not written")
-                self.commands_file = None
+        self._refusals.warn_of(commands)
+        self.commands_file = written(self.commands_file, commands)
 
     def _cycle(self) -> bool:
         """Run one cycle; return whether there is another."""

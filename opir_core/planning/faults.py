@@ -16,6 +16,8 @@ from opir_core.scene.scene import Scene
 
 #: The purpose of the streams of faults at random.
 STREAM = "fault"
+#: The faults in which a sensor takes no command, and why.
+_REFUSALS = {DOWN: "it is down", STUCK: "its scan is stuck"}
 
 
 class SensorFaults(NamedTuple):
@@ -71,6 +73,15 @@ class SensorFaults(NamedTuple):
             if fault.sensor == sensor and fault.fault == STUCK
         )
         return tuple(span for span in spans if span[0] < span[1])
+
+    def refusal(self, number: int, time_s: float) -> str:
+        """Return why a sensor, by its number, takes no command at a time, "" if it does."""
+        reasons = (
+            f"{_REFUSALS[fault.fault]} since {fault.at_s:g} s"
+            for sensor, fault in self.faults
+            if sensor == number and fault.fault in _REFUSALS and fault.at_s <= time_s < fault.end_s
+        )
+        return next(reasons, "")
 
     def stuck(self, sensor: IndexArray, time_s: FloatArray) -> Iterator[tuple[float, IntArray]]:
         """Yield since when scans are stuck, with the rows (n,) of sensors and times of which that

@@ -12,7 +12,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.geometry import components, length
 from opir_core.interfaces.records import Detections, Window
-from opir_core.interfaces.sensors import Orbit
+from opir_core.interfaces.sensors import Orbit, Spans
 from opir_core.random_streams.philox import further_words, purpose_number, uniforms_of
 from opir_core.scene.links import Downlink
 
@@ -49,6 +49,21 @@ class Transmitter:
     def service_ns(self) -> int:
         """The time that it takes for a report, ns; at least 1."""
         return max(round(self.downlink.service_s * 1e9), 1)
+
+    @property
+    def lost_s(self) -> Spans:
+        """The spans of looks whose reports are not sent while they are of use, s; queues are left
+        out.
+        """
+        edge_ns = self.edge_ns
+        if self.downlink.loss == 1.0:
+            return ((0.0, edge_ns[-1] / 1e9),)
+        closed = np.flatnonzero(self.path < 0)
+        sent_ns, _ = self.sent(self.open_until_ns(edge_ns[closed]) + self.service_ns)
+        of_use_ns = np.where(sent_ns < 0, edge_ns[-1], sent_ns - 1e9 * self.downlink.keep_s)
+        until_ns = np.minimum(edge_ns[closed + 1], of_use_ns)
+        spans_s = np.stack([edge_ns[closed], until_ns], axis=1) / 1e9
+        return tuple((from_s, until_s) for from_s, until_s in spans_s.tolist() if from_s < until_s)
 
     def open_until_ns(self, time_ns: IntArray) -> IntArray:
         """Return how long (n,), ns, it has been open up to times (n,) of the scene."""
@@ -101,6 +116,13 @@ class Network:
             distance_m += length(*components(after_m - before_m))
         light_ns = np.rint(distance_m * (1e9 / SPEED_OF_LIGHT_M_S)).astype(np.int64)
         return light_ns + self.paths[path].delay_ns
+
+    def lost_s(self, number: int) -> Spans:
+        """Return the spans of looks of a sensor, by its number, whose reports do not arrive; queues
+        are left out.
+        """
+        transmitter = self.transmitters.get(number)
+        return () if transmitter is None else transmitter.lost_s
 
     def queues(self, sensors: int) -> "LinkQueues":
         """Return the empty queues of a run with as many sensors."""

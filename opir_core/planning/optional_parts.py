@@ -38,13 +38,22 @@ def watching(sensor: Sensor, scene: Scene, faults: "SensorFaults | None") -> Sen
     return evolve(sensor, watched_s=watched_s, partial_s=partial_s)
 
 
-def network(scene: Scene, sensors: tuple[Sensor, ...]) -> "Network | None":
-    """Return the links of a scene; None without any."""
+def linked(
+    scene: Scene, sensors: tuple[Sensor, ...]
+) -> "tuple[tuple[Sensor, ...], Network | None]":
+    """Return the sensors of a scene with the spans in which their reports do not arrive, so that
+    their silence says nothing, and the scene's links; None without any.
+    """
     if scene.links is None:
-        return None
+        return sensors, None
     from opir_core.planning.link_compiler import network_of
 
-    return network_of(scene, scene.links, sensors)
+    links = network_of(scene, scene.links, sensors)
+    heard = [
+        evolve(sensor, partial_s=(*sensor.partial_s, *links.lost_s(number)))
+        for number, sensor in enumerate(sensors)
+    ]
+    return tuple(heard), links
 
 
 def director_maker_of(

@@ -39,7 +39,7 @@ from opir_core.planning.built_parts import (
     trajectories_fault,
 )
 from opir_core.planning.looks import LookGeometry
-from opir_core.planning.optional_parts import director_maker_of, faults_of, network, watching
+from opir_core.planning.optional_parts import director_maker_of, faults_of, linked, watching
 from opir_core.planning.pair_compiler import PairCompiler
 from opir_core.planning.partial_looks import stated_sensors
 from opir_core.planning.reported_types import (
@@ -272,10 +272,9 @@ def reseeded(plan: Plan, seed: int) -> Plan:
     """
     scene = evolve(plan.scene, seed=seed)
     host = plan.host
-    if any(fault.mtbf_s is not None for fault in scene.faults):
+    if scene.fails_at_random:
         return compile_plan(scene, host)
     changed = evolve(plan, scene=scene, bias=drawn_bias(seed, plan.sensors))
-    changed = evolve(changed, links=network(scene, plan.sensors))
     with PluginErrors(host, scene):
         if scene.sources or plan.detection.uses_seed:
             changed = evolve(changed, **_seeded_parts(plan, scene))
@@ -332,6 +331,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
     with problems.of("sources"):
         sources = _sources(scene, host, sensors, launches)
     problems.require_none()
+    sensors, links = linked(scene, sensors)
     targets = _joined(scene, launches, _rows_by_model(scene), sources)
     detection, classifier, confidence = models_of(scene, host, sensors, targets, sources)
     make_tracker = partial(_tracker, scene, host, _tracker_context(scene, host, sensors, detection))
@@ -350,7 +350,7 @@ def plan_parts(scene: Scene, host: Host) -> PlanParts:
         end_ns=round(scene.duration_s * 1e9),
         make_director=director_maker_of(scene, host, sensors),
         faults=faults,
-        links=network(scene, sensors),
+        links=links,
         sources=sources,
         reported_types=reported_types(scene, host),
     )

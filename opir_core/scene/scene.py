@@ -325,6 +325,14 @@ class Scene:
         )
 
     @property
+    def fails_at_random(self) -> bool:
+        """Whether a fault or an outage of a link comes at random, by the seed."""
+        outages = () if self.links is None else self.links.outages
+        return any(fault.mtbf_s is not None for fault in self.faults) or any(
+            outage.mtbf_s is not None for outage in outages
+        )
+
+    @property
     def automatic(self) -> list[str]:
         """Return the components that `auto` chose, each with the reason: `detection: snr, since
         ...`.

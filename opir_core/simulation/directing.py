@@ -16,7 +16,7 @@ from opir_core.interfaces.directors import (
     Situation,
     command_fault,
 )
-from opir_core.interfaces.records import CommandRecord, Detections, Tracks, Window
+from opir_core.interfaces.records import OPERATOR, CommandRecord, Detections, Tracks, Window
 from opir_core.planning.keep_out import sun_refusal
 from opir_core.planning.partial_looks import SteeringCommands
 from opir_core.planning.plan import Plan
@@ -132,7 +132,7 @@ class Directing:
             return Command(
                 sensor=task.sensor,
                 position_ecef_m=task.position_ecef_m,
-                reason="operator",
+                reason=OPERATOR,
                 mode=task.mode,
             )
         rows = np.flatnonzero(self._latest.track == task.track)
@@ -143,7 +143,7 @@ class Directing:
             position_ecef_m=state[:3] + state[3:] * since_s,
             velocity_m_s=state[3:],
             track=task.track,
-            reason="operator",
+            reason=OPERATOR,
             mode=task.mode,
         )
 
@@ -190,24 +190,27 @@ class Directing:
     def _in_reach(
         self, time_s: float, sensor: str, position_ecef_m: FloatArray, after_s: float = 0.0
     ) -> BoolArray:
-        """Return which positions (n, 3) a sensor can be pointed at, so long after a time."""
+        """Return which positions (n, 3) a sensor can be pointed at, so long after a time, if it
+        looks then and its reports arrive.
+        """
         number = self._numbers[sensor]
-        at_s = np.full(len(position_ecef_m), time_s + after_s)
+        end_s = self._plan.end_ns / 1e9
+        # A span ends with the time from which on it looks no longer; the last one with the scene.
+        from_s = min(np.nextafter(time_s + after_s, np.inf), end_s)
+        sensor_looks = self._plan.sensors[number].stated(end_s)
+        if not sensor_looks.is_watching(np.array([from_s]))[0]:
+            return np.zeros(len(position_ecef_m), dtype=np.bool_)
+        return self._can_point(number, position_ecef_m, time_s + after_s)
+
+    def _can_point(self, number: int, position_ecef_m: FloatArray, time_s: float) -> BoolArray:
+        """Return which positions (n, 3) the field of a sensor, by its number, can be pointed at."""
+        at_s = np.full(len(position_ecef_m), time_s)
         sensor_m = self._plan.sensors[number].orbit.position_ecef_m(at_s)
         reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
-        reach &= np.isnan(self._stuck_since_s(number, time_s))
         for limit in (self._exclusion(number), self.fields.keep_out(number)):
             if limit is not None:
                 reach &= limit.is_clear(sensor_m, position_ecef_m, at_s)
         return reach
-
-    def _stuck_since_s(self, number: int, time_s: float) -> float:
-        """Return since when a sensor's scan is stuck, nan if it is not."""
-        faults = self._plan.faults
-        if faults is None:
-            return np.nan
-        stuck = faults.stuck(np.array([number]), np.array([time_s]))
-        return next((since_s for since_s, _ in stuck), np.nan)
 
     def _exclusion(self, number: int) -> SolarExclusion | None:
         return self._plan.exclusions[number] if self._plan.exclusions else None
@@ -239,9 +242,10 @@ class Directing:
         number = self._numbers[command.sensor]
         sensor = self._plan.sensors[number]
         delay_s = 0.0 if sensor.pointing is None else sensor.pointing.delay_s
-        since_s = self._stuck_since_s(number, time_s + delay_s)
-        if since_s <= time_s + delay_s:
-            return f"its scan is stuck since {since_s:g} s"
+        faults = self._plan.faults
+        failure = "" if faults is None else faults.refusal(number, time_s + delay_s)
+        if failure:
+            return failure
         modes = sensor.modes
         if command.mode and command.mode not in modes:
             names = ", ".join(nearest_names(command.mode, modes) or modes) or "none"
@@ -257,9 +261,9 @@ class Directing:
         if not np.isfinite(vectors).all():
             without = "its position or velocity is not finite"
             return without if command.track < 0 else "its track has no estimate"
-        if self._in_reach(time_s, command.sensor, position_m[None])[0]:
-            return ""
         number = self._numbers[command.sensor]
+        if self._can_point(number, position_m[None], time_s)[0]:
+            return ""
         at_s = np.array([time_s])
         axis = self._plan.sensors[number].orbit.position_ecef_m(at_s), position_m[None], at_s
         exclusion = self._exclusion(number)

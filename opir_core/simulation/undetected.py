@@ -1,5 +1,7 @@
 """Why a run never detects a target or a source, in words, from a few looks of its pairs."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from opir_core.arrays import IntArray
@@ -8,6 +10,9 @@ from opir_core.interfaces.records import Exposures
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
 from opir_core.simulation.probability import WatchTest
+
+if TYPE_CHECKING:
+    from opir_core.planning.links import Network
 
 _REASONS = {
     Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
@@ -63,6 +68,12 @@ def undetected_text(plan: Plan, target: int) -> str:
         ids = sorted({plan.sensors[number].id for number in plan.pairs.sensor[looking].tolist()})
         return f"not looked at while it shone: {', '.join(ids)} did not look, or failed"
     looks = exposures.take(np.flatnonzero(is_visible))
+    if plan.links is not None:
+        arriving = _arriving(plan.links, looks)
+        if not len(arriving):
+            ids = sorted({plan.sensors[number].id for number in looks.sensor.tolist()})
+            return f"the reports of {', '.join(ids)} do not arrive"
+        looks = looks.take(arriving)
     chances = plan.detection.probability(looks)
     best = int(chances.argmax())
     sensor = plan.sensors[looks.sensor[best]]
@@ -77,6 +88,18 @@ def undetected_text(plan: Plan, target: int) -> str:
     why = chance if chances[best] > 0.0 else "in"
     count = number_of("look", int(plan.pairs.looks[looking].sum()))
     return f"{why} {count}: P_d at most {chances[best]:.2g}, {where}"
+
+
+def _arriving(links: "Network", looks: Exposures) -> IntArray:
+    """Return the rows of looks whose reports arrive, queues and losses by chance left out."""
+    lost_s = {number: links.lost_s(number) for number in set(looks.sensor.tolist())}
+    sightings = zip(looks.sensor.tolist(), looks.time_s.tolist(), strict=True)
+    return np.flatnonzero(
+        [
+            not any(from_s <= time_s < until_s for from_s, until_s in lost_s[number])
+            for number, time_s in sightings
+        ]
+    )
 
 
 def _too_rare(plan: Plan, pair: IntArray) -> str:

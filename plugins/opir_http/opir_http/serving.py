@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from opir_core.cli import scene_of
-from opir_core.errors import ModelError, OpirError, SceneError, SinkError
+from opir_core.errors import ModelError, OpirError, Problem, SceneError, SinkError
 from opir_core.host import STUCK, ended_if_stuck, warn
 from opir_core.live import ChangesFile, LiveRun, LiveSettings, LiveStatus, limit_pauses
 from opir_core.output import CommandsFile
@@ -116,9 +116,13 @@ def record_changes(run: LiveRun, path: str | None) -> None:
 
 
 def record_commands(run: LiveRun, path: str | None) -> None:
-    """Let a run with a director write what becomes of commands, to the same places."""
-    place = None if run.scene.director is None else _place(run, path, ".commands.jsonl")
-    if place is not None:
+    """Let a run with a director write what becomes of commands, to the same places; raises
+    `SceneError` for a path without a director.
+    """
+    if run.scene.director is None:
+        if path:
+            raise SceneError([Problem("--commands", "the scene has no director; omit this option")])
+    elif (place := _place(run, path, ".commands.jsonl")) is not None:
         run.commands_file = CommandsFile(place)
 
 

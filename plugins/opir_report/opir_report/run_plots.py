@@ -19,6 +19,7 @@ from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, we
 from opir_report.plots.impact import impact_map
 from opir_report.plots.latency import latency_curves, latency_plot, pair_latencies
 from opir_report.plots.maps import launch_map, world_map
+from opir_report.plots.modes import modes_over_time, modes_plot
 from opir_report.plots.scores import score_table
 from opir_report.plots.signal import signal_plot, signals
 from opir_report.plots.timeline import detection_counts, timeline
@@ -69,6 +70,11 @@ class RunPlots(Plots):
         spans = directions(self.facts)
         height_in = directions_height_in(spans)
         return self._drawn(direction_plot, spans, ax=ax, height_in=height_in)
+
+    def modes(self, ax: Axes | None = None) -> Axes:
+        """Draw the modes of sensors over time, and the reasons of their commands."""
+        spans = modes_over_time(self.facts)
+        return self._drawn(modes_plot, spans, ax=ax, height_in=directions_height_in(spans))
 
     def impact(self, target: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw the last predicted impact regions of a target with its true impact.

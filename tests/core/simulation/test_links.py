@@ -23,6 +23,7 @@ from opir_core.plugin import Detections, EncoderContext, Host
 from opir_core.reading import scene_hash, scene_mapping
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
+from opir_core.simulation.undetected import undetected_text
 
 WEST, EAST = 0, 1
 LIGHT_M_S = 299_792_458.0
@@ -370,4 +371,52 @@ def test_outages_at_random_follow_the_seed() -> None:
 
     assert closed(1) == closed(1) != closed(2)
     plan = compile_plan(scene(QUEUED, seed=1))
-    assert opir.reseeded(plan, 2).links.transmitters[WEST].edge_ns.tolist() == closed(2)
+    reseeded = opir.reseeded(plan, 2)
+    assert reseeded.links.transmitters[WEST].edge_ns.tolist() == closed(2)
+
+
+def test_a_plan_for_another_seed_has_other_silences() -> None:
+    downlink = {**FAST, "paths": [["HI"]], "keep_s": 1.0}
+    plan = compile_plan(scene(links(downlink, outages=QUEUED["outages"]), seed=1))
+    reseeded = opir.reseeded(plan, 2)
+    anew = compile_plan(reseeded.scene)
+    assert plan.sensors[WEST].partial_s != reseeded.sensors[WEST].partial_s
+    assert reseeded.sensors[WEST].partial_s == anew.sensors[WEST].partial_s != ()
+
+
+@pytest.mark.parametrize(
+    ("downlink", "outage", "spans"),
+    [
+        ({}, {"at_s": 20.0}, [[0.0, 20.0]]),
+        ({}, {"at_s": 20.0, "until_s": 60.0}, [[0.0, 90.0]]),
+        ({"keep_s": 15.0}, {"at_s": 20.0, "until_s": 60.0}, [[0.0, 20.0], [45.0, 90.0]]),
+        ({"loss": 1.0}, {"at_s": 80.0}, []),
+    ],
+)
+def test_silence_of_a_dead_link_says_nothing(
+    downlink: dict[str, Any], outage: dict[str, Any], spans: list[list[float]]
+) -> None:
+    block = links({**FAST, **downlink}, outages=[{"node": "WEST", **outage}])
+    run = opir.simulate(scene(block))
+    stated = run.manifest["watched_s"]["WEST"]
+    # To the time that the transmitter takes for a report, 0.5 ms.
+    np.testing.assert_allclose(np.ravel(stated), np.ravel(spans), atol=1e-3)
+    (west, _) = run.plan.tracker_sensors()
+    assert [list(span) for span in west.spans_until_s(90.0)] == stated
+    # The looks whose reports arrive are in these spans, to a light time, and fill them.
+    look_s, _ = delays_s(run, WEST)
+    is_inside = [any(from_s <= time_s < to_s for from_s, to_s in spans) for time_s in look_s]
+    assert np.mean(is_inside or [True]) > 0.98
+    for from_s, to_s in spans:
+        burning_s = np.clip([from_s, to_s], run.plan.targets.ignition_s[0], None)
+        inside_s = look_s[(look_s >= from_s) & (look_s < to_s)]
+        np.testing.assert_allclose([inside_s.min(), inside_s.max()], burning_s, atol=3.0)
+
+
+def test_what_no_report_tells_of_is_said_to_be_lost() -> None:
+    dead = links(FAST, outages=[{"node": name} for name in ("WEST", "EAST")])
+    assert (
+        undetected_text(compile_plan(scene(dead)), 0) == "the reports of EAST, WEST do not arrive"
+    )
+    one = links(FAST, outages=[{"node": "WEST"}])
+    assert "P_d at most" in undetected_text(compile_plan(scene(one)), 0)

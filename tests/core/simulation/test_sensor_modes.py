@@ -23,7 +23,7 @@ from directed_spot import (
 import opir_core as opir
 from opir_core.builtin.director_models import CueConfig
 from opir_core.builtin.directors import Cue
-from opir_core.live import SensorTask
+from opir_core.live import LiveRun, LiveSettings, SensorTask
 from opir_core.output.run_files import read_commands
 from opir_core.planning.sensor_modes import SensorModes
 from opir_core.plugin import (
@@ -331,6 +331,21 @@ def test_cue_has_a_sensor_search_again_that_an_operator_gives_back() -> None:
     *_, repeated = engine.advance(20 * NS).commands
     assert searching.mode == repeated.mode == "sector"
     assert repeated.time_s >= 8.0
+
+
+def test_a_live_run_warns_once_of_each_sensor_that_refuses(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def decide(situation: Situation) -> Sequence[Command]:
+        return [Command(sensor=name, mode="sectr") for name in ("SPOT", "SPOTT")]
+
+    live = LiveRun(scene(decide, spot=spot()), host_of(decide), LiveSettings(speed=None))
+    live.start()
+    live.stop()
+    assert [record.getMessage() for record in caplog.records] == [
+        "director: a command to SPOT is refused: SPOT has no mode 'sectr'; the nearest: sector",
+        "director: a command to SPOTT is refused: SPOTT is no sensor with a narrow field",
+    ]
 
 
 @pytest.mark.parametrize("changes", [{"pointing": None}, {"id": "SPOT"}, None])

@@ -34,20 +34,50 @@ def test_a_pointed_sensor_keeps_its_direction_and_refuses_commands() -> None:
     assert not len(times_s[times_s >= 82.0])
 
 
-def test_a_director_knows_that_it_cannot_be_pointed() -> None:
+DOWN: Mapping[str, Any] = {**STUCK, "fault": "down"}
+STATION: Mapping[str, Any] = {"id": "S", "lat_deg": 30.0, "lon_deg": -100.0}
+
+
+def linked(keep_s: float) -> Mapping[str, Any]:
+    """Return the links of a sensor that sends nothing from 30 to 70 s."""
+    outage = {"node": "SPOT", "at_s": 30.0, "until_s": 70.0}
+    downlinks = [{"rate_bytes_s": 1e6, "keep_s": keep_s}]
+    return {"stations": [STATION], "downlinks": downlinks, "outages": [outage]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "out_of_reach_s"),
+    [
+        ({"faults": [STUCK]}, [30.0, 40.0, 50.0, 60.0]),
+        ({"faults": [DOWN]}, [30.0, 40.0, 50.0, 60.0]),
+        ({"watched_s": {"SPOT": [[0.0, 40.0], [50.0, 120.0]]}}, [40.0]),
+        # Reports of looks from 49.5 s on are of use when they arrive.
+        ({"links": linked(keep_s=20.5)}, [30.0, 40.0]),
+        # Nobody knows that it is blind.
+        ({"faults": [{**STUCK, "fault": "blind"}]}, []),
+    ],
+)
+def test_a_director_knows_when_a_sensor_sees_nothing_for_it(
+    changes: Mapping[str, Any], out_of_reach_s: Sequence[float]
+) -> None:
     reach = {}
+    later = {}
 
     def decide(situation: Situation) -> Sequence[Command]:
-        reach[situation.time_s] = bool(situation.in_reach("SPOT", LAUNCH_M[None])[0])
+        time_s = situation.time_s
+        reach[time_s] = bool(situation.in_reach("SPOT", LAUNCH_M[None])[0])
+        later[time_s + 20.0] = bool(situation.in_reach("SPOT", LAUNCH_M[None], 20.0)[0])
         return []
 
-    run(decide, faults=[STUCK])
-    assert [time_s for time_s, is_reached in reach.items() if not is_reached] == [
-        30.0,
-        40.0,
-        50.0,
-        60.0,
-    ]
+    run(decide, **changes)
+    for reached in (reach, later):
+        times_s = [time_s for time_s, is_reached in reached.items() if not is_reached]
+        assert times_s == out_of_reach_s
+
+
+def test_a_sensor_that_is_down_refuses_commands() -> None:
+    result = run(turns, faults=[DOWN])
+    assert [record.refusal for record in result.commands] == ["", "it is down since 30 s", ""]
 
 
 def test_a_command_whose_turn_would_begin_in_the_fault_is_refused() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from figure_rules import drawn_complaints
 from opir_report.pages.page import ReportTable
 from reported_runs import report_data, report_page, scored_run
 
@@ -87,6 +88,68 @@ def test_commands_of_another_run_are_refused(tmp_path: Path) -> None:
     commands.write_text(commands.read_text().replace("turn", "order"))
     with pytest.raises(opir.OpirError, match="not the commands of the manifest's run"):
         opir.load_run(path)
+
+
+MODES = {"wide": {"half_angle_deg": 4.0}, "stare": {"settle_s": 5.0}}
+MODED: dict[str, Any] = {
+    **SCENE,
+    "sensors": [SCENE["sensors"][0], {**SCENE["sensors"][1], "modes": MODES}],
+    "director": {**SCENE["director"], "mode": "stare"},
+}
+
+
+@cache
+def moded_run() -> opir.Run:
+    """Return a run whose sensor is sent in three modes: the last two commands follow one track."""
+    run = opir.simulate(opir.scene_from_mapping(MODED))
+    wide = CommandRecord(5.0, "SPOT", -1, "too long for its bar", 6.0, 9.0, mode="wide")
+    refused = CommandRecord(10.0, "SPOT", -1, "no", float("nan"), float("nan"), "no", mode="stare")
+    follows = CommandRecord(20.0, "SPOT", 4, "track 4: 1.5 nats", 21.0, 30.0, mode="stare")
+    again = CommandRecord(40.0, "SPOT", 4, "track 4: 0.5 nats", 41.0, 41.0)
+    object.__setattr__(run, "commands", [wide, refused, follows, again])
+    return run
+
+
+def test_the_modes_of_a_sensor_over_time_are_those_of_its_commands() -> None:
+    rows = report_data(moded_run())["modes"]
+    assert [tuple(row) for row in rows] == [
+        ("SPOT", "own settings", 1.0, -1, "", "", 0.0, 0.0, 6.0),
+        ("SPOT", "wide", 4.0, -1, "", "too long for its bar", 6.0, 9.0, 21.0),
+        ("SPOT", "stare", 1.0, 4, "", "track 4: 1.5 nats", 21.0, 30.0, 90.0),
+    ]
+
+
+def test_the_strip_of_modes_has_their_names_and_reasons() -> None:
+    axes = moded_run().plot.modes()
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "own settings",
+        "wide",
+        "stare",
+    ]
+    (text,) = axes.texts
+    assert (text.get_text(), text.get_position()[0]) == ("track 4: 1.5 nats", 60.0)
+    (section,) = [each for each in report_page(moded_run()).sections if each.name == "directing"]
+    pictures = [each for each in section.parts if not isinstance(each, ReportTable)]
+    assert [each.name for each in pictures] == ["directing", "modes"]
+    assert drawn_complaints(pictures[1]) == []
+    (table,) = [each for each in section.parts if getattr(each, "caption", "") == "Modes"]
+    assert table.rows[1:] == [("SPOT", "wide", "4", "12.0"), ("SPOT", "stare", "1", "60.0")]
+
+
+def test_a_wide_field_in_survey_is_its_field_of_regard() -> None:
+    wide = {"model": "SBIRS-GEO", "id": "STARER", "orbital_slot_deg": -100, "modes": "notional"}
+    places = {"places_deg": [[34, -120]], "mode": "survey", "dwell_s": 60}
+    scene = {**MODED, "sensors": [wide], "director": {**SCENE["director"], **places}}
+    rows = report_data(opir.simulate(opir.scene_from_mapping(scene)))["modes"]
+    assert set(rows["half_angle_deg"]) == {10.0}
+
+
+def test_modes_that_no_command_names_have_no_picture() -> None:
+    assert "modes" not in report_data(directed_run())
+    unnamed = {**MODED, "director": SCENE["director"]}
+    run = opir.simulate(opir.scene_from_mapping(unnamed))
+    assert "modes" not in report_data(run)
+    assert "no command named a mode" in run.plot.modes().texts[0].get_text()
 
 
 def test_looks_of_a_sensor_with_modes_are_not_those_of_its_own_settings() -> None:

@@ -1,16 +1,19 @@
 """Metrics of directed sensors, against the detections, tracks and commands of runs taken apart here."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from attrs import evolve
+from directed_spot import LAUNCH_M, host_of, scene
 from opir_testing import MetricContract
 from study_metrics import figures_of
 from two_sensor_scene import two_sensor_scene
 
 import opir_core as opir
 from opir_core.planning import whole_flights
+from opir_core.plugin import Command, Situation
 
 pytest.importorskip("opir_trackers")
 
@@ -93,6 +96,33 @@ class TestOfACuedRun:
         assert figures["looks_used"] == pytest.approx(len(pairs) / looks)
         turned_s = sum(each.from_s - each.start_s for each in run.commands if not each.refusal)
         assert figures["turning"] == pytest.approx(turned_s / 240.0)
+
+
+def in_two_modes(situation: Situation) -> Sequence[Command]:
+    """Return commands: at the launch at once, twice as many looks from 30 to 60 s, half as many
+    after 90 s.
+    """
+    modes = {0.0: "own", 30.0: "twice", 60.0: "own", 90.0: "half"}
+    mode = modes.get(situation.time_s)
+    named = {"sensor": "SPOT", "position_ecef_m": LAUNCH_M, "mode": mode}
+    return [] if mode is None else [Command(**named)]
+
+
+def test_looks_of_modes_are_counted_at_the_rate_of_each() -> None:
+    modes = {"own": {}, "twice": {"scan_period_ms": 50.0}, "half": {"scan_period_ms": 200.0}}
+    narrow = {"modes": modes, "detection_probability": {"ICBM": 0.5}}
+    of = opir.simulate(scene(in_two_modes, spot=narrow), host_of(in_two_modes))
+    is_of_launch = (of.detections.sensor == 1) & (of.truth.target == 0)
+    times_ns = np.unique(of.detections.time_ns[is_of_launch])
+    # The change begins 2 s after the command: 32 s of own, 30 of twice, 30 of own, 28 of half.
+    looks = 32.0 / 0.1 + 30.0 / 0.05 + 30.0 / 0.1 + 28.0 / 0.2
+    scans = of.detections.scan[is_of_launch]
+    assert len(np.unique(scans)) < len(times_ns), "no scan number of one mode is that of another"
+    figures = figures_of("looks_used", of)
+    assert figures["looks_used"] == pytest.approx(len(times_ns) / looks)
+    # Each change settles for 3 s; the first one turns before.
+    turned_s = of.commands[0].from_s - of.commands[0].start_s + 3 * 3.0
+    assert figures["turning"] == pytest.approx(turned_s / 120.0)
 
 
 def seen_by(run: opir.Run, spans: list[tuple[int, float, float]]) -> opir.Run:

@@ -24,6 +24,7 @@ from opir_report.plots.flights import fields_of_view, view_time_s
 from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
 from opir_report.plots.impact import impact_map, impact_points
 from opir_report.plots.latency import latency_curves, latency_plot, pair_latencies
+from opir_report.plots.modes import modes_over_time, modes_plot
 from opir_report.plots.scores import score_rows
 from opir_report.plots.signal import PANELS, signal_plot, signals
 from opir_report.plots.timeline import detection_counts, timeline
@@ -44,6 +45,10 @@ _DETECTIONS = (
 _DIRECTING = (
     "Where the director pointed each narrow field: the target of the track that it followed, or a"
     " place. Thin is the turn, in which the field looks nowhere."
+)
+_MODES = (
+    "The mode of each sensor that has some, and why: the target of the track that it follows and"
+    " the reason of the command, where they fit. Thin is the change, in which it makes no look."
 )
 _SIGNAL = (
     "What a look would measure along the boost, for each sensor while it sees the target: the"
@@ -81,6 +86,7 @@ _NEES = (
 _MANIFEST = (
     "The manifest beside the events holds the whole scene: enough to repeat the run byte for byte."
 )
+_MODE_FIELDS = ("sensor_id", "mode", "half_angle_deg", "from_s", "until_s")
 _SPAN_TIMES = ("start_s", "from_s", "until_s")
 
 
@@ -180,6 +186,7 @@ def directing_section(plots: RunPlots) -> ReportSection | None:
             spans,
         )
         contents.append(plot)
+    contents += _mode_parts(plots)
     columns = [spans[name].tolist() for name in ("sensor_id", "target_id", "reason")]
     times = [[f"{time:.1f}" for time in spans[name].tolist()] for name in _SPAN_TIMES]
     head = ("sensor", "target", "why", "turns at s", "looks from s", "to s", "commands")
@@ -191,6 +198,30 @@ def directing_section(plots: RunPlots) -> ReportSection | None:
     rows = [(*key, grouped(count)) for key, count in refusals.most_common()]
     contents += _table_of("Refused commands", ("sensor", "refusal", "commands"), rows)
     return ReportSection("directing", "Who was sent where", "", contents) if contents else None
+
+
+def _mode_parts(plots: RunPlots) -> Iterator[ReportFigure | ReportTable]:
+    """Yield the modes of sensors over time, with the fields of each, if a command named one."""
+    spans = modes_over_time(plots.facts)
+    if not len(spans):
+        return
+    yield plot_of(
+        "modes",
+        lambda axes: modes_plot(axes, plots.facts, spans),
+        directions_height_in(spans),
+        "Modes of sensors over time, with the reasons of commands",
+        _MODES,
+        spans,
+    )
+    fields = zip(*(spans[name].tolist() for name in _MODE_FIELDS), strict=True)
+    looked_s = Counter[tuple[str, str, float]]()
+    for sensor, mode, half_angle_deg, from_s, until_s in fields:
+        looked_s[sensor, mode, half_angle_deg] += until_s - from_s
+    rows = [
+        (sensor, mode, f"{angle_deg:.3g}", f"{seconds:.1f}")
+        for (sensor, mode, angle_deg), seconds in looked_s.items()
+    ]
+    yield from _table_of("Modes", ("sensor", "mode", "half angle °", "looks s"), rows)
 
 
 def signal_section(plots: RunPlots) -> ReportSection | None:

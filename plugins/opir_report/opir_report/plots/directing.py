@@ -12,8 +12,8 @@ from opir_report.figure_data import FigureData
 from opir_report.palette import MUTED, Hue
 from opir_report.run_facts import RunFacts
 
-#: Fields that are drawn: those that were pointed record.
-_FIELDS_SHOWN = 24
+#: Sensors that are drawn: those that took the first commands.
+SENSORS_SHOWN = 24
 PLACE = Hue(MUTED, "-", "a place, or a track of no launch")
 _COLUMNS = (
     "sensor_id",
@@ -70,31 +70,40 @@ def direction_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
     """Draw a row for each field that was pointed: a bar where it looks, a thin one where it turns."""
     if not len(spans):
         return without_data(axes, "no narrow field was pointed")
-    names = spans.levels("sensor_id")[:_FIELDS_SHOWN]
+    names = spans.levels("sensor_id")[:SENSORS_SHOWN]
     hue_of = dict(zip(facts.ids, facts.hues.of_target, strict=True))
     for row, name in enumerate(names):
         field_spans = spans.at("sensor_id", name)
         for target in field_spans.levels("target_id"):
             target_spans = field_spans.at("target_id", target)
-            colour = hue_of.get(target, PLACE).colour
-            turn_s = target_spans["from_s"] - target_spans["start_s"]
-            look_s = target_spans["until_s"] - target_spans["from_s"]
-            turns = np.stack([target_spans["start_s"], turn_s], axis=1)
-            looks = np.stack([target_spans["from_s"], look_s], axis=1)
-            axes.broken_barh(turns.tolist(), (-row - 0.05, 0.1), color=colour, linewidth=0.0)
-            axes.broken_barh(looks.tolist(), (-row - 0.35, 0.7), color=colour, linewidth=0.0)
-    axes.set_yticks([-float(row) for row in range(len(names))], names)
-    axes.set(xlim=(0.0, facts.plan.scene.duration_s), ylim=(-len(names) + 0.4, 0.6))
+            draw_bars(axes, row, target_spans, hue_of.get(target, PLACE).colour)
     omission_count = len(spans.levels("sensor_id")) - len(names)
     omission = f" ({omission_count} more fields were pointed)" if omission_count else ""
-    axes.set_xlabel(f"scene time, s{omission}")
-    axes.grid(axis="y", visible=False)
+    label_rows(axes, facts, names, omission)
     has_place = "" in spans.levels("target_id")
     legend_of(axes, [*facts.hues.legend, *([PLACE] if has_place else [])])
     return axes
 
 
+def draw_bars(axes: Axes, row: int, spans: FigureData, colour: str) -> None:
+    """Draw spans in a row: a bar from `from_s` to `until_s`, a thin one from `start_s` to `from_s`."""
+    turn_s = spans["from_s"] - spans["start_s"]
+    look_s = spans["until_s"] - spans["from_s"]
+    turns = np.stack([spans["start_s"], turn_s], axis=1)
+    looks = np.stack([spans["from_s"], look_s], axis=1)
+    axes.broken_barh(turns.tolist(), (-row - 0.05, 0.1), color=colour, linewidth=0.0)
+    axes.broken_barh(looks.tolist(), (-row - 0.35, 0.7), color=colour, linewidth=0.0)
+
+
+def label_rows(axes: Axes, facts: RunFacts, names: list[str], omission: str) -> None:
+    """Label the rows of sensors, and the time below them."""
+    axes.set_yticks([-float(row) for row in range(len(names))], names)
+    axes.set(xlim=(0.0, facts.plan.scene.duration_s), ylim=(-len(names) + 0.4, 0.6))
+    axes.set_xlabel(f"scene time, s{omission}")
+    axes.grid(axis="y", visible=False)
+
+
 def directions_height_in(spans: FigureData) -> float:
     """Return the height of the plot, inches."""
-    rows = min(len(spans.levels("sensor_id")), _FIELDS_SHOWN) if len(spans) else 3
+    rows = min(len(spans.levels("sensor_id")), SENSORS_SHOWN) if len(spans) else 3
     return 1.7 + 0.33 * rows

@@ -1,0 +1,130 @@
+"""The modes of sensors over time, and why they were in them."""
+
+from collections.abc import Iterator
+from itertools import groupby
+from math import degrees
+
+from matplotlib.axes import Axes
+
+from opir_core.planning import ModeSpan, mode_spans
+from opir_core.plugin import Sensor
+from opir_report.canvas import legend_of, panel_width_in, without_data
+from opir_report.figure_data import FigureData
+from opir_report.palette import MUTED, PAPER, Hue, series_hue
+from opir_report.plots.directing import SENSORS_SHOWN, draw_bars, label_rows
+from opir_report.run_facts import RunFacts
+
+OWN = "own settings"
+#: Width of a letter in a bar, and of what stands beside the rows, inches.
+_LETTER_IN = 0.068
+_BESIDE_IN = 1.4
+_COLUMNS = (
+    "sensor_id",
+    "mode",
+    "half_angle_deg",
+    "track_id",
+    "target_id",
+    "reason",
+    "start_s",
+    "from_s",
+    "until_s",
+)
+
+
+def modes_over_time(facts: RunFacts) -> FigureData:
+    """Return the spans in which sensors with modes were in one, following one track or for one
+    reason: sensor_id, mode, half_angle_deg, track_id, target_id, reason, start_s, from_s, until_s.
+
+    It changes or turns from `start_s` to `from_s`, and looks so until `until_s`; half_angle_deg is
+    that of the field. Nothing for a run in which no command named a mode.
+    """
+    if not any(record.mode and not record.refusal for record in facts.run.commands):
+        return FigureData.of_rows(_COLUMNS, [])
+    sensors = [sensor for sensor in facts.run.sensors if sensor.modes]
+    return FigureData.of_rows(_COLUMNS, [row for each in sensors for row in _rows(facts, each)])
+
+
+def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
+    """Yield the rows of a sensor."""
+    commands = facts.run.commands
+    records = {
+        record.start_s: record
+        for record in commands
+        if record.sensor == sensor.id and not record.refusal
+    }
+    targets = dict(zip(facts.owners.track.tolist(), facts.owners.target.tolist(), strict=True))
+    names = [*facts.ids, ""]
+    modes = {id(in_mode): name for name, in_mode in sensor.modes.items()}
+
+    def why(span: ModeSpan) -> tuple[str, int, str]:
+        record = records.get(span.start_s)
+        if record is None:
+            return modes.get(id(span.sensor), OWN), -1, ""
+        reason = "" if record.track >= 0 else record.reason
+        return modes.get(id(span.sensor), OWN), record.track, reason
+
+    spans = mode_spans(sensor, commands, facts.plan.scene.duration_s)
+    for (mode, track, reason), group in groupby(spans, why):
+        first, *_, last = [*group] * 2
+        yield (
+            sensor.id,
+            mode,
+            _half_angle_deg(first.sensor),
+            track,
+            names[targets.get(track, -1)],
+            reason or (records[first.start_s].reason if track >= 0 else ""),
+            first.start_s,
+            first.from_s,
+            last.until_s,
+        )
+
+
+def _half_angle_deg(sensor: Sensor) -> float:
+    """Return the half angle of the field of a sensor in a mode: its field of regard, if it sees all
+    of that.
+    """
+    if sensor.pointing is None or not sensor.is_narrow:
+        return degrees(sensor.field_of_regard_half_angle_rad)
+    return degrees(sensor.pointing.half_angle_rad)
+
+
+def modes_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
+    """Draw a row for each sensor with modes: a bar of a colour for each mode, with the reason of its
+    command where that fits, thin while it changes.
+    """
+    if not len(spans):
+        return without_data(axes, "no command named a mode")
+    names = spans.levels("sensor_id")[:SENSORS_SHOWN]
+    hues = mode_hues(spans)
+    second_in = (panel_width_in(axes) - _BESIDE_IN) / facts.plan.scene.duration_s
+    for row, name in enumerate(names):
+        of_sensor = spans.at("sensor_id", name)
+        for mode in of_sensor.levels("mode"):
+            draw_bars(axes, row, of_sensor.at("mode", mode), hues[mode].colour)
+        for label, middle_s in _labels(of_sensor, second_in):
+            axes.text(middle_s, -row, label, color=PAPER, fontsize=8, ha="center", va="center")
+    more = len(spans.levels("sensor_id")) - len(names)
+    label_rows(axes, facts, names, f" ({more} more sensors have modes)" if more else "")
+    legend_of(axes, list(hues.values()))
+    return axes
+
+
+def mode_hues(spans: FigureData) -> dict[str, Hue]:
+    """Return the hue of each mode, by name, the sensors' own settings first."""
+    named = [mode for mode in spans.levels("mode") if mode != OWN]
+    own = {OWN: Hue(MUTED, "-", OWN)} if len(named) < len(spans.levels("mode")) else {}
+    return own | {mode: series_hue(number, mode) for number, mode in enumerate(named)}
+
+
+def _labels(spans: FigureData, second_in: float) -> Iterator[tuple[str, float]]:
+    """Yield the longest label of each bar that fits into it, and its middle, s."""
+    names = ("target_id", "track_id", "reason", "from_s", "until_s")
+    for target, track, reason, from_s, until_s in zip(
+        *(spans[name].tolist() for name in names), strict=True
+    ):
+        followed = target or (f"track {track}" if track >= 0 else "")
+        both = f"{target}: {reason}" if target else reason
+        letters = (until_s - from_s) * second_in / _LETTER_IN
+        label = next((words for words in (both, reason, followed) if len(words) < letters), "")
+        if label:
+            yield label, 0.5 * (from_s + until_s)
