@@ -20,6 +20,8 @@ class Operator(Director):
     second.
     """
 
+    needs_detections: bool = False
+
     @property
     def interval_s(self) -> float:
         """Time between decisions, s."""
@@ -32,6 +34,8 @@ class Operator(Director):
 
 class RoundRobin(Director):
     """Points every sensor at one place after the other, those out of its reach left out."""
+
+    needs_detections: bool = False
 
     def __init__(self, config: RoundRobinConfig) -> None:
         self._config = config
@@ -68,6 +72,8 @@ class Cue(Director):
     comes first. A track waits too when its sensor will have lost sight of it in `hand_over_s`:
     another sensor, which still sees it then, follows it beside the first one until that happens.
     """
+
+    needs_detections: bool = False
 
     def __init__(self, config: CueConfig) -> None:
         self._config = config

@@ -35,11 +35,18 @@ def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatA
     """Return whether targets (n, 3) are in the field of regard, above the minimum elevation, not
     behind the Earth.
     """
-    half_angle_rad = sensor.field_of_regard_half_angle_rad
-    least_rad = sensor.minimum_elevation_rad
-    margins = Margins.of(half_angle_rad, least_rad, sensor_ecef_m, target_ecef_m)
-    clear = (margins.horizon_rad > 0.0) | (margins.grazing_m > 0.0)
-    return clear & (margins.inside_rad > 0.0) & (margins.above_rad > 0.0)
+    elevation = elevation_rad(target_ecef_m, sensor_ecef_m)
+    is_visible = elevation > sensor.minimum_elevation_rad
+    angle_rad = nadir_angle_rad(sensor_ecef_m, target_ecef_m)
+    is_visible &= angle_rad < sensor.field_of_regard_half_angle_rad
+    # Sought last, where nothing else decides: grazing heights cost most.
+    low = np.flatnonzero(is_visible & ~(elevation > 0.0))
+    if len(low):
+        grazing_m = grazing_height_m(
+            sensor_ecef_m[low], target_ecef_m[low], exact_above_m=_HIDDEN_M
+        )
+        is_visible[low] = grazing_m > 0.0
+    return is_visible
 
 
 @frozen(eq=False, repr=False)

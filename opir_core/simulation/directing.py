@@ -37,8 +37,10 @@ class Directing:
         self._director = director
         self._step_ns = max(round(director.interval_s * 1e9), 1)
         self._next_ns = 0
-        self._detections = [Detections.empty()]
-        self._tracks = [Tracks.empty()]
+        #: Whether decisions depend on detections, not on tracks alone.
+        self.needs_detections = bool(director.needs_detections)
+        self._detections: list[Detections] = []
+        self._tracks: list[Tracks] = []
         self._latest = Tracks.empty()
         self._refused: tuple[CommandRecord, ...] = ()
         #: By sensor what an operator has it do, and what became of tasks since the last window.
@@ -47,6 +49,9 @@ class Directing:
         self._steering = SteeringCommands(plan.sensors)
         #: By sensor why it did not take its last command, "" if it did.
         self._refusals: dict[str, str] = {}
+        #: By sensor the time, the positions (n, 3) and the answers (n,) of the last question whether
+        #: it reaches them at once.
+        self._reached: dict[str, tuple[float, FloatArray, BoolArray]] = {}
         self.use(plan, fields)
 
     def use(self, plan: Plan, fields: PointedFields) -> None:
@@ -147,27 +152,43 @@ class Directing:
             mode=task.mode,
         )
 
-    def take(self, window: Window) -> None:
-        """Take what a window has; the director gets it as soon as it has been reported."""
-        if len(window.detections):
+    def take(self, window: Window) -> Window:
+        """Take what a window has, and return it; the director gets it as soon as it has been
+        reported.
+        """
+        self.fields.observed_s = window.end_s
+        if len(window.detections) and self.needs_detections:
             self._detections.append(window.detections)
         if len(window.tracks):
             self._tracks.append(window.tracks)
+        return window
 
-    def _situation(self, time_s: float) -> Situation:
+    def _arrived(self, time_s: float) -> Detections:
+        """Return the detections that have been reported since the last decision."""
+        if not self._detections:
+            return Detections.empty()
         detections = Detections.concatenate(self._detections)
-        tracks = Tracks.concatenate(self._tracks)
         has_come = detections.reported_ns <= time_s * 1e9
+        self._detections = [] if has_come.all() else [detections.take(np.flatnonzero(~has_come))]
+        return detections.take(np.flatnonzero(has_come))
+
+    def _latest_tracks(self, time_s: float) -> Tracks:
+        """Return the tracks of the last tick that is available."""
+        if not self._tracks:
+            return self._latest
+        tracks = Tracks.concatenate(self._tracks)
         is_there = tracks.available_s <= time_s
-        self._detections = [detections.take(np.flatnonzero(~has_come))]
-        self._tracks = [tracks.take(np.flatnonzero(~is_there))]
+        self._tracks = [] if is_there.all() else [tracks.take(np.flatnonzero(~is_there))]
         arrived = tracks.take(np.flatnonzero(is_there))
         if len(arrived):
             self._latest = arrived.take(np.flatnonzero(arrived.tick_s == arrived.tick_s.max()))
+        return self._latest
+
+    def _situation(self, time_s: float) -> Situation:
         return Situation(
             time_s=time_s,
-            detections=detections.take(np.flatnonzero(has_come)),
-            tracks=self._latest,
+            detections=self._arrived(time_s),
+            tracks=self._latest_tracks(time_s),
             sensors=tuple(self._plan.sensors[number] for number in self._numbers.values()),
             refused=self._refused,
             in_reach=partial(self._in_reach, time_s),
@@ -193,13 +214,25 @@ class Directing:
         """Return which positions (n, 3) a sensor can be pointed at, so long after a time."""
         number = self._numbers[sensor]
         at_s = np.full(len(position_ecef_m), time_s + after_s)
-        sensor_m = self._plan.sensors[number].orbit.position_ecef_m(at_s)
+        here_m = self._plan.sensors[number].orbit.position_ecef_m(np.array([time_s + after_s]))
+        sensor_m = np.broadcast_to(here_m, (len(position_ecef_m), 3))
         reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
         reach &= np.isnan(self._stuck_since_s(number, time_s))
         for limit in (self._exclusion(number), self.fields.keep_out(number)):
             if limit is not None:
                 reach &= limit.is_clear(sensor_m, position_ecef_m, at_s)
+        if not after_s:
+            # A command to one of these positions need not be tested again.
+            self._reached[sensor] = time_s, np.array(position_ecef_m), reach.copy()
         return reach
+
+    def _is_reached(self, time_s: float, sensor: str, position_m: FloatArray) -> bool:
+        """Return whether a sensor can be pointed at a position (3,) at a time."""
+        asked_s, asked_m, reach = self._reached.get(sensor, (np.nan, position_m[None], None))
+        rows = np.flatnonzero((asked_m == position_m).all(axis=1)) if asked_s == time_s else []
+        if reach is None or not len(rows):
+            return bool(self._in_reach(time_s, sensor, position_m[None])[0])
+        return bool(reach[rows[0]])
 
     def _stuck_since_s(self, number: int, time_s: float) -> float:
         """Return since when a sensor's scan is stuck, nan if it is not."""
@@ -257,7 +290,7 @@ class Directing:
         if not np.isfinite(vectors).all():
             without = "its position or velocity is not finite"
             return without if command.track < 0 else "its track has no estimate"
-        if self._in_reach(time_s, command.sensor, position_m[None])[0]:
+        if self._is_reached(time_s, command.sensor, position_m):
             return ""
         number = self._numbers[command.sensor]
         at_s = np.array([time_s])
