@@ -51,8 +51,9 @@ def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatA
         exact_rad = elevation_rad(target_ecef_m[rows], sensor_ecef_m[rows])
         is_visible[rows] = exact_rad > least_rad
         low = rows[(exact_rad > least_rad) & ~(exact_rad > 0.0)]
-        places_m = sensor_ecef_m[low], target_ecef_m[low]
-        is_visible[low] = grazing_height_m(*places_m, exact_above_m=_HIDDEN_M) > 0.0
+        if len(low):
+            places_m = sensor_ecef_m[low], target_ecef_m[low]
+            is_visible[low] = grazing_height_m(*places_m, exact_above_m=_HIDDEN_M) > 0.0
     return is_visible
 
 

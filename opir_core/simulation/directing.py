@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 from attrs import evolve
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError, nearest_names
@@ -209,21 +210,22 @@ class Directing:
         return commands
 
     def _in_reach(
-        self, time_s: float, sensor: str, position_ecef_m: FloatArray, after_s: float = 0.0
+        self, time_s: float, sensor: str, position_ecef_m: ArrayLike, after_s: float = 0.0
     ) -> BoolArray:
         """Return which positions (n, 3) a sensor can be pointed at, so long after a time."""
         number = self._numbers[sensor]
-        at_s = np.full(len(position_ecef_m), time_s + after_s)
+        position_m = np.array(position_ecef_m, dtype=np.float64)
+        at_s = np.full(len(position_m), time_s + after_s)
         here_m = self._plan.sensors[number].orbit.position_ecef_m(np.array([time_s + after_s]))
-        sensor_m = np.broadcast_to(here_m, (len(position_ecef_m), 3))
-        reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
+        sensor_m = np.broadcast_to(here_m, position_m.shape)
+        reach = visible_now(self._plan.sensors[number], sensor_m, position_m)
         reach &= np.isnan(self._stuck_since_s(number, time_s))
         for limit in (self._exclusion(number), self.fields.keep_out(number)):
             if limit is not None:
-                reach &= limit.is_clear(sensor_m, position_ecef_m, at_s)
+                reach &= limit.is_clear(sensor_m, position_m, at_s)
         if not after_s:
             # A command to one of these positions need not be tested again.
-            self._reached[sensor] = time_s, np.array(position_ecef_m), reach.copy()
+            self._reached[sensor] = time_s, position_m, reach.copy()
         return reach
 
     def _is_reached(self, time_s: float, sensor: str, position_m: FloatArray) -> bool:
