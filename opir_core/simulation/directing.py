@@ -230,11 +230,12 @@ class Directing:
 
     def _is_reached(self, time_s: float, sensor: str, position_m: FloatArray) -> bool:
         """Return whether a sensor can be pointed at a position (3,) at a time."""
-        asked_s, asked_m, reach = self._reached.get(sensor, (np.nan, position_m[None], None))
-        rows = np.flatnonzero((asked_m == position_m).all(axis=1)) if asked_s == time_s else []
-        if reach is None or not len(rows):
-            return bool(self._in_reach(time_s, sensor, position_m[None])[0])
-        return bool(reach[rows[0]])
+        last = self._reached.get(sensor)
+        if last is not None and last[0] == time_s:
+            rows = np.flatnonzero((last[1] == position_m).all(axis=1))
+            if len(rows):
+                return bool(last[2][rows[0]])
+        return bool(self._in_reach(time_s, sensor, position_m[None])[0])
 
     def _stuck_since_s(self, number: int, time_s: float) -> float:
         """Return since when a sensor's scan is stuck, nan if it is not."""
