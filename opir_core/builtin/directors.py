@@ -20,6 +20,8 @@ class Operator(Director):
     second.
     """
 
+    needs_detections: bool = False
+
     @property
     def interval_s(self) -> float:
         """Time between decisions, s."""
@@ -32,6 +34,8 @@ class Operator(Director):
 
 class RoundRobin(Director):
     """Points every sensor at one place after the other, those out of its reach left out."""
+
+    needs_detections: bool = False
 
     def __init__(self, config: RoundRobinConfig) -> None:
         self._config = config
@@ -72,6 +76,8 @@ class Cue(Director):
     Narrow fields without a track of their own double those of others. A wide field does not: it
     would survey no longer.
     """
+
+    needs_detections: bool = False
 
     def __init__(self, config: CueConfig) -> None:
         self._config = config

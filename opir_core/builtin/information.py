@@ -30,6 +30,8 @@ class Information(Director):
     Of the modes that it may choose, a sensor gets that whose looks tell most.
     """
 
+    needs_detections: bool = False
+
     def __init__(self, config: InformationConfig) -> None:
         self._config = config
         #: By sensor the last command that it was given, and when.

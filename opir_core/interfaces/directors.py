@@ -4,13 +4,12 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from attrs import field, frozen
-from attrs.converters import optional
+from attrs import converters, field, frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.geometry.vectors import floats
-from opir_core.interfaces.contract import PluginPart, required
+from opir_core.interfaces.contract import PluginPart, optional, required
 from opir_core.interfaces.records import CommandRecord, Detections, Tracks
 from opir_core.interfaces.sensors import Sensor
 
@@ -26,7 +25,7 @@ class Command:
     """
 
     sensor: str
-    position_ecef_m: FloatArray | None = field(default=None, converter=optional(floats))
+    position_ecef_m: FloatArray | None = field(default=None, converter=converters.optional(floats))
     velocity_m_s: FloatArray = field(default=(0.0, 0.0, 0.0), converter=floats)
     track: int = -1
     reason: str = ""
@@ -47,7 +46,7 @@ class SensorTask:
     """
 
     sensor: str
-    position_ecef_m: FloatArray | None = field(default=None, converter=optional(_point))
+    position_ecef_m: FloatArray | None = field(default=None, converter=converters.optional(_point))
     track: int = -1
     mode: str = ""
 
@@ -104,6 +103,11 @@ class Director(PluginPart):
     @required
     def interval_s(self) -> float:
         """Time between decisions, s; required."""
+
+    @optional
+    def needs_detections(self) -> bool:
+        """Whether `commands` reads `situation.detections`; else they are empty, which saves time."""
+        return True
 
     @abstractmethod
     def commands(self, situation: Situation) -> Sequence[Command]:

@@ -11,7 +11,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
+from opir_core.geometry import dot, elevation_rad, grazing_height_m, nadir_angle_rad
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.sensors import Sensor
 from opir_core.planning.sightlines import GRID_STEP_S, Blocked, Grid, Visibility, distance_m
@@ -27,6 +27,11 @@ CHORD_ERROR_M = ACCELERATION_BOUND_M_S2 * GRID_STEP_S**2 / 8.0
 #: hidden.
 _HIDDEN_M = -2.0 * CHORD_ERROR_M
 
+#: More than the angle between the vertical and the direction from the Earth's centre, at least so
+#: far from it: 0.0034 rad on the ground.
+_VERTICAL_RAD = 0.005
+_DEEP_M = 6e6
+
 #: Lines of sight at least this far above the target's horizon need no grazing height.
 _WELL_ABOVE_RAD = 0.05
 
@@ -35,11 +40,32 @@ def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatA
     """Return whether targets (n, 3) are in the field of regard, above the minimum elevation, not
     behind the Earth.
     """
-    half_angle_rad = sensor.field_of_regard_half_angle_rad
     least_rad = sensor.minimum_elevation_rad
-    margins = Margins.of(half_angle_rad, least_rad, sensor_ecef_m, target_ecef_m)
-    clear = (margins.horizon_rad > 0.0) | (margins.grazing_m > 0.0)
-    return clear & (margins.inside_rad > 0.0) & (margins.above_rad > 0.0)
+    angle_rad = nadir_angle_rad(sensor_ecef_m, target_ecef_m)
+    is_visible = angle_rad < sensor.field_of_regard_half_angle_rad
+    rough_rad = _geocentric_elevation_rad(target_ecef_m, sensor_ecef_m)
+    is_visible &= ~(rough_rad <= least_rad - _VERTICAL_RAD)
+    # The exact elevation is sought where the rough one does not decide, and then a grazing height.
+    rows = np.flatnonzero(is_visible & ~(rough_rad > max(least_rad, 0.0) + _VERTICAL_RAD))
+    if len(rows):
+        exact_rad = elevation_rad(target_ecef_m[rows], sensor_ecef_m[rows])
+        is_visible[rows] = exact_rad > least_rad
+        low = rows[(exact_rad > least_rad) & ~(exact_rad > 0.0)]
+        if len(low):
+            places_m = sensor_ecef_m[low], target_ecef_m[low]
+            is_visible[low] = grazing_height_m(*places_m, exact_above_m=_HIDDEN_M) > 0.0
+    return is_visible
+
+
+def _geocentric_elevation_rad(target_ecef_m: FloatArray, sensor_ecef_m: FloatArray) -> FloatArray:
+    """Return elevations (n,) of sensors above the plane across the targets' directions from the
+    Earth's centre, rad; nan far below the ground.
+    """
+    way = sensor_ecef_m - target_ecef_m
+    square = dot(target_ecef_m, target_ecef_m)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sine = dot(target_ecef_m, way) / np.sqrt(square * dot(way, way))
+    return np.where(square > _DEEP_M**2, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan)
 
 
 @frozen(eq=False, repr=False)

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 from attrs import evolve
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError, nearest_names
@@ -37,8 +38,10 @@ class Directing:
         self._director = director
         self._step_ns = max(round(director.interval_s * 1e9), 1)
         self._next_ns = 0
-        self._detections = [Detections.empty()]
-        self._tracks = [Tracks.empty()]
+        #: Whether decisions depend on detections, not on tracks alone.
+        self.needs_detections = bool(director.needs_detections)
+        self._detections: list[Detections] = []
+        self._tracks: list[Tracks] = []
         self._latest = Tracks.empty()
         self._refused: tuple[CommandRecord, ...] = ()
         #: By sensor what an operator has it do, and what became of tasks since the last window.
@@ -47,6 +50,9 @@ class Directing:
         self._steering = SteeringCommands(plan.sensors)
         #: By sensor why it did not take its last command, "" if it did.
         self._refusals: dict[str, str] = {}
+        #: By sensor the time, the positions (n, 3) and the answers (n,) of the last question whether
+        #: it reaches them at once.
+        self._reached: dict[int, tuple[float, FloatArray, BoolArray]] = {}
         self.use(plan, fields)
 
     def use(self, plan: Plan, fields: PointedFields) -> None:
@@ -147,27 +153,43 @@ class Directing:
             mode=task.mode,
         )
 
-    def take(self, window: Window) -> None:
-        """Take what a window has; the director gets it as soon as it has been reported."""
-        if len(window.detections):
+    def take(self, window: Window) -> Window:
+        """Take what a window has, and return it; the director gets it as soon as it has been
+        reported.
+        """
+        self.fields.observed_s = window.end_s
+        if len(window.detections) and self.needs_detections:
             self._detections.append(window.detections)
         if len(window.tracks):
             self._tracks.append(window.tracks)
+        return window
 
-    def _situation(self, time_s: float) -> Situation:
+    def _arrived(self, time_s: float) -> Detections:
+        """Return the detections that have been reported since the last decision."""
+        if not self._detections:
+            return Detections.empty()
         detections = Detections.concatenate(self._detections)
-        tracks = Tracks.concatenate(self._tracks)
         has_come = detections.reported_ns <= time_s * 1e9
+        self._detections = [] if has_come.all() else [detections.take(np.flatnonzero(~has_come))]
+        return detections.take(np.flatnonzero(has_come))
+
+    def _latest_tracks(self, time_s: float) -> Tracks:
+        """Return the tracks of the last tick that is available."""
+        if not self._tracks:
+            return self._latest
+        tracks = Tracks.concatenate(self._tracks)
         is_there = tracks.available_s <= time_s
-        self._detections = [detections.take(np.flatnonzero(~has_come))]
-        self._tracks = [tracks.take(np.flatnonzero(~is_there))]
+        self._tracks = [] if is_there.all() else [tracks.take(np.flatnonzero(~is_there))]
         arrived = tracks.take(np.flatnonzero(is_there))
         if len(arrived):
             self._latest = arrived.take(np.flatnonzero(arrived.tick_s == arrived.tick_s.max()))
+        return self._latest
+
+    def _situation(self, time_s: float) -> Situation:
         return Situation(
             time_s=time_s,
-            detections=detections.take(np.flatnonzero(has_come)),
-            tracks=self._latest,
+            detections=self._arrived(time_s),
+            tracks=self._latest_tracks(time_s),
             sensors=tuple(self._plan.sensors[number] for number in self._numbers.values()),
             refused=self._refused,
             in_reach=partial(self._in_reach, time_s),
@@ -188,29 +210,44 @@ class Directing:
         return commands
 
     def _in_reach(
-        self, time_s: float, sensor: str, position_ecef_m: FloatArray, after_s: float = 0.0
+        self, time_s: float, sensor: str, position_ecef_m: ArrayLike, after_s: float = 0.0
     ) -> BoolArray:
         """Return which positions (n, 3) a sensor can be pointed at, so long after a time, if it
         looks then and its reports arrive.
         """
         number = self._numbers[sensor]
+        position_m = np.array(position_ecef_m, dtype=np.float64)
         end_s = self._plan.end_ns / 1e9
         # A span ends with the time from which on it looks no longer; the last one with the scene.
         from_s = min(np.nextafter(time_s + after_s, np.inf), end_s)
         sensor_looks = self._plan.sensors[number].stated(end_s)
         if not sensor_looks.is_watching(np.array([from_s]))[0]:
-            return np.zeros(len(position_ecef_m), dtype=np.bool_)
-        return self._can_point(number, position_ecef_m, time_s + after_s)
+            return np.zeros(len(position_m), dtype=np.bool_)
+        reach = self._can_point(number, position_m, time_s + after_s)
+        if not after_s:
+            # A command to one of these positions need not be tested again.
+            self._reached[number] = time_s, position_m, reach.copy()
+        return reach
 
-    def _can_point(self, number: int, position_ecef_m: FloatArray, time_s: float) -> BoolArray:
+    def _can_point(self, number: int, position_m: FloatArray, time_s: float) -> BoolArray:
         """Return which positions (n, 3) the field of a sensor, by its number, can be pointed at."""
-        at_s = np.full(len(position_ecef_m), time_s)
-        sensor_m = self._plan.sensors[number].orbit.position_ecef_m(at_s)
-        reach = visible_now(self._plan.sensors[number], sensor_m, position_ecef_m)
+        at_s = np.full(len(position_m), time_s)
+        here_m = self._plan.sensors[number].orbit.position_ecef_m(np.array([time_s]))
+        sensor_m = np.broadcast_to(here_m, position_m.shape)
+        reach = visible_now(self._plan.sensors[number], sensor_m, position_m)
         for limit in (self._exclusion(number), self.fields.keep_out(number)):
             if limit is not None:
-                reach &= limit.is_clear(sensor_m, position_ecef_m, at_s)
+                reach &= limit.is_clear(sensor_m, position_m, at_s)
         return reach
+
+    def _is_reached(self, time_s: float, number: int, position_m: FloatArray) -> bool:
+        """Return whether the field of a sensor can be pointed at a position (3,) at a time."""
+        last = self._reached.get(number)
+        if last is not None and last[0] == time_s:
+            rows = np.flatnonzero((last[1] == position_m).all(axis=1))
+            if len(rows):
+                return bool(last[2][rows[0]])
+        return bool(self._can_point(number, position_m[None], time_s)[0])
 
     def _exclusion(self, number: int) -> SolarExclusion | None:
         return self._plan.exclusions[number] if self._plan.exclusions else None
@@ -262,7 +299,7 @@ class Directing:
             without = "its position or velocity is not finite"
             return without if command.track < 0 else "its track has no estimate"
         number = self._numbers[command.sensor]
-        if self._can_point(number, position_m[None], time_s)[0]:
+        if self._is_reached(time_s, number, position_m):
             return ""
         at_s = np.array([time_s])
         axis = self._plan.sensors[number].orbit.position_ecef_m(at_s), position_m[None], at_s

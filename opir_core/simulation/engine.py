@@ -151,14 +151,24 @@ class Engine:
         if directing is None:
             return self._advanced(end_ns)
         windows = []
-        while self.time_ns < end_ns:
-            commands = directing.decided(self.time_ns)
-            if directing.steers(commands):
+        commands: tuple[CommandRecord, ...] = ()
+        time_ns = self.time_ns
+        while time_ns < end_ns:
+            decided = directing.decided(time_ns)
+            if directing.steers(decided):
+                if self.time_ns < time_ns:
+                    windows.append(directing.take(self._advanced(time_ns)))
                 self._tracker.set_sensors(directing.tracker_sensors)
-            window = self._advanced(directing.next_edge_ns(self.time_ns, end_ns))
-            directing.take(window)
-            windows.append(evolve(window, commands=commands))
-        return joined_windows(windows)
+            commands += decided
+            time_ns = directing.next_edge_ns(time_ns, end_ns)
+            # Looks wait for a decision that can depend on them: fields keep where they pointed.
+            if (
+                time_ns == end_ns
+                or directing.needs_detections
+                or self._tracker.has_tick(self.time_ns, time_ns)
+            ):
+                windows.append(directing.take(self._advanced(time_ns)))
+        return evolve(joined_windows(windows), commands=commands)
 
     def task(self, task: "SensorTask") -> CommandRecord | None:
         """Have a sensor do a task from the present time on; return what became of it, None without

@@ -79,6 +79,8 @@ class PointedFields:
             number: sensor for number, sensor in enumerate(sensors) if sensor.pointing is not None
         }
         #: By number of a sensor in a mode that of the sensor, and the mode.
+        #: All looks before that time have been made, s.
+        self.observed_s = 0.0
         self._modes = {
             number: (number, "")
             if modes is None
@@ -125,9 +127,10 @@ class PointedFields:
         if angle_rad > pointing.half_angle_rad or aim.mode != aims[-1].mode:
             turn_s = angle_rad / pointing.slew_rad_s + pointing.settle_s
             aim = evolve(aim, from_s=start_s + turn_s)
-        # What ended before this decision is asked of no more.
+        # What ended before the looks to come is asked of no more.
+        asked_s = min(time_s, self.observed_s)
         ends_s = [*(later.start_s for later in aims[1:]), start_s]
-        recent = [each for each, end_s in zip(aims, ends_s, strict=True) if end_s >= time_s]
+        recent = [each for each, end_s in zip(aims, ends_s, strict=True) if end_s >= asked_s]
         self._aims[number] = [*recent, aim]
         return aim
 

@@ -64,6 +64,11 @@ class ScheduledTracker:
         if self._cadence_ns is not None:
             self._tracker_in_use.set_sensors(sensors)
 
+    def has_tick(self, after_ns: int, end_ns: int) -> bool:
+        """Return whether the tracker is stepped after a time, at an end or before it."""
+        cadence_ns = self._cadence_ns
+        return cadence_ns is not None and end_ns // cadence_ns > after_ns // cadence_ns
+
     def absorb(self, detections: Detections, start_ns: int, end_ns: int) -> Tracked:
         """Process the detections of [start, end), sorted by time."""
         if self._cadence_ns is None:

@@ -15,7 +15,7 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 279_800,
+    "opir_core": 280_400,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_displays": 3_800,
@@ -37,10 +37,10 @@ TOKENS: dict[str, int] = {
     "opir_scoring": 32_400,
     "opir_stonesoup": 8_000,
     "opir_studies": 46_800,
-    "opir_testing": 35_200,
+    "opir_testing": 35_300,
     "opir_trackers": 47_720,
     "benchmarks": 102_100,
-    "tests": 844_100,
+    "tests": 845_000,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

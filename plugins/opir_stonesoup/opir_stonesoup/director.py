@@ -93,6 +93,8 @@ class StoneSoupDirector(Director):
     with their mean error.
     """
 
+    needs_detections: bool = False
+
     def __init__(self, config: StoneSoupDirectorConfig, context: DirectorContext) -> None:
         self._config = config
         self._epoch_us = context.epoch_us

@@ -10,7 +10,7 @@ import opir_core as opir
 from opir_core import Engine, Plan, compile_plan
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
-from opir_core.geometry import elevation_rad, is_occluded
+from opir_core.geometry import elevation_rad, grazing_height_m, is_occluded
 from opir_core.planning import PairCompiler, look_times_s, visible_now
 from opir_core.planning.sightlines import Visibility
 from opir_core.plugin import Sensor
@@ -157,6 +157,37 @@ def test_a_sensor_at_the_horizon_sees_what_grazes_the_ellipsoid() -> None:
     target_m = geodetic_to_ecef(np.full(2000, 0.1), np.full(2000, np.radians(5.0)), heights)
     wide = evolve(sensor, field_of_regard_half_angle_rad=np.pi)
     assert np.array_equal(visible_now(wide, sensor_m, target_m), ~is_occluded(sensor_m, target_m))
+
+
+def test_lines_of_sight_far_above_the_horizon_need_no_grazing_height(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Neither do those that another condition rules out; near the horizon the exact angles decide."""
+    from opir_core.planning import visibility
+
+    searched = []
+
+    def grazing_m(*places_m: FloatArray, exact_above_m: float) -> FloatArray:
+        searched.append(len(places_m[0]))
+        return grazing_height_m(*places_m, exact_above_m=exact_above_m)
+
+    sensor = PLANS["ICBM"]().sensors[0]
+    monkeypatch.setattr(visibility, "grazing_height_m", grazing_m)
+    (sensor_m,) = sensor.orbit.position_ecef_m(np.zeros(1))
+    turn = np.linspace(0.0, np.pi, 721)
+    across = np.cross(sensor_m, [0.0, 0.0, 1.0])
+    unit = [vector / np.linalg.norm(vector) for vector in (sensor_m, across)]
+    target_m = 6.5e6 * (np.cos(turn)[:, None] * unit[0] + np.sin(turn)[:, None] * unit[1])
+    sensor_m = np.broadcast_to(sensor_m, target_m.shape)
+    elevation = elevation_rad(target_m, sensor_m)
+    for least_rad in (0.0, 0.1, -0.1):
+        looking = evolve(
+            sensor, field_of_regard_half_angle_rad=np.pi, minimum_elevation_rad=least_rad
+        )
+        clear = (elevation > 0.0) | (grazing_height_m(sensor_m, target_m) > 0.0)
+        expected = (elevation > least_rad) & clear
+        assert np.array_equal(visible_now(looking, sensor_m, target_m), expected)
+    assert searched == [np.count_nonzero((elevation <= 0.0) & (elevation > -0.1))]
 
 
 @pytest.mark.parametrize("start_s", [59.99, 60.0, 61.0, 500.0])

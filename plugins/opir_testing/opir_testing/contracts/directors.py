@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.interfaces import command_fault
@@ -122,6 +123,19 @@ class DirectorContract(SceneContract):
             reasons = [command.reason for command in self.part().commands(situation)]
             are_lines = all(reason.strip() and "\n" not in reason for reason in reasons)
             require(are_lines, f"{name} the reasons are {reasons}", "Give each a line of text.")
+
+    def test_detections_are_declared_if_they_are_read(self) -> None:
+        """A director with `needs_detections = False` gives the same commands without detections."""
+        if self.part().needs_detections:
+            return
+        for name, situation in self.situations().items():
+            bare = evolve(situation, detections=Detections.empty())
+            given, without = (str(self.part().commands(each)) for each in (situation, bare))
+            require(
+                given == without,
+                f"{name} needs_detections is False, but detections are read",
+                "Set needs_detections = True.",
+            )
 
     def test_results_of_others_do_not_change(self) -> None:
         """An additional sensor and target do not change what sensors that are not pointed detect."""
