@@ -14,7 +14,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
-from opir_core.errors import reason_of
+from opir_core.errors import BAD_DATA, reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.host.components import SinkModel
 from opir_core.host.host import Host
@@ -229,7 +229,7 @@ def _converted(path: Path, read: Callable[[Path], Iterable[Any]], kind: Any) -> 
     try:
         for row in read(path):
             yield msgspec.convert(row, kind)
-    except (OSError, ValueError) as error:
+    except (OSError, *BAD_DATA) as error:
         words = reason_of(error) if isinstance(error, OSError) else str(error)
         raise invalid_file(path, "", f"cannot be read: {words}") from error
 

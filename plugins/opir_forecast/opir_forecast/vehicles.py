@@ -20,7 +20,7 @@ from attrs import frozen
 from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.errors import ModelError, reason_of
+from opir_core.errors import BAD_DATA, ModelError, reason_of
 from opir_core.interfaces import Columns
 from opir_core.scene import file_bytes
 
@@ -212,7 +212,7 @@ def vehicle_model(path: str | None = None) -> VehicleModel:
         raise ModelError(
             f"tracker.boost_prior: {path} cannot be read: {reason_of(error)}; {way_out}"
         ) from error
-    except (ValueError, LookupError, TypeError) as error:
+    except BAD_DATA as error:
         reason = f"no {error.args[0]}" if isinstance(error, KeyError) else str(error)
         raise ModelError(
             f"tracker.boost_prior: {path} holds no law of vehicles: {reason}; {way_out}"

@@ -17,7 +17,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.errors import Problem, SceneError
+from opir_core.errors import BAD_DATA, Problem, SceneError
 from opir_scoring.benchmark_tables import DESCRIPTION, STATE, SetTracks, numbers, read_table
 from opir_scoring.containments import nees
 from opir_scoring.gospa_metric import gospa
@@ -28,6 +28,10 @@ MEASURES = (
     *("position_m", "velocity_m_s", "energy_m", "log_score", "nees"),
     *("bound_m", "free_bound_m", "bound_energy_m", "bound_log_score"),
 )
+
+
+#: The keys of a set's description.
+_NEEDED = {"set", "version", "cases", "scenes", "tick_s"}
 
 
 @frozen(eq=False)
@@ -71,12 +75,21 @@ class SetScores:
 
 
 def read_set(folder: Path, cases: Sequence[str] = ()) -> tuple[Mapping[str, Any], list[SetTruth]]:
-    """Return the description of a set and the truth of its scenes, of some cases or all."""
+    """Return the description of a set and the truth of its scenes, of some cases or all; raises
+    `SceneError` where its files cannot be read.
+    """
     try:
-        description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        problem = Problem("", f"is no benchmark set: {error}")
+        return _set_in(folder, cases)
+    except (OSError, *BAD_DATA) as error:
+        problem = Problem("", f"is no benchmark set, or a damaged one: {error}")
         raise SceneError([problem], source=str(folder)) from error
+
+
+def _set_in(folder: Path, cases: Sequence[str]) -> tuple[Mapping[str, Any], list[SetTruth]]:
+    """Return what `read_set` returns; raises what damaged files lead to."""
+    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    if lacking := sorted(_NEEDED - set(description)):
+        raise ValueError(f"{DESCRIPTION} lacks {', '.join(lacking)}")
     if unknown := sorted(set(cases) - set(description["cases"])):
         words = f"no case {unknown[0]!r} in the set, which has {', '.join(description['cases'])}"
         raise SceneError([Problem("--case", words)], source="command line")

@@ -14,7 +14,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.errors import Problem, SceneError, nearest_names
+from opir_core.errors import BAD_DATA, Problem, SceneError, nearest_names
 
 DESCRIPTION = "set.json"
 STATE = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
@@ -130,7 +130,7 @@ def read_table(path: Path) -> Table:
         return _columns(json.loads(text)) if path.suffix == ".json" else _csv(path, text)
     except (OSError, UnicodeDecodeError) as error:
         raise _error(path, "", f"cannot be read: {error}") from error
-    except (json.JSONDecodeError, TypeError, KeyError) as error:
+    except (*BAD_DATA, csv.Error) as error:
         words = f"is no table, a list of objects with the same names: {error}"
         raise _error(path, "", words) from error
 
@@ -166,7 +166,7 @@ def numbers(path: Path, table: Table, name: str) -> FloatArray:
     try:
         cells = [np.nan if cell in ("", None) else float(cell) for cell in table[name]]
         return np.array(cells, dtype=np.float64)
-    except ValueError as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise _error(path, name, str(error)) from error
 
 

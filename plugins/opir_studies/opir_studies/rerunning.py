@@ -8,7 +8,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core import compile_plan, load_scene
-from opir_core.errors import reason_of
+from opir_core.errors import BAD_DATA, reason_of
 from opir_core.output import FILES_KEY, deliver, file_digest
 from opir_studies.refusals import refusal
 from opir_studies.result import DEFINITION
@@ -76,7 +76,7 @@ def _manifest_at(place: Path) -> Path:
 def _contents(path: Path) -> dict[str, Any]:
     try:
         contents = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, *BAD_DATA) as error:
         reason = reason_of(error) if isinstance(error, OSError) else str(error)
         raise refusal("", f"cannot be read: {reason}", str(path)) from error
     keys = {"made_of", FILES_KEY} if path.name == DEFINITION else {FILES_KEY}
