@@ -17,6 +17,8 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.errors import BAD_DATA, Problem, SceneError, nearest_names
 
 DESCRIPTION = "set.json"
+#: The largest number of a table: its square is finite too.
+_LARGEST = 1e100
 STATE = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 #: The upper triangle of a covariance, row by row: `c12` is that of x and y.
 COVARIANCE = tuple(f"c{row}{column}" for row in range(1, 7) for column in range(row, 7))
@@ -165,7 +167,10 @@ def numbers(path: Path, table: Table, name: str) -> FloatArray:
     """
     try:
         cells = [np.nan if cell in ("", None) else float(cell) for cell in table[name]]
-        return np.array(cells, dtype=np.float64)
+        column = np.array(cells, dtype=np.float64)
+        if np.any(np.abs(column) > _LARGEST):
+            raise ValueError(f"a number is beyond {_LARGEST:g}")
+        return column
     except (ValueError, TypeError, OverflowError) as error:
         raise _error(path, name, str(error)) from error
 

@@ -160,10 +160,7 @@ def load_study(folder: str | Path) -> StudyResult:
         raise refusal("", words, str(place)) from error
     except (*BAD_DATA, pa.ArrowException) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
-        words = (
-            f"has damaged results ({reason}); run the study again: its runs are"
-            f" kept"
-        )
+        words = f"has damaged results ({reason}); run the study again: its runs are kept"
         raise refusal("", words, str(place)) from error
 
 
