@@ -122,7 +122,8 @@ def _table(path: Path) -> FloatArray:
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        table = np.array([[float(row[name]) for name in _COLUMNS] for row in rows])
+        cells = [[float(row[name]) for name in _COLUMNS] for row in rows]
+        table = np.array(cells).reshape(-1, len(_COLUMNS))
     except KeyError as missing:
         words = f"no column {missing.args[0]}; needed are {', '.join(_COLUMNS)}"
         raise _refused(path, words) from None
@@ -130,7 +131,7 @@ def _table(path: Path) -> FloatArray:
         raise _refused(path, str(error.strerror)) from error
     except (ValueError, TypeError, csv.Error) as error:
         raise _refused(path, str(error)) from error
-    is_sound = (np.abs(table) < _BEYOND).all(axis=1) if len(table) else np.ones(0, dtype=np.bool_)
+    is_sound = (np.abs(table) < _BEYOND).all(axis=1)
     if not is_sound.all():
         raise _refused(path, f"row {np.argmin(is_sound) + 1} has no finite numbers of a flight")
     if not (np.diff(table[:, :1], axis=0) >= 0.0).all():

@@ -29,6 +29,20 @@ STUDY = "study"
 CONDITION = "condition"
 
 
+#: Lists and blocks of a definition, and what is in them.
+_PARTS: Mapping[type, Mapping[str, type]] = {
+    list: {
+        **dict.fromkeys(("vary", "conditions", "shown", "notes"), str),
+        **dict.fromkeys(("requirements", "share_requirements", "designs"), dict),
+    },
+    dict: {
+        **dict.fromkeys(("figures", "shares", "launches", "versions"), str),
+        **dict.fromkeys(("metrics", "bounds"), list),
+        "settings": dict,
+    },
+}
+
+
 @frozen(eq=False)
 class SavedStudy:
     """A study: its definition (`study.json`) and its results (`results.parquet`), with short names
@@ -246,6 +260,7 @@ def _study_in(folder: Path) -> SavedStudy:
     from pyarrow import parquet
 
     definition = _definition(folder)
+    _require_kinds(definition)
     table = parquet.read_table(folder / RESULTS)
     version = definition.get("study_version")
     STUDY_FORMAT.require_readable(version, folder / DEFINITION, "study_version")
@@ -257,6 +272,16 @@ def _study_in(folder: Path) -> SavedStudy:
     return _with_condition(
         SavedStudy(definition, _columns(table), runs, launches, shares, sensitivity)
     )
+
+
+def _require_kinds(definition: Mapping[str, Any]) -> None:
+    """Raise `ValueError` for a definition whose parts are of other kinds than those written."""
+    for kind, parts in _PARTS.items():
+        for name, inner in parts.items():
+            part = definition.get(name, kind())
+            items = part.values() if isinstance(part, dict) else part
+            if not isinstance(part, kind) or not all(isinstance(item, inner) for item in items):
+                raise ValueError(f"{name} is not a {kind.__name__} of {inner.__name__}")
 
 
 def _sensitivity(path: Path) -> FigureData | None:

@@ -32,6 +32,8 @@ MEASURES = (
 
 #: The keys of a set's description.
 _NEEDED = {"set", "version", "cases", "scenes", "tick_s"}
+#: The most ticks of all launches of a scene.
+_MOST_TICKS = 10_000_000
 
 
 @frozen(eq=False)
@@ -109,6 +111,8 @@ def _truth(
     scene: Mapping[str, Any], tables: Mapping[str, dict[str, Any]], step_s: float
 ) -> SetTruth:
     ticks = round(scene["end_s"] / step_s)
+    if scene["launches"] * ticks > _MOST_TICKS:
+        raise ValueError(f"{scene['launches']} launches of {ticks} ticks are more than are read")
 
     def values(name: str, columns: Sequence[str]) -> FloatArray:
         table = tables[name]
@@ -121,13 +125,17 @@ def _truth(
         )
         return grid
 
+    state = values("truth", STATE)
+    bounds = values("bounds", ("position_m", "free_position_m", "energy_m", "log_det"))
+    if np.isnan(state[np.isfinite(bounds[:, :, 0])]).any():
+        raise ValueError("truth.csv lacks a state where bounds.csv has a bound")
     return SetTruth(
         name=scene["scene"],
         case=scene["case"],
         cutoff_m=scene["cutoff_m"],
         tick_s=step_s * np.arange(1, ticks + 1),
-        state=values("truth", STATE),
-        bounds=values("bounds", ("position_m", "free_position_m", "energy_m", "log_det")),
+        state=state,
+        bounds=bounds,
     )
 
 
