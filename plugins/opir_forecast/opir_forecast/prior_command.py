@@ -35,6 +35,8 @@ LEAST_ROWS = 4
 #: Perigee above which a flight ends in an orbit, m from the centre.
 _ORBIT_M = 6371e3 + 80e3
 
+#: Longest burn of a stage, s.
+_LONGEST_S = 3600.0
 #: No number of a flight is as large, m or s.
 _BEYOND = 1e12
 
@@ -105,6 +107,8 @@ def recorded_flight(path: Path) -> RecordedFlight:
     time_s = table[:, 0]
     starts = [float(time_s[span.start]) for span in spans]
     ends = [float(time_s[min(span.stop, len(table) - 1)]) for span in spans]
+    if any(end - start > _LONGEST_S for start, end in zip(starts, ends, strict=True)):
+        raise _refused(path, f"a burn of more than {_LONGEST_S:g} s; are its times in seconds?")
     gaps = [start - end for start, end in zip(starts[1:], ends, strict=False)]
     stages = np.array([_stage(table[span], end) for span, end in zip(spans, ends, strict=True)])
     columns = np.column_stack([stages, np.array([*gaps, np.nan])])
