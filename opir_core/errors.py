@@ -12,6 +12,7 @@ from typing import Any
 from attrs import frozen
 
 __all__ = [
+    "BAD_DATA",
     "ModelError",
     "OpirError",
     "PluginError",
@@ -51,6 +52,18 @@ def _needed(distribution: str) -> list[str]:
     rows = (line.split() for line in text.splitlines())
     words = next((words for name, *words in rows if name == distribution), [])
     return [word.removeprefix("+") for word in words if word.startswith("+")]
+
+
+#: What Python, numpy and pyarrow raise at data of another shape than the reader of a file expects.
+BAD_DATA = (
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    NotImplementedError,
+    RecursionError,
+)
 
 
 class OpirError(Exception):

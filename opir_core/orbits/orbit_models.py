@@ -333,7 +333,7 @@ def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
         data = json.loads(text_of(file_bytes(config.path)))
     except OSError as error:
         raise _refused(config, f"cannot be read: {error.strerror or error}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise _refused(config, f"is not JSON: {error}") from error
     messages = [
         message

@@ -39,6 +39,28 @@ _ID = b'{"record":"detection","detection_id":"'
 _TARGET = b',"target_id":%b,"emission_s":'
 
 
+class _Health(msgspec.Struct):
+    bias_rad: tuple[float, float]
+    bias_sigma_rad: tuple[float, float]
+    clock_s: float | None
+    text: str
+
+
+class _Component(msgspec.Struct):
+    distribution: str
+    version: str
+
+
+class _Manifest(msgspec.Struct):
+    """What is read of a manifest, besides its scene."""
+
+    counts: dict[str, int] = {}
+    versions: dict[str, str] = {}
+    components: list[_Component] = []
+    sensor_health: list[_Health | None] | None = None
+    watched_s: dict[str, list[tuple[float, float]]] = {}
+
+
 class LinesFile:
     """A file of JSON lines; a context that closes it."""
 
@@ -226,6 +248,10 @@ def read_manifest(path: Path) -> Mapping[str, Any]:
         )
     if not isinstance(manifest.get("counts", {}), dict):
         raise invalid_file(path, "counts", "not what opir writes: counts must be a block")
+    try:
+        msgspec.convert(manifest, _Manifest)
+    except msgspec.ValidationError as error:
+        raise invalid_file(path, "", f"not what opir writes: {error}") from error
     return manifest
 
 

@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, WordArray
-from opir_core.errors import reason_of
+from opir_core.errors import BAD_DATA, reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.host.components import SinkModel
 from opir_core.host.host import Host
@@ -56,41 +56,46 @@ _BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS, _COMMANDS)
 _LONGEST_US = (1 << 63) // 1_000
 
 
+#: Finite, and with squares that are finite too.
+_Number = Annotated[float, msgspec.Meta(ge=-1e100, le=1e100)]
+_Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+
+
 class _TruthLine(msgspec.Struct, gc=False):
     """A line of the truth; records other than detections have other keys."""
 
     record: str
     detection_id: str = ""
     target_id: str | None = None
-    ignition_s: float | None = None
-    burnout_s: float | None = None
+    ignition_s: _Number | None = None
+    burnout_s: _Number | None = None
     burnout: dict[str, Any] | None = None
     launch: dict[str, Any] | None = None
     impact: dict[str, Any] | None = None
-    emission_s: float | None = None
-    range_m: float | None = None
-    target_elevation_rad: float | None = None
-    probability: float | None = None
+    emission_s: _Number | None = None
+    range_m: _Number | None = None
+    target_elevation_rad: _Number | None = None
+    probability: _Share | None = None
 
 
 class _Event(msgspec.Struct, gc=False):
     detection_id: str
     timestamp: str
     sensor_id: str
-    line_of_sight_sigma_urad: float
-    azimuth_deg: float
-    elevation_deg: float
-    sensor_position_ecef_m: tuple[float, float, float]
+    line_of_sight_sigma_urad: _Number
+    azimuth_deg: _Number
+    elevation_deg: _Number
+    sensor_position_ecef_m: tuple[_Number, _Number, _Number]
     target_type: str = "UNKNOWN"
-    confidence: float | None = None
+    confidence: _Share | None = None
     reported_at: str | None = None
     path: tuple[str, ...] | None = None
     bands: tuple[str, ...] = ()
-    snr: float | None = None
+    snr: _Number | None = None
     scan: int | None = None
     track_id: int | None = None
-    band_irradiance_w_m2: dict[str, float | None] | None = None
-    type_probability: dict[str, float | None] | None = None
+    band_irradiance_w_m2: dict[str, _Number | None] | None = None
+    type_probability: dict[str, _Share | None] | None = None
     schema_version: Any = None
 
 
@@ -145,7 +150,7 @@ def read_run(
     detections = _Columns(rows, plan, events).detections(detection_truth.target)
     require_file_of_run("events", events, contents)
     require_file_of_run("truth", truth_path, contents)
-    tally = _tally(plan, detections, detection_truth, estimates, contents)
+    tally = _tally(plan, detections, detection_truth, estimates, contents, manifest_path)
     return Run(
         detections=detections.freeze(),
         truth=detection_truth.freeze(),
@@ -229,7 +234,7 @@ def _converted(path: Path, read: Callable[[Path], Iterable[Any]], kind: Any) -> 
     try:
         for row in read(path):
             yield msgspec.convert(row, kind)
-    except (OSError, ValueError) as error:
+    except (OSError, *BAD_DATA) as error:
         words = reason_of(error) if isinstance(error, OSError) else str(error)
         raise invalid_file(path, "", f"cannot be read: {words}") from error
 
@@ -423,13 +428,17 @@ def _tally(
     truth: DetectionTruth,
     tracks: Tracks,
     manifest: Mapping[str, Any],
+    path: Path,
 ) -> Tally:
     """Return the tally of the whole run, counted as one window, without its types."""
     tally = Tally(plan)
     looks = int(manifest.get("counts", {}).get("looks", 0))
     end_s = plan.end_ns * 1e-9
     tally.count_sightings(Window(0.0, end_s, looks, detections, truth, tracks, Tracks.empty()))
-    tally.health = manifest.get("sensor_health")
+    tally.health = manifest.get("sensor_health") or None
+    if tally.health is not None and len(tally.health) != len(plan.sensors):
+        words = f"not what opir writes: {len(tally.health)} of {len(plan.sensors)} sensors"
+        raise invalid_file(path, "sensor_health", words)
     return tally
 
 

@@ -21,10 +21,13 @@ from opir_core.output.geojson import region_text, region_texts
 from opir_core.reading.format_versions import TRACK_FORMAT
 from opir_core.scene.scene import REPORTED_TYPES
 
-_Vector = tuple[float, float, float]
-_Pair = tuple[float, float]
-_Six = tuple[float, float, float, float, float, float]
-_Seven = tuple[float, float, float, float, float, float, float]
+#: Finite, and with squares that are finite too.
+_Number = Annotated[float, Meta(ge=-1e100, le=1e100)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+_Vector = tuple[_Number, _Number, _Number]
+_Pair = tuple[_Number, _Number]
+_Six = tuple[_Number, _Number, _Number, _Number, _Number, _Number]
+_Seven = tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number]
 _Limit = 2**63 - 1
 _Track = Annotated[int, Meta(ge=0, le=_Limit)]
 _Time = Annotated[float, Meta(ge=-float(_Limit), le=float(_Limit))]
@@ -37,10 +40,10 @@ class LaunchRecord(msgspec.Struct, kw_only=True, gc=False):
 
     lat_deg: Annotated[float, Meta(ge=-90.0, le=90.0)]
     lon_deg: Annotated[float, Meta(ge=-360.0, le=360.0)]
-    time_s: float | None = None
+    time_s: _Number | None = None
     time: str | UnsetType | None = UNSET
     covariance_m2: tuple[_Pair, _Pair] | None = None
-    time_variance_s2: float | None = None
+    time_variance_s2: _Number | None = None
     time_covariance_m_s: _Pair | None = None
 
 
@@ -53,9 +56,9 @@ class ImpactRecord(LaunchRecord, kw_only=True, gc=False):
     """
 
     method: Literal["posterior", "paper"] = "posterior"
-    containment: Sequence[float] | None = None
+    containment: Sequence[_Share] | None = None
     ellipse_sigmas: _Vector | None = None
-    sigma_m: float | None = None
+    sigma_m: _Number | None = None
 
 
 class BurnoutRecord(msgspec.Struct, kw_only=True, gc=False):
@@ -63,7 +66,7 @@ class BurnoutRecord(msgspec.Struct, kw_only=True, gc=False):
     time.
     """
 
-    time_s: float
+    time_s: _Number
     time: str | UnsetType | None = UNSET
     position_ecef_m: _Vector
     velocity_ecef_m_s: _Vector
@@ -86,12 +89,12 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     available_s: _Time | None = None
     available_at: str | UnsetType | None = UNSET
     target_type: str | None = None
-    type_probability: dict[str, float] | None = None
-    hypotheses: dict[str, float] | None = None
-    probability_launch: float | None = None
-    probability_missile: float | None = None
-    probability_orbit: float | None = None
-    probability_comes_down: float | None = None
+    type_probability: dict[str, _Share] | None = None
+    hypotheses: dict[str, _Share] | None = None
+    probability_launch: _Share | None = None
+    probability_missile: _Share | None = None
+    probability_orbit: _Share | None = None
+    probability_comes_down: _Share | None = None
     position_ecef_m: _Vector | None = None
     velocity_ecef_m_s: _Vector | None = None
     covariance: tuple[_Six, _Six, _Six, _Six, _Six, _Six] | None = None
@@ -101,10 +104,10 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     impact: ImpactRecord | None = None
     impact_regions: Any = UNSET
     impact_regions_id: int | UnsetType = UNSET
-    probability_burning: float | None = None
-    probability_relights: float | None = None
+    probability_burning: _Share | None = None
+    probability_relights: _Share | None = None
     end: Literal["impact", "orbit", "lost", "flash", "unresolved"] | None = None
-    seen_s: float | None = None
+    seen_s: _Number | None = None
     is_brief: bool = False
 
 

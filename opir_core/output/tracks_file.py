@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import UNSET
 
 from opir_core.arrays import FloatArray, ObjectArray
+from opir_core.errors import BAD_DATA
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, TRACK_ENDS, Tracks
 from opir_core.output.geojson import region_from_document
@@ -166,7 +167,7 @@ def _time_of(document: Any) -> float:
 def _own_regions(row: TrackRecord, number: int, path: Path) -> tuple[ImpactRegion, ...]:
     try:
         return tuple(region_from_document(region) for region in row.impact_regions or ())
-    except (KeyError, TypeError, ValueError) as error:
+    except BAD_DATA as error:
         words = f"it has no {error}" if isinstance(error, KeyError) else str(error)
         raise invalid_file(
             path, f"line {number}: impact_regions", f"not what opir writes: {words}"

@@ -8,6 +8,7 @@ import json
 import sys
 import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -20,7 +21,8 @@ import opir_core as opir
 from opir_core.cli.main import main
 from opir_core.output import ForgeEncoder, TracksFile, read_tracks
 from opir_core.output.geojson import region_text
-from opir_core.plugin import EncoderContext
+from opir_core.output.spool import SentBatches
+from opir_core.plugin import Batch, EncoderContext
 
 pytestmark = pytest.mark.slow
 
@@ -154,6 +156,70 @@ def outlines(_folder: Path, count: int) -> Callable[[], object]:
     return lambda: [region_text(of_track) for of_track in regions]
 
 
+def acknowledged_batches(_folder: Path, count: int) -> Callable[[], object]:
+    batch = Batch(
+        body=b"x", keys=("S",), key_of=np.zeros(1, np.uint16), content_type="", schema_version=""
+    )
+
+    def acknowledge() -> None:
+        sent = SentBatches()
+        futures = [Future[None]() for _ in range(count)]
+        for number, future in enumerate(futures):
+            sent.add(number, batch, future)
+        for future in futures:
+            future.set_result(None)
+            sent.remove(sent.done())
+
+    return acknowledge
+
+
+def repeated(folder: Path, count: int) -> Callable[[], object]:
+    """Prepare the repetition of a live run of some launches."""
+    path = folder / f"{count}.changes.jsonl"
+    outputs = folder / f"{count}.jsonl"
+    head = {"changes_version": "1.0", "loop": False, "scene": scene(duration_s=30.0)}
+    rows = [
+        {"lap": 0, "time_ns": 5_000_000_000, "launch": {**launch, "id": f"L{number}"}}
+        for number, launch in enumerate(targets(count))
+    ]
+    path.write_text("\n".join(map(json.dumps, [head, *rows, {"end_ns": 20_000_000_000}])))
+    return lambda: main(["run", str(path), "--out", str(outputs), "--quiet"])
+
+
+def sights(folder: Path, count: int, **changes: Any) -> Path:
+    """Write the events of a scene of about a number of looks of one sensor, and its sensors."""
+    described = scene(
+        duration_s=30.0 + 0.1 * count,
+        sensors=[
+            {"model": "SBIRS-GEO", "id": "S", "orbital_slot_deg": 30.0, "scan_period_ms": 100.0}
+        ],
+        detection="always",
+        **changes,
+    )
+    path = folder / f"{count}-sights"
+    path.with_suffix(".json").write_text(json.dumps(described), encoding="utf-8")
+    events = path.with_suffix(".jsonl")
+    assert main(["run", str(path.with_suffix(".json")), "--quiet", "--out", str(events)]) == 0
+    return path
+
+
+def imported_events(folder: Path, count: int) -> Callable[[], object]:
+    path = sights(folder, count)
+    return lambda: main(["import", str(path.with_suffix(".jsonl"))])
+
+
+def tracked_events(folder: Path, count: int) -> Callable[[], object]:
+    path = sights(folder, count)
+    words = ["--sensors", f"{path}.json", "--out", f"{path}.out.jsonl", "--quiet"]
+    words += ["--set", "tracker={model: kepler-arc, cadence_s: 1000.0}"]
+    return lambda: main(["track", f"{path}.jsonl", *words])
+
+
+def scored_events(folder: Path, count: int) -> Callable[[], object]:
+    path = sights(folder, count, tracker={"model": "kepler-arc", "cadence_s": 10.0})
+    return lambda: main(["score", f"{path}.jsonl"])
+
+
 def saved_run(folder: Path, count: int) -> Callable[[], object]:
     described = scene(
         duration_s=float(count), outputs=[{"jsonl": {"path": f"{folder}/{count}.jsonl"}}]
@@ -188,6 +254,11 @@ KINDS: dict[str, tuple[int, Callable[[Path, int], Callable[[], object]]]] = {
     "regions that are written": (16, outlines),
     "events that are encoded": (2000, encoded),
     "events that are read back": (60, saved_run),
+    "events that are imported": (200, imported_events),
+    "events that are tracked": (200, tracked_events),
+    "events that are scored": (200, scored_events),
+    "batches that are acknowledged": (200, acknowledged_batches),
+    "launches of a changes file": (20, repeated),
     "duration of a scene": (100, simulated(lambda count: {"duration_s": 1.0 * count})),
     "targets of a scene": (40, simulated(lambda count: {"targets": targets(count)})),
     "sensors of a scene": (40, simulated(lambda count: {"sensors": sensors(count)})),

@@ -42,6 +42,9 @@ _NO_DAMAGE = frozenset(
 
 _log = logging.getLogger(__name__)
 
+#: What SQLite raises at a damaged file: at damaged names it fails to say which.
+_DAMAGE = (sqlite3.DatabaseError, UnicodeDecodeError)
+
 
 @frozen
 class SpoolState:
@@ -199,14 +202,14 @@ def _batches(
     """
     try:
         first_number, last_number = _range(database)
-    except sqlite3.DatabaseError as error:
+    except _DAMAGE as error:
         _require_damage(path, error)
         yield -1, False, 0
         return
     for number in range(first_number, last_number + 1):
         try:
             row = database.execute(_ROW, (number,)).fetchone()
-        except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
+        except _DAMAGE as error:
             _require_damage(path, error)
             yield number, False, 0
             continue
@@ -225,7 +228,7 @@ def _is_sound(database: sqlite3.Connection, path: Path) -> bool:
     """
     try:
         return bool(database.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
-    except sqlite3.DatabaseError as error:
+    except _DAMAGE as error:
         _require_damage(path, error)
         return False
 
@@ -238,12 +241,12 @@ def _range(database: sqlite3.Connection) -> tuple[int, int]:
         "SELECT max(number) FROM parcel",
         "SELECT seq FROM sqlite_sequence WHERE name = 'parcel'",
     ):
-        with suppress(sqlite3.DatabaseError):
+        with suppress(*_DAMAGE):
             last_number = max(
                 last_number, *(int(row[0] or 0) for row in database.execute(words)), 0
             )
     first_number = 1
-    with suppress(sqlite3.DatabaseError):
+    with suppress(*_DAMAGE):
         first_number = int(database.execute("SELECT min(number) FROM parcel").fetchone()[0] or 1)
     return max(1, first_number), last_number
 

@@ -190,7 +190,7 @@ class Sender:
             return
         failed = [sent for sent in done if sent.has_failed]
         try:
-            self._acknowledge([sent.number for sent in done if sent not in failed])
+            self._acknowledge([sent.number for sent in done if not sent.has_failed])
         except FullError:  # no room to note it: it is noted later, or the batch is sent again
             return
         self.sent.remove(done)

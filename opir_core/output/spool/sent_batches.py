@@ -1,5 +1,6 @@
 """The window of batches that are sent and not yet acknowledged."""
 
+from collections import deque
 from collections.abc import Collection
 from concurrent.futures import Future
 
@@ -31,7 +32,11 @@ class SentBatches:
     """The batches under way, in the order of sending; they belong to one thread."""
 
     def __init__(self) -> None:
-        self._sent: list[Sent] = []
+        self._sent: dict[Sent, None] = {}
+        self._done: dict[Sent, None] = {}
+        # What has just come, from any thread: to look at all that wait, at each that comes, would
+        # cost their square.
+        self._arrived: deque[Sent] = deque()
         self._bytes = 0
 
     def __len__(self) -> int:
@@ -41,18 +46,24 @@ class SentBatches:
     @property
     def has_room(self) -> bool:
         """Whether another may be sent: not behind one that failed, which it would overtake."""
-        return self._bytes < AHEAD_BYTES and not (self._sent and self._sent[-1].has_failed)
+        last = next(reversed(self._sent), None)
+        return self._bytes < AHEAD_BYTES and not (last and last.has_failed)
 
     def add(self, number: int, batch: Batch, future: "Future[None]") -> None:
         """Add a batch that was sent."""
-        self._sent.append(Sent(number, len(batch.body), future))
-        self._bytes += len(batch.body)
+        sent = Sent(number, len(batch.body), future)
+        self._sent[sent] = None
+        self._bytes += sent.size
+        future.add_done_callback(lambda _done: self._arrived.append(sent))
 
     def done(self) -> list[Sent]:
         """Return the batches that are acknowledged or have failed."""
-        return [sent for sent in self._sent if sent.future.done()]
+        while self._arrived:
+            self._done[self._arrived.popleft()] = None
+        return list(self._done)
 
     def remove(self, done: Collection[Sent]) -> None:
         """Remove batches."""
-        self._sent = [sent for sent in self._sent if sent not in done]
-        self._bytes -= sum(sent.size for sent in done)
+        for sent in done:
+            del self._sent[sent], self._done[sent]
+            self._bytes -= sent.size

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pyarrow import parquet
+from pyarrow import parquet, types
 
 from opir_core.plugin import REPORTED_TYPES
 from opir_export.tabular.detection_tables import uuid_texts
@@ -32,6 +32,9 @@ def parquet_events(path: Path) -> Iterator[Mapping[str, Any]]:
             raise ValueError(
                 f"is not what the sink parquet writes: it lacks the column {lacking[0]}"
             )
+        for name in _INSTANTS.values():
+            if not types.is_timestamp(file.schema_arrow.field(name).type):
+                raise ValueError(f"is not what the sink parquet writes: {name} has no timestamps")
         for batch in file.iter_batches():
             yield from _rows(batch)
 

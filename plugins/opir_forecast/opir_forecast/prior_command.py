@@ -21,7 +21,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.errors import OpirError
+from opir_core.errors import Problem, SceneError
 from opir_core.output import OutputFiles
 
 #: Factor of standard deviations, and their least values: burn time, acceleration, ratio, gap.
@@ -34,6 +34,11 @@ LEAST_ROWS = 4
 
 #: Perigee above which a flight ends in an orbit, m from the centre.
 _ORBIT_M = 6371e3 + 80e3
+
+#: Longest burn of a stage, s.
+_LONGEST_S = 3600.0
+#: No number of a flight is as large, m or s.
+_BEYOND = 1e12
 
 _COLUMNS = (
     "time_s",
@@ -90,19 +95,20 @@ def _shown(path: Path, flight: RecordedFlight) -> str:
 
 
 def recorded_flight(path: Path) -> RecordedFlight:
-    """Return the stages of a flight in a table. Raises `OpirError` if a column or a burn is
+    """Return the stages of a flight in a table. Raises `SceneError` if a column or a burn is
     missing.
     """
     table = _table(path)
     spans = _burns(table) if len(table) else []
     spans = [span for span in spans if span.stop - span.start >= LEAST_ROWS]
     if not spans:
-        raise OpirError(
-            f"{path}: no burn of {LEAST_ROWS} rows or more; is_burning must be 1 in a burn"
-        )
+        words = f"no burn of {LEAST_ROWS} rows or more; is_burning must be 1 in a burn"
+        raise _refused(path, words)
     time_s = table[:, 0]
     starts = [float(time_s[span.start]) for span in spans]
     ends = [float(time_s[min(span.stop, len(table) - 1)]) for span in spans]
+    if any(end - start > _LONGEST_S for start, end in zip(starts, ends, strict=True)):
+        raise _refused(path, f"a burn of more than {_LONGEST_S:g} s; are its times in seconds?")
     gaps = [start - end for start, end in zip(starts[1:], ends, strict=False)]
     stages = np.array([_stage(table[span], end) for span, end in zip(spans, ends, strict=True)])
     columns = np.column_stack([stages, np.array([*gaps, np.nan])])
@@ -110,7 +116,7 @@ def recorded_flight(path: Path) -> RecordedFlight:
     # follows.
     is_ascent = np.logical_and.accumulate(np.isfinite(stages[:, 0]))
     if not is_ascent[0]:
-        raise OpirError(f"{path}: the first burn is against the motion")
+        raise _refused(path, "the first burn is against the motion")
     columns[np.count_nonzero(is_ascent) - 1, 3] = np.nan
     return RecordedFlight(columns[is_ascent], _perigee_m(table[-1]) > _ORBIT_M)
 
@@ -120,15 +126,25 @@ def _table(path: Path) -> FloatArray:
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        return np.array([[float(row[name]) for name in _COLUMNS] for row in rows])
+        cells = [[float(row[name]) for name in _COLUMNS] for row in rows]
+        table = np.array(cells).reshape(-1, len(_COLUMNS))
     except KeyError as missing:
-        raise OpirError(
-            f"{path}: no column {missing.args[0]}; needed are {', '.join(_COLUMNS)}"
-        ) from None
+        words = f"no column {missing.args[0]}; needed are {', '.join(_COLUMNS)}"
+        raise _refused(path, words) from None
     except OSError as error:
-        raise OpirError(f"{path}: {error.strerror}") from error
-    except (ValueError, TypeError) as error:
-        raise OpirError(f"{path}: {error}") from error
+        raise _refused(path, str(error.strerror)) from error
+    except (ValueError, TypeError, csv.Error) as error:
+        raise _refused(path, str(error)) from error
+    is_sound = (np.abs(table) < _BEYOND).all(axis=1)
+    if not is_sound.all():
+        raise _refused(path, f"row {np.argmin(is_sound) + 1} has no finite numbers of a flight")
+    if not (np.diff(table[:, :1], axis=0) >= 0.0).all():
+        raise _refused(path, "its times fall; sort the rows by time_s")
+    return table
+
+
+def _refused(path: Path, words: str) -> SceneError:
+    return SceneError([Problem("", words)], source=str(path))
 
 
 def _burns(table: FloatArray) -> list[slice]:

@@ -9,6 +9,7 @@ deviations doubled. The parameters are data of the tracker (`vehicles.json`).
 """
 
 import json
+import re
 from collections.abc import Mapping
 from enum import IntEnum
 from functools import cache
@@ -20,7 +21,7 @@ from attrs import frozen
 from opir_estimation import law_parameters
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.errors import ModelError, reason_of
+from opir_core.errors import BAD_DATA, ModelError, reason_of
 from opir_core.interfaces import Columns
 from opir_core.scene import file_bytes
 
@@ -182,6 +183,11 @@ def _log_density(score: FloatArray, mean: FloatArray, variance: FloatArray) -> F
     return -0.5 * residual * residual / variance - 0.5 * np.log(variance)
 
 
+#: Probabilities of a law; its other numbers are of the magnitude of the tracker's own.
+_SHARES = re.compile("stages|coupling|hot_|groups|odd_|probability|any|marginal.(glide|orbit)")
+_FACTOR = 1000.0
+
+
 def model_of(data: Mapping[str, Any]) -> VehicleModel:
     """Return the model of data as in `vehicles.json`."""
     laws = [data["families"][name] for name in ("missile", "space", "missile")]
@@ -206,32 +212,41 @@ def vehicle_model(path: str | None = None) -> VehicleModel:
         return model_of(json.loads(text))
     way_out = "write one with `opir prior fit FILES -o FILE`, or leave the setting out"
     try:
-        model = model_of(json.loads(file_bytes(path)))
-        _require_law(model)
+        data = json.loads(file_bytes(path))
+        _require_like(data, vehicle_model().data, "")
+        return model_of(data)
     except OSError as error:
         raise ModelError(
             f"tracker.boost_prior: {path} cannot be read: {reason_of(error)}; {way_out}"
         ) from error
-    except (ValueError, LookupError, TypeError) as error:
+    except BAD_DATA as error:
         reason = f"no {error.args[0]}" if isinstance(error, KeyError) else str(error)
         raise ModelError(
             f"tracker.boost_prior: {path} holds no law of vehicles: {reason}; {way_out}"
         ) from error
-    return model
 
 
-def _require_law(model: VehicleModel) -> None:
-    """Raise `ValueError` for a model with data missing, or with other shapes than the tracker's."""
-    default = vehicle_model()
-    missing = [key for key in default.data if key not in model.data]
-    missing = missing or [
-        key for key in default.data["marginal"] if key not in model.data["marginal"]
-    ]
-    if missing:
-        raise ValueError(f"no {', '.join(missing)}")
-    for name in ("median_log", "sigma", "coupling", "stages", "hot", "hot_again"):
-        column = getattr(model, name)
-        shape = getattr(default, name).shape
-        if column.shape != shape or not np.isfinite(column).all():
-            size = int(np.prod(shape[1:]))
-            raise ValueError(f"the families' {name} is not {size} finite numbers each")
+def _require_like(value: Any, default: Any, place: str) -> None:
+    """Raise `ValueError` unless a value has the keys, lengths and magnitudes of the tracker's own."""
+    if isinstance(default, dict):
+        if missing := [key for key in default if key not in value]:
+            raise ValueError(f"no {', '.join(missing)}")
+        for key, inner in default.items():
+            _require_like(value[key], inner, f"{place}.{key}" if place else key)
+    elif isinstance(default, list):
+        if not isinstance(value, list) or len(value) != len(default):
+            raise ValueError(f"{place} is not a list of {len(default)} numbers")
+        for number, inner in zip(value, default, strict=True):
+            _require_like(number, inner, place)
+    elif isinstance(default, float):
+        least, largest = _bounds(default, place)
+        if isinstance(value, bool | str) or not least <= value <= largest:
+            raise ValueError(f"{place}: {value!r} is not in [{least:g}, {largest:g}]")
+
+
+def _bounds(default: float, place: str) -> tuple[float, float]:
+    """Return the least and the largest value of a number of a law."""
+    if _SHARES.search(place):
+        return 0.0, 1.0
+    largest = _FACTOR * abs(default)
+    return (default / _FACTOR if default > 0.0 else -largest), largest

@@ -1,5 +1,6 @@
 """Parquet as the text of a table: names of columns in its first line, then a line for each row."""
 
+from collections import Counter
 from collections.abc import Iterator
 from io import BytesIO
 from typing import Any
@@ -41,8 +42,8 @@ def text_of_parquet(content: bytes) -> str:
         names = [field.name for field in table.schema_arrow if _is_read(field)]
         if not names:
             raise BadFileError("has no columns of numbers, texts or times")
-        all_names = table.schema_arrow.names
-        if repeated := next((name for name in names if all_names.count(name) > 1), None):
+        times = Counter(table.schema_arrow.names)
+        if repeated := next((name for name in names if times[name] > 1), None):
             raise BadFileError(f"has several columns {repeated!r}: rename or drop the others")
         _require_size(table.metadata, names)
         return _text_of(content, table.schema_arrow, names)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from typing import Any
 
+import numpy as np
 from attrs import fields_dict, frozen
 
 from opir_core.errors import Problem, SceneError
@@ -17,7 +18,20 @@ from opir_readers.parquet_text import MAGIC, text_of_parquet
 from opir_readers.published import published
 
 _LARGEST_FILE_BYTES = 64_000_000
+#: The most values of a text: of XML and JSON each takes up to 300 bytes, and a second for 200 000.
+_MOST_VALUES = 2_500_000
 _GZIP = b"\x1f\x8b"
+
+#: What parts values: blanks, of which several count once, and marks, between which a value may be
+#: empty.
+_BLANK = 1
+_MARK = 2
+_PARTS = np.array(
+    [_MARK if code in b",;[{<\n\t" else _BLANK if code <= 32 else 0 for code in range(256)],
+    np.uint8,
+)
+_BLOCK_BYTES = 1 << 20
+_NEIGHBOURS = (slice(None, -1), slice(1, None))
 
 #: Bytes that no text has.
 _CONTROLS = bytes([*range(9), *range(14, 26), *range(28, 32), 127])
@@ -52,7 +66,23 @@ def file_text(path: str) -> FileText:
     for head, words in published("beginnings")["bytes"]:
         if content.startswith(head.encode("latin-1")):
             raise BadFileError(words)
+    _require_few_values(content)
     return FileText(_decoded(content), digest)
+
+
+def _require_few_values(content: bytes) -> None:
+    """Raise `BadFileError` for more values than are read: each takes many times its bytes."""
+    count = 0
+    for start in range(0, len(content), _BLOCK_BYTES):
+        block = content[start : start + _BLOCK_BYTES + 1]
+        before, after = (_PARTS[np.frombuffer(block, np.uint8)[rows]] for rows in _NEIGHBOURS)
+        begins = (before > 0) & (after == 0)
+        is_empty = (before == _MARK) & (after == _MARK)
+        count += int(np.count_nonzero(begins | is_empty))
+    if count > _MOST_VALUES:
+        raise BadFileError(
+            f"has {count} values; at most {_MOST_VALUES} are read: keep the burn, or fewer columns"
+        )
 
 
 def _decoded(content: bytes) -> str:

@@ -11,7 +11,7 @@ from attrs import evolve, frozen
 from opir_scoring import percent_text
 
 from opir_core.arrays import BoolArray
-from opir_core.errors import Problem, SceneError, reason_of
+from opir_core.errors import BAD_DATA, Problem, SceneError, reason_of
 from opir_core.output import FILES_KEY, file_digest, finish_interrupted
 from opir_core.reading import STUDY_FORMAT
 from opir_report.figure_data import FigureData
@@ -27,6 +27,20 @@ SENSITIVITY = "sensitivity.csv"
 STUDY = "study"
 #: The setting that stands for all conditions of a study, and for what it is split by.
 CONDITION = "condition"
+
+
+#: Lists and blocks of a definition, and what is in them.
+_PARTS: Mapping[type, Mapping[str, type]] = {
+    list: {
+        **dict.fromkeys(("vary", "conditions", "shown", "notes"), str),
+        **dict.fromkeys(("requirements", "share_requirements", "designs"), dict),
+    },
+    dict: {
+        **dict.fromkeys(("figures", "shares", "launches", "versions"), str),
+        **dict.fromkeys(("metrics", "bounds"), list),
+        "settings": dict,
+    },
+}
 
 
 @frozen(eq=False)
@@ -226,28 +240,29 @@ def is_study(path: Path) -> bool:
 
 def read_study(path: Path) -> SavedStudy:
     """Return the study in a folder; raises `SceneError` if it is damaged or of another version."""
-    from pyarrow import ArrowException, parquet
+    from pyarrow import ArrowException
 
     folder = path.parent if path.name == DEFINITION else path
     finish_interrupted(folder / DEFINITION)
     try:
-        definition = _definition(folder)
-        table = parquet.read_table(folder / RESULTS)
+        return _study_in(folder)
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
         raise _study_error(words, folder) from error
-    except (
-        ValueError,
-        LookupError,
-        TypeError,
-        AttributeError,
-        RecursionError,
-        ArrowException,
-    ) as error:
-        reason = str(error).splitlines()[0]
+    except (*BAD_DATA, ArrowException) as error:
+        reason = (str(error) or type(error).__name__).splitlines()[0]
         words = f"has damaged results ({reason}); run the study again: its runs are kept"
         raise _study_error(words, folder) from error
-    version = definition.get("study_version") if isinstance(definition, dict) else None
+
+
+def _study_in(folder: Path) -> SavedStudy:
+    """Return the study in a folder; raises what damaged files lead to."""
+    from pyarrow import parquet
+
+    definition = _definition(folder)
+    _require_kinds(definition)
+    table = parquet.read_table(folder / RESULTS)
+    version = definition.get("study_version")
     STUDY_FORMAT.require_readable(version, folder / DEFINITION, "study_version")
     runs, launches, shares = (
         _columns(parquet.read_table(folder / name)) if (folder / name).is_file() else None
@@ -257,6 +272,16 @@ def read_study(path: Path) -> SavedStudy:
     return _with_condition(
         SavedStudy(definition, _columns(table), runs, launches, shares, sensitivity)
     )
+
+
+def _require_kinds(definition: Mapping[str, Any]) -> None:
+    """Raise `ValueError` for a definition whose parts are of other kinds than those written."""
+    for kind, parts in _PARTS.items():
+        for name, inner in parts.items():
+            part = definition.get(name, kind())
+            items = part.values() if isinstance(part, dict) else part
+            if not isinstance(part, kind) or not all(isinstance(item, inner) for item in items):
+                raise ValueError(f"{name} is not a {kind.__name__} of {inner.__name__}")
 
 
 def _sensitivity(path: Path) -> FigureData | None:

@@ -17,7 +17,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.errors import Problem, SceneError
+from opir_core.errors import BAD_DATA, Problem, SceneError
 from opir_scoring.benchmark_tables import DESCRIPTION, STATE, SetTracks, numbers, read_table
 from opir_scoring.containments import nees
 from opir_scoring.gospa_metric import gospa
@@ -28,6 +28,12 @@ MEASURES = (
     *("position_m", "velocity_m_s", "energy_m", "log_score", "nees"),
     *("bound_m", "free_bound_m", "bound_energy_m", "bound_log_score"),
 )
+
+
+#: The keys of a set's description.
+_NEEDED = {"set", "version", "cases", "scenes", "tick_s"}
+#: The most ticks of all launches of a scene.
+_MOST_TICKS = 10_000_000
 
 
 @frozen(eq=False)
@@ -71,12 +77,21 @@ class SetScores:
 
 
 def read_set(folder: Path, cases: Sequence[str] = ()) -> tuple[Mapping[str, Any], list[SetTruth]]:
-    """Return the description of a set and the truth of its scenes, of some cases or all."""
+    """Return the description of a set and the truth of its scenes, of some cases or all; raises
+    `SceneError` where its files cannot be read.
+    """
     try:
-        description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        problem = Problem("", f"is no benchmark set: {error}")
+        return _set_in(folder, cases)
+    except (OSError, *BAD_DATA) as error:
+        problem = Problem("", f"is no benchmark set, or a damaged one: {error}")
         raise SceneError([problem], source=str(folder)) from error
+
+
+def _set_in(folder: Path, cases: Sequence[str]) -> tuple[Mapping[str, Any], list[SetTruth]]:
+    """Return what `read_set` returns; raises what damaged files lead to."""
+    description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    if lacking := sorted(_NEEDED - set(description)):
+        raise ValueError(f"{DESCRIPTION} lacks {', '.join(lacking)}")
     if unknown := sorted(set(cases) - set(description["cases"])):
         words = f"no case {unknown[0]!r} in the set, which has {', '.join(description['cases'])}"
         raise SceneError([Problem("--case", words)], source="command line")
@@ -96,6 +111,8 @@ def _truth(
     scene: Mapping[str, Any], tables: Mapping[str, dict[str, Any]], step_s: float
 ) -> SetTruth:
     ticks = round(scene["end_s"] / step_s)
+    if scene["launches"] * ticks > _MOST_TICKS:
+        raise ValueError(f"{scene['launches']} launches of {ticks} ticks are more than are read")
 
     def values(name: str, columns: Sequence[str]) -> FloatArray:
         table = tables[name]
@@ -108,13 +125,17 @@ def _truth(
         )
         return grid
 
+    state = values("truth", STATE)
+    bounds = values("bounds", ("position_m", "free_position_m", "energy_m", "log_det"))
+    if np.isnan(state[np.isfinite(bounds[:, :, 0])]).any():
+        raise ValueError("truth.csv lacks a state where bounds.csv has a bound")
     return SetTruth(
         name=scene["scene"],
         case=scene["case"],
         cutoff_m=scene["cutoff_m"],
         tick_s=step_s * np.arange(1, ticks + 1),
-        state=values("truth", STATE),
-        bounds=values("bounds", ("position_m", "free_position_m", "energy_m", "log_det")),
+        state=state,
+        bounds=bounds,
     )
 
 

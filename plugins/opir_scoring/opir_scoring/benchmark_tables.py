@@ -14,9 +14,11 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.errors import Problem, SceneError, nearest_names
+from opir_core.errors import BAD_DATA, Problem, SceneError, nearest_names
 
 DESCRIPTION = "set.json"
+#: The largest number of a table: its square is finite too.
+_LARGEST = 1e100
 STATE = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 #: The upper triangle of a covariance, row by row: `c12` is that of x and y.
 COVARIANCE = tuple(f"c{row}{column}" for row in range(1, 7) for column in range(row, 7))
@@ -130,7 +132,7 @@ def read_table(path: Path) -> Table:
         return _columns(json.loads(text)) if path.suffix == ".json" else _csv(path, text)
     except (OSError, UnicodeDecodeError) as error:
         raise _error(path, "", f"cannot be read: {error}") from error
-    except (json.JSONDecodeError, TypeError, KeyError) as error:
+    except (*BAD_DATA, csv.Error) as error:
         words = f"is no table, a list of objects with the same names: {error}"
         raise _error(path, "", words) from error
 
@@ -165,8 +167,11 @@ def numbers(path: Path, table: Table, name: str) -> FloatArray:
     """
     try:
         cells = [np.nan if cell in ("", None) else float(cell) for cell in table[name]]
-        return np.array(cells, dtype=np.float64)
-    except ValueError as error:
+        column = np.array(cells, dtype=np.float64)
+        if np.any(np.abs(column) > _LARGEST):
+            raise ValueError(f"a number is beyond {_LARGEST:g}")
+        return column
+    except (ValueError, TypeError, OverflowError) as error:
         raise _error(path, name, str(error)) from error
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from attrs import frozen
 
 from opir_core import compile_plan, load_scene
-from opir_core.errors import reason_of
+from opir_core.errors import BAD_DATA, reason_of
 from opir_core.output import FILES_KEY, deliver, file_digest
 from opir_studies.refusals import refusal
 from opir_studies.result import DEFINITION
@@ -76,14 +76,25 @@ def _manifest_at(place: Path) -> Path:
 def _contents(path: Path) -> dict[str, Any]:
     try:
         contents = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, *BAD_DATA) as error:
         reason = reason_of(error) if isinstance(error, OSError) else str(error)
         raise refusal("", f"cannot be read: {reason}", str(path)) from error
     keys = {"made_of", FILES_KEY} if path.name == DEFINITION else {FILES_KEY}
     if not isinstance(contents, dict) or not keys <= contents.keys():
         words = f"lacks {' or '.join(sorted(keys))}: run the scene or study again"
         raise refusal("", words, str(path))
+    try:
+        _version_reasons(contents)
+        _digests(contents)
+    except BAD_DATA as error:
+        words = f"its versions or files are damaged ({error}): run the scene or study again"
+        raise refusal("", words, str(path)) from error
     return contents
+
+
+def _digests(contents: Mapping[str, Any]) -> dict[str, str]:
+    """Return the SHA-256 of each file, by the name that it was written with."""
+    return {str(entry["name"]): str(entry["sha256"]) for entry in contents[FILES_KEY]}
 
 
 def _deliver_again(manifest: Path, contents: Mapping[str, Any], folder: Path) -> None:
@@ -105,9 +116,8 @@ def _deliver_again(manifest: Path, contents: Mapping[str, Any], folder: Path) ->
 
 
 def _compared(contents: Mapping[str, Any], origin: Path, folder: Path) -> Rerun:
-    entries = contents[FILES_KEY]
-    names = {entry["name"]: Path(entry["name"]).name for entry in entries}
-    digests = {entry["name"]: entry["sha256"] for entry in entries}
+    digests = _digests(contents)
+    names = {name: Path(name).name for name in digests}
     same = [name for name, own in names.items() if _digest(folder / own) == digests[name]]
     different = [name for name in names if name not in same]
     reasons = [*_version_reasons(contents), *_file_reasons(origin, names, digests)]

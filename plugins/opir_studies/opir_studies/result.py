@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from attrs import asdict, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.errors import reason_of
+from opir_core.errors import BAD_DATA, reason_of
 from opir_core.output import FILES_KEY, OutputFiles, file_digest, finish_interrupted
 from opir_core.random_streams import SCHEME
 from opir_core.reading import STUDY_FORMAT, data_of_node, node_of_yaml
@@ -158,18 +158,9 @@ def load_study(folder: str | Path) -> StudyResult:
     except OSError as error:
         words = f"is no folder of a finished study: {reason_of(error)}; `opir sweep` makes one"
         raise refusal("", words, str(place)) from error
-    except (
-        ValueError,
-        LookupError,
-        TypeError,
-        AttributeError,
-        RecursionError,
-        pa.ArrowException,
-    ) as error:
-        words = (
-            f"has damaged results ({str(error).splitlines()[0]}); run the study again: its runs are"
-            f" kept"
-        )
+    except (*BAD_DATA, pa.ArrowException) as error:
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        words = f"has damaged results ({reason}); run the study again: its runs are kept"
         raise refusal("", words, str(place)) from error
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from opir_core.errors import reason_of
+from opir_core.errors import BAD_DATA, reason_of
 from opir_core.host import DEAD_AFTER_S
 from opir_core.output import OutputFiles
 from opir_core.plugin import ExecutorContext
@@ -78,7 +78,7 @@ def _definition(folder: Path) -> dict[str, Any]:
     try:
         contents = json.loads((folder / SHARD).read_text(encoding="utf-8"))
         return dict(contents["made_of"])
-    except (OSError, ValueError, LookupError, TypeError) as error:
+    except (OSError, *BAD_DATA) as error:
         reason = reason_of(error) if isinstance(error, OSError) else "its shard.json is damaged"
         words = f"is no shard of a study: {reason}; `opir sweep --shard I/N` makes one"
         raise refusal("", words, str(folder)) from error

@@ -164,6 +164,9 @@ class Figures:
         column[[not self.draw(st.booleans()) for _ in range(self.count)]] = np.nan
         return column
 
+    def shares(self, *shape: int) -> FloatArray:
+        return np.abs(np.tanh(self.column(*shape)))
+
     def covariance(self, size: int, of: FloatArray | None = None) -> FloatArray:
         """Return covariances (count, size, size), unknown where the figures `of` them are."""
         root = self.column(size, size)
@@ -199,13 +202,13 @@ def tracks(draw: st.DrawFn, count: int = 3) -> Tracks:
         impact=impact,
         impact_covariance=figures.covariance(3, impact),
         impact_sigmas=np.where(np.isnan(impact[:, :1]), np.nan, np.abs(figures.column(3))),
-        type_probability=np.abs(figures.column(4)),
+        type_probability=figures.shares(4),
         hypothesis_probability=np.where(rng.random((count, 1)) < 0.5, np.nan, weighed),
         burnout=burnout,
         burnout_covariance=figures.covariance(7, burnout),
         impact_regions=[tuple(draw(st.lists(regions(), max_size=2))) for _ in range(count)],
-        probability_burning=np.abs(figures.column()),
-        probability_relights=np.abs(figures.column()),
+        probability_burning=figures.shares(),
+        probability_relights=figures.shares(),
         end=rng.integers(0, 4, count),
         seen_s=np.abs(figures.column()),
         is_brief=rng.random(count) < 0.5,

@@ -128,7 +128,7 @@ def test_the_command_writes_a_law_that_the_tracker_takes(
 def test_what_is_no_flight_and_no_law_is_refused_with_its_place(tmp_path: Path) -> None:
     bad = tmp_path / "bad.csv"
     bad.write_text("time_s,x\n1,2\n")
-    with pytest.raises(OpirError, match=r"bad\.csv: no column x_ecef_m"):
+    with pytest.raises(OpirError, match=r"bad\.csv: 1 problem\n  no column x_ecef_m"):
         recorded_flight(bad)
     dark = tmp_path / "dark.csv"
     dark.write_text(HEAD + "\n" + "\n".join(f"{k},7e6,0,0,0,1,0,0" for k in range(9)))
@@ -143,7 +143,7 @@ def test_a_prior_that_cannot_be_used_is_reported_with_its_setting_and_the_way_ou
     bad = {
         "no.csv": ("time_s,x\n1,2\n", "holds no law of vehicles"),
         "list.json": ("[1, 2]", "holds no law of vehicles"),
-        "part.json": (json.dumps({"families": own["families"]}), "no none_spread"),
+        "part.json": (json.dumps({"families": own["families"]}), "no note, source, none_spread"),
         "short.json": (json.dumps({**own, "marginal": {}}), "no range_km, density"),
         "thin.json": (
             json.dumps(
@@ -152,7 +152,7 @@ def test_a_prior_that_cannot_be_used_is_reported_with_its_setting_and_the_way_ou
                     "families": {**own["families"], "space": own["families"]["missile"]["first"]},
                 }
             ),
-            "no first",
+            "no stages, first",
         ),
     }
     for name, (content, why) in bad.items():

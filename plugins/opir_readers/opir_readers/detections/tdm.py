@@ -20,7 +20,7 @@ from opir_readers.xml_nodes import XmlNode, has_message, metadata_and_data, xml_
 
 FIRST_KEYWORD = "CCSDS_TDM_VERS"
 
-_HEAD = re.compile(rf"(\s*(COMMENT[^\n]*)?\n)*\s*{FIRST_KEYWORD}")
+_HEAD = re.compile(rf"([^\S\n]*(COMMENT[^\n]*)?\n)*+[^\S\n]*{FIRST_KEYWORD}")
 _CELESTIAL = "EME2000, J2000, ICRF, GCRF, TEME, TOD, MOD and CIRS"
 _LOCAL = ("azimuth_deg", "elevation_deg")
 _KEYS = {

@@ -17,7 +17,7 @@ from attrs import frozen
 
 from opir_core import Scene
 from opir_core.arrays import IntArray
-from opir_core.errors import nearest_names
+from opir_core.errors import BAD_DATA, nearest_names
 from opir_core.plugin import BadFileError
 from opir_core.reading import epoch_us_of_text
 from opir_readers.csv_layout import Layout, table_layout
@@ -242,7 +242,7 @@ def _spans_of_manifest(
             for name, spans in manifest["watched_s"].items()
             if name in ids
         }
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, *BAD_DATA):
         return {}
 
 

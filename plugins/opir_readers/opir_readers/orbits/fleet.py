@@ -112,7 +112,7 @@ def sensor_lines(rows: ElementSets, model: str) -> Iterator[str]:
 
 def satellites_of(rows: ElementSets) -> Iterator[Mapping[str, Any]]:
     """Yield `id` and `orbit` of each satellite, as a sensor's block has them."""
-    taken: set[str] = set()
+    taken: dict[str, int] = {}
     for row in rows:
         yield {"id": _id(row, taken), "orbit": row.get("orbit") or _orbit(row)}
 
@@ -129,20 +129,22 @@ def _orbit(row: Elements) -> Mapping[str, Any]:
     return {"omm": elements}
 
 
-def _id(row: Elements, taken: set[str]) -> str:
+def _id(row: Elements, taken: dict[str, int]) -> str:
     """Return an id that a scene takes, made of the name and, where that is taken, the number.
 
-    A name in letters that have no Latin ones is left out, and the number counts.
+    A name in letters that have no Latin ones is left out, and the number counts. `taken` has the
+    ids so far, each with the least count that may be free behind it.
     """
     written = omm_name(row)
     name = re.sub(r"[^A-Za-z0-9._-]+", "-", _in_latin(written)).strip("-._")[:48]
     number = number_of(row)
     if not name or (any(map(str.isalpha, written)) and not any(map(str.isalpha, name))):
         name = "SAT" if number is None else f"SAT-{number}"
-    candidates = [name, f"{name}-{number}" if number is not None else name]
-    candidates += [f"{name}-{count}" for count in range(2, len(taken) + 3)]
-    satellite_id = next(candidate for candidate in candidates if candidate not in taken)
-    taken.add(satellite_id)
+    satellite_id = name if name not in taken or number is None else f"{name}-{number}"
+    while satellite_id in taken:
+        satellite_id = f"{name}-{taken[name]}"
+        taken[name] += 1
+    taken[satellite_id] = 2
     return satellite_id
 
 
