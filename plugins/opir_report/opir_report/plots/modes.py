@@ -41,7 +41,7 @@ def modes_over_time(facts: RunFacts) -> FigureData:
     if not any(record.mode and not record.refusal for record in facts.run.commands):
         return FigureData.of_rows(_COLUMNS, [])
     sensors = [sensor for sensor in facts.run.sensors if sensor.modes]
-    return FigureData.of_rows(_COLUMNS, [row for each in sensors for row in _rows(facts, each)])
+    return FigureData.of_rows(_COLUMNS, [row for sensor in sensors for row in _rows(facts, sensor)])
 
 
 def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
@@ -65,17 +65,18 @@ def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
 
     spans = mode_spans(sensor, commands, facts.plan.scene.duration_s)
     for (mode, track, reason), group in groupby(spans, why):
-        first, *_, last = [*group] * 2
+        merged = list(group)
+        begin = merged[0]
         yield (
             sensor.id,
             mode,
-            _half_angle_deg(first.sensor),
+            _half_angle_deg(begin.sensor),
             track,
             names[targets.get(track, -1)],
-            reason or (records[first.start_s].reason if track >= 0 else ""),
-            first.start_s,
-            first.from_s,
-            last.until_s,
+            reason or (records[begin.start_s].reason if track >= 0 else ""),
+            begin.start_s,
+            begin.from_s,
+            merged[-1].until_s,
         )
 
 
@@ -103,8 +104,9 @@ def modes_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
             draw_bars(axes, row, of_sensor.at("mode", mode), hues[mode].colour)
         for label, middle_s in _labels(of_sensor, second_in):
             axes.text(middle_s, -row, label, color=PAPER, fontsize=8, ha="center", va="center")
-    more = len(spans.levels("sensor_id")) - len(names)
-    label_rows(axes, facts, names, f" ({more} more sensors have modes)" if more else "")
+    omission_count = len(spans.levels("sensor_id")) - len(names)
+    omission = f" ({omission_count} more sensors have modes)" if omission_count else ""
+    label_rows(axes, facts, names, omission)
     legend_of(axes, list(hues.values()))
     return axes
 
@@ -112,8 +114,8 @@ def modes_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
 def mode_hues(spans: FigureData) -> dict[str, Hue]:
     """Return the hue of each mode, by name, the sensors' own settings first."""
     named = [mode for mode in spans.levels("mode") if mode != OWN]
-    own = {OWN: Hue(MUTED, "-", OWN)} if len(named) < len(spans.levels("mode")) else {}
-    return own | {mode: series_hue(number, mode) for number, mode in enumerate(named)}
+    settings = {OWN: Hue(MUTED, "-", OWN)} if len(named) < len(spans.levels("mode")) else {}
+    return settings | {mode: series_hue(number, mode) for number, mode in enumerate(named)}
 
 
 def _labels(spans: FigureData, second_in: float) -> Iterator[tuple[str, float]]:
@@ -123,8 +125,10 @@ def _labels(spans: FigureData, second_in: float) -> Iterator[tuple[str, float]]:
         *(spans[name].tolist() for name in names), strict=True
     ):
         followed = target or (f"track {track}" if track >= 0 else "")
-        both = f"{target}: {reason}" if target else reason
+        label_words = f"{target}: {reason}" if target else reason
         letters = (until_s - from_s) * second_in / _LETTER_IN
-        label = next((words for words in (both, reason, followed) if len(words) < letters), "")
+        label = next(
+            (words for words in (label_words, reason, followed) if len(words) < letters), ""
+        )
         if label:
             yield label, 0.5 * (from_s + until_s)
