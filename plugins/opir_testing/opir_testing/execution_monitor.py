@@ -8,6 +8,7 @@ seen.
 """
 
 import gc
+import inspect
 import os
 import random
 import sys
@@ -124,7 +125,8 @@ def _settings_recorded(config: type) -> Iterator[set[str]]:
     earlier = config.__getattribute__
 
     def noted(settings: object, name: str) -> Any:
-        frame: FrameType | None = sys._getframe(1)
+        own = inspect.currentframe()
+        frame = own and own.f_back
         while frame is not None and _is_of_attrs(frame):
             frame = frame.f_back
         if frame is not None and not _module_of(frame).startswith(_READING):

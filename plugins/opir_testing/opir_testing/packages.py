@@ -20,7 +20,7 @@ import attrs, numpy
 from opir_core.plugin import *
 before = set(sys.modules)
 import {module}
-print(*sorted(set(sys.modules) - before))
+sys.stdout.write("\\n" + " ".join(sorted(set(sys.modules) - before)) + "\\n")
 """
 
 
