@@ -9,6 +9,7 @@ seen.
 
 import gc
 import inspect
+import linecache
 import os
 import random
 import sys
@@ -193,6 +194,8 @@ def _monitored(effects: list[str]) -> Iterator[list[str]]:
         elif event == "call" and frame.f_code is _ENVIRONMENT:
             use = f"the environment: {frame.f_locals.get('key')}"
         caller = _caller(frame) if use or effect else None
+        if event == "call" and caller is not None and not _names_variable(caller, frame):
+            caller = None
         if caller is not None:
             place = _source_line(caller)
             (uses if use else effects).append(f"{use or effect} ({place})")
@@ -226,6 +229,14 @@ def _outside_input(function: Any) -> str:
     if module == "_socket" or type(owner).__module__ in {"_socket", "socket"}:
         return f"the network: socket.{name}"
     return ""
+
+
+def _names_variable(caller: FrameType, read: FrameType) -> bool:
+    """Return whether the file of a caller names the variable of the environment that is read:
+    a compiled library that reads one in a call has no frame of its own.
+    """
+    text = "".join(linecache.getlines(caller.f_code.co_filename))
+    return str(read.f_locals.get("key")) in text
 
 
 def _print_of(function: Any) -> str:
