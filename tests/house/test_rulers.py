@@ -37,7 +37,7 @@ TOKENS: dict[str, int] = {
     "opir_scoring": 32_400,
     "opir_stonesoup": 8_000,
     "opir_studies": 46_800,
-    "opir_testing": 38_400,
+    "opir_testing": 38_500,
     "opir_trackers": 47_720,
     "benchmarks": 102_100,
     "tests": 842_600,
