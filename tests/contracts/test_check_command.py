@@ -51,7 +51,7 @@ def test_results_are_reported_one_by_one_without_pytest() -> None:
     assert lines[0] == "confidence model weighted of opir-core 0.1.0 (plugin builtin)"
     assert lines[1:3] == [
         "  passed   `build` returns an object with all that its kind requires.",
-        "  passed   Every setting has a help text, and the defaults are valid.",
+        "  passed   Every setting has a help text, and the defaults are valid; settings do not change.",
     ]
     count = len(names_of(contract_of("opir_confidence_models")))
     assert lines[-1] == f"{count} of {count} conformance tests pass"
@@ -95,7 +95,7 @@ def test_an_incomplete_part_is_the_only_result(hook: str, name: str, words: str)
         (["check", "weighted", "--set", "band"], 2, "has no '='; write path=value"),
         (["check", "weighted", "--expect", "test_x"], 2, "write TEST=REASON, with a reason"),
         (
-            ["check", "weighted", "--expect", "test_every_setting=x"],
+            ["check", "weighted", "--expect", "test_every_setting_is_documentd=x"],
             2,
             "the nearest is 'test_every_setting_is_documented'",
         ),

@@ -7,6 +7,7 @@ shows as a difference.
 
 import atexit
 import base64
+import io
 import json
 import os
 import subprocess
@@ -14,6 +15,7 @@ import sys
 from collections.abc import Sequence
 from functools import cache
 
+from opir_core.errors import ModelError
 from opir_testing.bench import SceneFile, bench_host, bench_run
 
 #: The hash seed of the process; the second one if the parent has the first.
@@ -22,7 +24,7 @@ _OTHER_HASH_SEED = "7"
 
 
 def events_in_other_process(scene: SceneFile, plugins: Sequence[str]) -> tuple[bytes, ...]:
-    """Return the events of a scene from the other process; raises `RuntimeError` with its message
+    """Return the events of a scene from the other process; raises `ModelError` with its message
     if it fails.
 
     `plugins` are the modules of plugins that are not installed.
@@ -35,7 +37,7 @@ def events_in_other_process(scene: SceneFile, plugins: Sequence[str]) -> tuple[b
     process.stdin.flush()
     answer = json.loads(process.stdout.readline() or '{"error": "the process ended"}')
     if "error" in answer:
-        raise RuntimeError(answer["error"])
+        raise ModelError(answer["error"])
     return tuple(base64.b64decode(line) for line in answer["lines"])
 
 
@@ -58,6 +60,9 @@ def _end(process: "subprocess.Popen[str]") -> None:
 
 
 def _serve() -> None:
+    answers = sys.stdout
+    # What a plugin prints is no answer; another test reports it.
+    sys.stdout = io.StringIO()
     for request in sys.stdin:
         arguments = json.loads(request)
         sys.path[:] = arguments["path"]
@@ -67,9 +72,9 @@ def _serve() -> None:
                 "lines": [base64.b64encode(line).decode() for line in lines]
             }
         except Exception as error:
-            answer = {"error": f"{type(error).__name__}: {error}"}
-        sys.stdout.write(json.dumps(answer) + "\n")
-        sys.stdout.flush()
+            answer = {"error": str(error)}
+        answers.write(json.dumps(answer) + "\n")
+        answers.flush()
 
 
 if __name__ == "__main__":

@@ -4,17 +4,26 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from io import StringIO
 from typing import Any
 
 from attrs import asdict
 
 from opir_core.cli import OwnedComponent, add_component, components_named
-from opir_core.errors import Problem, SceneError
+from opir_core.errors import Problem, SceneError, number_of
 from opir_core.host import warn
 from opir_core.plugin import Host
 from opir_core.reading import Node, data_of_node, overridden
 from opir_core.scene import implausible_defaults
-from opir_testing.contracts import BAD, PASSED, ConformanceResult, conformance_results, contract_for
+from opir_testing.contracts import (
+    BAD,
+    PASSED,
+    ConformanceResult,
+    by_cause,
+    conformance_results,
+    contract_for,
+)
 
 #: The exit code of a failed conformance test, as of models that return invalid values.
 _FAILED_EXIT_CODE = 4
@@ -50,9 +59,11 @@ def check(arguments: argparse.Namespace) -> int:
         (component, contract_for(component.component.hook, arguments.name, settings, expected))
         for component in components
     ]
-    results = [
-        (component, list(conformance_results(contract))) for component, contract in contracts
-    ]
+    # What a component prints is no result; a conformance test reports it.
+    with redirect_stdout(StringIO()):
+        results = [
+            (component, list(conformance_results(contract))) for component, contract in contracts
+        ]
     text = (
         _as_json(results)
         if arguments.json
@@ -88,13 +99,27 @@ def _expected(written: Sequence[str]) -> Mapping[str, str]:
 def _as_text(owned: OwnedComponent, results: Sequence[ConformanceResult]) -> str:
     component = owned.component
     lines = [f"{component.kind} {component.name} of {owned.owner}"]
+    causes = by_cause(results)
+    consequences = {first.test: others for first, *others in causes}
     for result in results:
+        if result.state in BAD and result.test not in consequences:
+            continue
         lines.append(f"  {result.state:7}  {result.requirement}")
         if result.state != PASSED:
             lines += [f"           {result.test}: {result.seen}", f"           {result.change}"]
+        if names := [other.test for other in consequences.get(result.test, ())]:
+            lines.append(f"           for this cause {len(names)} more fail: {', '.join(names)}")
     passing = sum(result.state not in BAD for result in results)
-    lines.append(f"{passing} of {len(results)} conformance tests pass")
-    return "\n".join(line.rstrip() for line in lines)
+    verdict = f"{passing} of {len(results)} conformance tests pass"
+    if causes:
+        verdict += f"; {number_of('cause', len(causes))} to correct"
+    return "\n".join(line.rstrip() for line in [*lines, verdict])
+
+
+def _test_rows(results: Sequence[ConformanceResult]) -> Sequence[Mapping[str, Any]]:
+    """Return the results as plain values; the `cause` of a bad one is the test that tells it."""
+    first = {result.test: group[0].test for group in by_cause(results) for result in group}
+    return [{**asdict(result), "cause": first.get(result.test, "")} for result in results]
 
 
 def _as_json(reports: Sequence[tuple[OwnedComponent, Sequence[ConformanceResult]]]) -> str:
@@ -103,7 +128,7 @@ def _as_json(reports: Sequence[tuple[OwnedComponent, Sequence[ConformanceResult]
             "kind": owned.component.kind,
             "name": owned.component.name,
             **asdict(owned.owner),
-            "tests": [asdict(result) for result in results],
+            "tests": _test_rows(results),
         }
         for owned, results in reports
     ]

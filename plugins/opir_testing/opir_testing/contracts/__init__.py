@@ -1,13 +1,13 @@
 """The conformance tests, one class for each kind of component, and a runner without pytest."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
 from attrs import frozen
 
 from opir_core.errors import Problem, SceneError, nearest
-from opir_core.host import described_error
+from opir_testing.contracts.causes import cause_of, grouped_by_cause, seen_of
 from opir_testing.contracts.contract import ConformanceError, Contract, requirement, test_names
 
 #: The module and the class of the conformance tests of each hook.
@@ -62,7 +62,8 @@ class ConformanceResult:
     """The result of a conformance test.
 
     `state` is "passed", "failed", "xfailed" (an expected failure; `change` is its reason) or
-    "xpassed" (passed, though a failure was expected).
+    "xpassed" (passed, though a failure was expected). `cause` is what a failed test shows of its
+    cause: results with one `cause`, and others that follow from it, are grouped by `by_cause`.
     """
 
     test: str
@@ -70,6 +71,7 @@ class ConformanceResult:
     state: str
     seen: str = ""
     change: str = ""
+    cause: str = ""
 
 
 def contract_for(
@@ -110,6 +112,7 @@ def conformance_results(contract: type[Contract]) -> Iterator[ConformanceResult]
             state=FAILED,
             seen=error.seen,
             change=error.change,
+            cause=_SETTINGS,
         )
         return
     for test in test_names(contract):
@@ -126,12 +129,14 @@ def _result(contract: type[Contract], test: str) -> ConformanceResult:
     subject = {"test": test, "requirement": requirement(contract, test)}
     try:
         getattr(contract(), test)()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
+        seen = seen_of(error)
         if reason is not None:
-            return ConformanceResult(
-                **subject, state=EXPECTED_FAILURE, seen=_seen(error), change=reason
-            )
-        return ConformanceResult(**subject, state=FAILED, seen=_seen(error), change=_change(error))
+            return ConformanceResult(**subject, state=EXPECTED_FAILURE, seen=seen, change=reason)
+        cause = cause_of(error)
+        return ConformanceResult(
+            **subject, state=FAILED, seen=seen, change=_change(error), cause=cause
+        )
     if reason is None:
         return ConformanceResult(**subject, state=PASSED)
     return ConformanceResult(
@@ -139,14 +144,20 @@ def _result(contract: type[Contract], test: str) -> ConformanceResult:
         state=UNEXPECTED_PASS,
         seen="it passes",
         change=f"Remove the expected failure ({reason}).",
+        cause=f"expected: {test}",
     )
 
 
-def _seen(error: Exception) -> str:
-    return error.seen if isinstance(error, ConformanceError) else described_error(error)
+def by_cause(results: Iterable[ConformanceResult]) -> Sequence[Sequence[ConformanceResult]]:
+    """Return the results of a component that are bad, in a row for each cause; the first of a row
+    tells it best, the others follow from it.
+    """
+    bad = {result.test: result for result in results if result.state in BAD}
+    groups = grouped_by_cause((test, result.cause) for test, result in bad.items())
+    return [[bad[test] for test in tests] for tests in groups]
 
 
-def _change(error: Exception) -> str:
+def _change(error: BaseException) -> str:
     if isinstance(error, ConformanceError):
         return error.change
     if "read-only" in str(error):

@@ -18,6 +18,7 @@ from opir_testing.contracts.contract import (
     require,
     require_array_computation,
     require_complete_abilities,
+    require_equal,
     require_independent_rows,
     require_rows,
     require_same_copy,
@@ -141,7 +142,7 @@ class ClassifierContract(SceneContract):
             return
         require_rows("pair_type", of_pair, len(plan.pairs))
         is_equal = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.inputs()))))
-        require(
+        require_equal(
             is_equal,
             "pair_type and reported_type differ",
             "Draw both from rng.pair_uniforms, or return None.",
@@ -162,7 +163,7 @@ class ClassifierContract(SceneContract):
         posterior = model.log_posterior(inputs)
         if posterior is None:
             return
-        require_rows("log_posterior", posterior, len(inputs))
+        require_rows("log_posterior", posterior, len(inputs), axes=2)
         over_types = model.over_types(posterior, REPORTED_TYPES)
         total = np.exp(over_types).sum(axis=1)
         sums_to_one = over_types.shape[1] == len(REPORTED_TYPES) and bool(
@@ -174,7 +175,7 @@ class ClassifierContract(SceneContract):
         )
         require(sums_to_one, "type probabilities do not sum to 1", change)
         is_equal = np.array_equal(model.reported(posterior), self._codes(np.arange(len(inputs))))
-        require(
+        require_equal(
             is_equal,
             "reported and reported_type differ",
             "Return reported(log_posterior(...)) from reported_type.",

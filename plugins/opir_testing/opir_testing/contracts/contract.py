@@ -4,40 +4,70 @@ share.
 The checks are independence of rows, equal events, pickling, and statistical bounds of 99.9 %.
 """
 
+import doctest
 import math
 import pickle
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from importlib import import_module
+from importlib.metadata import distribution
 from typing import Any, ClassVar
 
 import numpy as np
-from attrs import fields
+from attrs import fields, fields_dict
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, kind_of
+from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces import has_own
 from opir_core.plugin import Component, Host
 from opir_core.reading import InvalidNode, Node, class_reader, node_of_data
 from opir_core.scene import info_of
 from opir_testing.bench import BenchRun, bench_host, bench_run
-from opir_testing.execution_monitor import LOOP_STEPS, outside_inputs, steps_per_row
+from opir_testing.execution_monitor import LOOP_STEPS, Use, steps_per_row, use_of
+from opir_testing.packages import MOST_MODULES, build_module, foreign_modules, is_mentioned
+
+#: The angle at the Earth's centre from its launch point at which a target may ignite: 3 deg are
+#: 330 km, the way of a carrier aircraft.
+_AWAY_RAD = math.radians(3.0)
+
+_CORE_RANGE = re.compile(r"opir[-_.]+core\s*\(?\s*[~=!<>]", re.IGNORECASE)
 
 
 class ConformanceError(AssertionError):
     """A requirement that a component does not meet: `seen` is the observation, `change` the
     remedy.
+
+    `evidence` is what it shows, from which its cause follows: `INPUTS`, `REPEAT`, `ROWS`, `EVENTS`
+    or `DIFFERENCE`; "" for a value that is wrong by itself.
     """
 
-    def __init__(self, seen: str, change: str) -> None:
+    def __init__(self, seen: str, change: str, evidence: str = "") -> None:
         self.seen = seen
         self.change = change
+        self.evidence = evidence
         super().__init__(f"{seen}\n{change}")
 
 
-def require(condition: object, seen: str, change: str) -> None:
+#: What a failed test shows: an input from outside, a repetition with another result, rows that
+#: depend on other rows, runs with other events, or any other difference between two results.
+INPUTS = "inputs"
+REPEAT = "repeat"
+ROWS = "rows"
+EVENTS = "events"
+DIFFERENCE = "difference"
+
+
+def require(condition: object, seen: str, change: str, evidence: str = "") -> None:
     """Raise `ConformanceError` with the observation and the remedy unless a condition holds."""
     if not condition:
-        raise ConformanceError(seen, change)
+        raise ConformanceError(seen, change, evidence)
+
+
+def require_equal(is_equal: object, seen: str, change: str) -> None:
+    """Require that two results, which a test has compared, are equal."""
+    require(is_equal, seen, change, DIFFERENCE)
 
 
 class Contract:
@@ -71,6 +101,16 @@ class Contract:
     def component(cls) -> Any:
         """Return the component."""
         return cls.host().component(cls.kind, cls.name)
+
+    @classmethod
+    def offered(cls) -> Any:
+        """Return what the hook yields under the name, which has the component."""
+        return cls.component()
+
+    @classmethod
+    def afresh(cls) -> Any:
+        """Return the tests of the same component, without what these have built and computed."""
+        return type(cls.__name__, (cls,), {})()
 
     @classmethod
     def config(cls, **settings: Any) -> Any:
@@ -110,9 +150,80 @@ class Contract:
         """Return the run of a scene."""
         return bench_run(scene, cls.host(), **options)
 
+    def exercise(self) -> object:
+        """Build the part and use it; `use` calls it with nothing built before."""
+        return self.part()
+
+    @classmethod
+    @cache
+    def use(cls) -> Use:
+        """Return what building and using the part reads from outside and leaves behind."""
+        return use_of(lambda: cls.afresh().exercise(), cls.component().config)
+
     def test_build_returns_a_complete_part(self) -> None:
         """`build` returns an object with all that its kind requires."""
         self.part()
+
+    def test_every_setting_is_documented(self) -> None:
+        """Every setting has a help text, and the defaults are valid; settings do not change."""
+        require_documented(self.component())
+        require_constant(self.config())
+
+    def test_every_setting_is_read(self) -> None:
+        """Every setting has an effect: `build`, or what it returns, reads it."""
+        unread = [
+            name
+            for name in fields_dict(self.component().config)
+            if name not in self.use().settings_read and not is_mentioned(self.component(), name)
+        ]
+        require(
+            not unread,
+            f"nothing reads the setting {', '.join(unread)}",
+            "Read it from the configuration that build gets, or leave it out.",
+        )
+
+    def test_nothing_is_printed_warned_of_or_left_open(self) -> None:
+        """Building and using the part prints nothing, warns of nothing, and leaves no file open and
+        no thread at work.
+        """
+        effects = self.use().effects
+        require(
+            not effects,
+            f"it {'; '.join(effects[:3])}",
+            "Return results and raise errors instead of printing; close files (with open(...) as"
+            " file) and end threads; compute without warnings (np.errstate, np.where).",
+        )
+
+    def test_the_package_is_light_and_states_its_range_of_opir_core(self) -> None:
+        """The distribution requires a range of opir-core, and its plugin module imports no large
+        library.
+        """
+        owner = self.host().provenance(self.offered().hook, self.offered().name)
+        if not owner.distribution or owner.distribution == "opir-core":
+            return
+        package = distribution(owner.distribution)
+        require(
+            any(map(_CORE_RANGE.match, package.requires or ())),
+            f"{owner.distribution} requires no range of opir-core",
+            'Write dependencies = ["opir-core>=0.1,<0.2"], and install it again: pip then rejects'
+            " an opir-core that it does not fit.",
+        )
+        points = package.entry_points.select(group="opir", name=owner.plugin)
+        count, largest = foreign_modules(next(iter(points)).module)
+        require(
+            count <= MOST_MODULES,
+            f"importing its plugin module imports {count} modules, most of {largest}",
+            f"Import {largest} in build: each command of opir imports plugin modules.",
+        )
+
+    def test_examples_are_right(self) -> None:
+        """The examples (`>>>`) in the module of `build` give what they say."""
+        module = import_module(build_module(self.component()))
+        report: list[str] = []
+        finder = doctest.DocTestFinder(recurse=True)
+        for example in finder.find(module):
+            doctest.DocTestRunner(verbose=False).run(example, out=report.append)
+        require(not report, " ".join("".join(report).split()), "Correct the example, or the code.")
 
 
 def undefined(contract: type[Contract], method: str, returned: str) -> ConformanceError:
@@ -172,6 +283,22 @@ def read_config(component: Any, settings: Mapping[str, Any]) -> Any:
         ) from refused
 
 
+def require_constant(config: Any) -> None:
+    """Require that a configuration cannot be changed, and can be pickled."""
+    name = next(iter(fields_dict(type(config))), None)
+    try:
+        if name:
+            setattr(config, name, getattr(config, name))
+    except AttributeError:
+        name = None
+    require(
+        name is None,
+        f"the settings of {type(config).__name__} can be changed",
+        "Write @frozen(kw_only=True) before the class: a scene and its runs share the settings.",
+    )
+    require_pickling(config)
+
+
 def require_documented(component: Any) -> None:
     """Require a help text for each setting of a component."""
     config = component.config
@@ -214,7 +341,7 @@ def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
     """
     everyone = np.arange(rows)
     values = np.asarray(compute(everyone))
-    require_rows(what, values, rows)
+    require_rows(what, values, rows, values.ndim)
     choices = {
         "in reverse": everyone[::-1],
         "every third": everyone[::3],
@@ -223,7 +350,7 @@ def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
     }
     for selection, rows_chosen in choices.items():
         chosen_values = np.asarray(compute(rows_chosen))
-        require_rows(what, chosen_values, len(rows_chosen))
+        require_rows(what, chosen_values, len(rows_chosen), values.ndim)
         expected = values[rows_chosen]
         is_equal = (chosen_values == expected) | (
             (chosen_values != chosen_values) & (expected != expected)
@@ -236,16 +363,39 @@ def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
                 f" rows and {chosen_values[row]} in a selection ({selection})",
                 "Compute each row from its own columns: no sums, means, sorting or running state"
                 " over rows. Draw random numbers for all rows of the call.",
+                ROWS,
             )
 
 
-def require_rows(what: str, values: Any, rows: int) -> None:
-    """Require one value for each row."""
+def require_rows(what: str, values: Any, rows: int, axes: int = 1) -> None:
+    """Require one value for each row; more than one `axes` for vectors and matrices."""
     require(
-        np.ndim(values) >= 1 and len(values) == rows,
+        np.ndim(values) == max(axes, 1) and len(values) == rows,
         f"{what} has shape {np.shape(values)} for {rows} rows",
-        f"Return an array with one row for each row of the input, here ({rows}, ...), and an empty"
-        f" one for none.",
+        f"Return an array of {max(axes, 1)} axes with one row for each row of the input, here"
+        f" {rows}, and an empty one for none.",
+    )
+
+
+def require_near(
+    what: str, position_m: FloatArray, place: Mapping[str, float | None], where: str
+) -> None:
+    """Require that a position (3,) is above or below a place with `lat_deg` and `lon_deg`, m; a
+    place without them is not judged.
+    """
+    angles_deg = [place.get("lat_deg"), place.get("lon_deg")]
+    if None in angles_deg:
+        return
+    latitude, longitude = np.radians(np.array(angles_deg, dtype=np.float64))[:, None]
+    expected_m = geodetic_to_ecef(latitude, longitude, np.zeros(1))[0]
+    cosine = np.dot(position_m, expected_m) / (
+        np.linalg.norm(position_m) * np.linalg.norm(expected_m)
+    )
+    away_rad = math.acos(np.clip(cosine, -1.0, 1.0))
+    require(
+        not away_rad > _AWAY_RAD,
+        f"{what} {math.degrees(away_rad):.1f} deg from {where}",
+        "Convert degrees to radians; positions are ECEF, which turns with the Earth, in metres.",
     )
 
 
@@ -261,14 +411,18 @@ def require_array_computation(
     )
 
 
-def require_no_outside_inputs(act: Callable[[], object], change: str) -> None:
-    """Require that a function uses neither clock, entropy, network nor global random state."""
-    inputs = outside_inputs(act)
-    require(not inputs, f"it uses {'; '.join(inputs[:3])}", change)
+def require_no_outside_inputs(use: Use, change: str) -> None:
+    """Require that neither clock, entropy, environment, network nor global random state is used."""
+    inputs = use.inputs
+    require(not inputs, f"it uses {'; '.join(inputs[:3])}", change, INPUTS)
 
 
 def require_same_events(
-    expected: Sequence[bytes], lines: Sequence[bytes], where: str, change: str
+    expected: Sequence[bytes],
+    lines: Sequence[bytes],
+    where: str,
+    change: str,
+    evidence: str = EVENTS,
 ) -> None:
     """Require that two runs have the same events, line by line."""
     if list(expected) == list(lines):
@@ -286,6 +440,7 @@ def require_same_events(
         f"{where} there are {len(lines)} events instead of {len(expected)}, or different ones:"
         f" {differing}",
         change,
+        evidence,
     )
 
 
@@ -318,8 +473,8 @@ def require_pickling(part: Any) -> Any:
 
 def require_same_copy(part: Any, results: Callable[[Any], Any]) -> None:
     """Require that a built part can be pickled, and that its copy returns the same arrays."""
-    is_equal = np.array_equal(results(require_pickling(part)), results(part))
-    require(
+    is_equal = np.array_equal(results(require_pickling(part)), results(part), equal_nan=True)
+    require_equal(
         is_equal, "a pickled copy returns other values", "Keep all state in fields that pickle."
     )
 

@@ -13,6 +13,7 @@ from opir_testing.contracts.contract import (
     require,
     require_array_computation,
     require_complete_abilities,
+    require_equal,
     require_independent_rows,
     require_rows,
     require_same_copy,
@@ -136,7 +137,7 @@ class DetectionContract(SceneContract):
             len(exposed),
         )
         is_equal = np.array_equal(of_pair, model.probability(exposed))
-        require(
+        require_equal(
             is_equal,
             "pair_probability and probability differ",
             "Return None from pair_probability where looks differ.",
@@ -161,7 +162,7 @@ class DetectionContract(SceneContract):
             is_equal = np.array_equal(model.probability(bare), model.probability(exposed))
         except (IndexError, ValueError):
             is_equal = False
-        require(
+        require_equal(
             is_equal, "needs_geometry is False, but geometry is used", "Set needs_geometry = True."
         )
 
@@ -256,7 +257,7 @@ class DetectionContract(SceneContract):
         is_equal = response.probit is not None and np.allclose(
             ndtr(response.probit), model.probability(exposed), atol=1e-9
         )
-        require(
+        require_equal(
             is_equal,
             "response and probability differ",
             "Return the standard normal quantile of P_d as probit.",

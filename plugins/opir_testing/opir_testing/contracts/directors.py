@@ -29,6 +29,9 @@ from opir_testing.contracts.contract import require
 from opir_testing.contracts.scenes import SceneContract
 from opir_testing.doubles import stub_estimates, stub_window
 
+#: Distance from the Earth's centre that no ground has, m.
+_LEAST_RADIUS_M = 6.3e6
+
 _POINTED = {"model": "generic-pointed", "id": "POINTED", "orbital_slot_deg": -110.0}
 
 
@@ -109,6 +112,8 @@ class DirectorContract(SceneContract):
             fault = command_fault(commands)
             change = "Return a list of opir_core.plugin.Command, empty for none."
             require(not fault, f"{name} it {fault}", change)
+            for command in commands:
+                _require_place(name, command.position_ecef_m)
             ids = {sensor.id for sensor in situation.sensors}
             others = {command.sensor for command in commands} - ids
             require(
@@ -159,6 +164,17 @@ class DirectorContract(SceneContract):
             f"with a neighbour there are {len(again)} events instead of {len(detected)}",
             "A director changes nothing but where sensors with a narrow field look.",
         )
+
+
+def _require_place(situation: str, position_m: FloatArray | None) -> None:
+    """Require a position (3,), m, if a command has one, that is known and not inside of the Earth."""
+    distance_m = _LEAST_RADIUS_M if position_m is None else float(np.linalg.norm(position_m))
+    require(
+        _LEAST_RADIUS_M <= distance_m < np.inf,
+        f"{situation} it points {distance_m / 1000.0:.0f} km from the Earth's centre",
+        "Command a position in ECEF, in metres, on or above the ground; leave out tracks whose"
+        " state is nan.",
+    )
 
 
 def _everywhere(_sensor: str, position_ecef_m: FloatArray, _after_s: float = 0.0) -> BoolArray:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin import (
     EMITTER_TYPES,
@@ -32,7 +32,9 @@ from opir_testing.contracts.contract import (
     Contract,
     require,
     require_array_computation,
+    require_equal,
     require_independent_rows,
+    require_near,
     require_no_outside_inputs,
     require_pickling,
     require_rows,
@@ -43,6 +45,8 @@ _EPOCH_US = 1_775_044_800_000_000
 _SEED = 20260401
 _DURATION_S = 600.0
 _BURN_S = 180.0
+#: Sensors of bodies look at targets after burnout too.
+_FOLLOWED_S = 220.0
 _ROWS = 400
 _SEEDED = "Draw random numbers from the seed of the context."
 
@@ -69,14 +73,21 @@ class RadiometricContract(Contract):
         """The number of Python steps does not grow with the rows: computations are on arrays."""
         if self.count():
             require_array_computation(
-                "row", lambda rows: self.values(0, np.arange(rows)), _ROWS // 4, _ROWS
+                "row", lambda rows: self.values(0, _spread(rows)), _ROWS // 4, _ROWS
             )
 
     def test_clock_network_and_global_random_state_are_not_used(self) -> None:
-        """Clock, entropy, network and global random state are not used."""
-        require_no_outside_inputs(
-            lambda: self.count() and self.values(0, np.arange(_ROWS)), _SEEDED
-        )
+        """Clock, entropy, environment, network and global random state are not used."""
+        require_no_outside_inputs(self.use(), _SEEDED)
+
+    def exercise(self) -> object:
+        """Build the model and compute values."""
+        return self.part() and self.count() and self.values(0, np.arange(_ROWS))
+
+
+def _spread(rows: int) -> IntArray:
+    """Return rows evenly over all, so that few take the same branches as many."""
+    return np.linspace(0, _ROWS - 1, rows).astype(np.int64)
 
 
 class EmitterContract(RadiometricContract):
@@ -100,7 +111,7 @@ class EmitterContract(RadiometricContract):
         share = np.linspace(0.0, 1.0, _ROWS)
         columns = (
             (row % max(self.count(), 1)).astype(np.int32),
-            share * _BURN_S,
+            share * _FOLLOWED_S,
             (share**2) * 400e3,
             np.pi * (row * 0.618 % 1.0),
         )
@@ -240,6 +251,22 @@ class SourceContract(EmitterContract):
             "Return (n, 3) that is finite between ignition_s and burnout_s.",
         )
 
+    def test_emitters_are_at_their_places(self) -> None:
+        """Emitters of a block with `lat_deg` and `lon_deg`, or with a list `at` of these, are
+        there when they begin.
+        """
+        config = self.config()
+        places = getattr(config, "at", None) or [config]
+        trajectories = self.sources().trajectories
+        if len(places) != self.count():
+            return
+        rows = np.arange(self.count(), dtype=np.int32)
+        for row, position_m in enumerate(
+            trajectories.position_ecef_m(rows, trajectories.ignition_s)
+        ):
+            place = {name: getattr(places[row], name, None) for name in ("lat_deg", "lon_deg")}
+            require_near(f"emitter {row + 1} begins", position_m, place, "its place")
+
 
 #: Above this height the atmosphere absorbs nothing.
 _SPACE_M = 150e3
@@ -268,7 +295,7 @@ class EnvironmentContract(RadiometricContract):
         values = self.values(0, np.arange(_ROWS))
         copy = type(self.__class__.__name__, (type(self),), {})()
         is_equal = np.array_equal(copy.values(0, np.arange(_ROWS)), values)
-        require(
+        require_equal(
             is_equal,
             "a second model returns other values",
             "Build the model from its configuration and context.",

@@ -15,7 +15,6 @@ from opir_core.plugin import (
 from opir_testing.contracts.contract import (
     Contract,
     require,
-    require_documented,
     require_no_outside_inputs,
 )
 
@@ -46,11 +45,6 @@ class ReaderContract(Contract):
     def part(cls) -> Any:
         """Return what the reader makes of its example."""
         return cls.read(cls.component().example)
-
-    def test_every_setting_is_documented(self) -> None:
-        """Every setting has a help text, and the defaults are valid."""
-        require_documented(self.component())
-        self.config()
 
     def test_it_yields_what_it_says(self) -> None:
         """`yields` is a kind of content, and the example holds that content."""
@@ -138,7 +132,7 @@ class ReaderContract(Contract):
         require(
             _plain(self.part()) == _plain(self.part()), "a second call gives something else", _ALONE
         )
-        require_no_outside_inputs(self.part, _ALONE)
+        require_no_outside_inputs(self.use(), _ALONE)
 
 
 def spoilt(text: str) -> list[str]:

@@ -22,10 +22,10 @@ from opir_testing.bench import (
     planned,
 )
 from opir_testing.contracts.contract import (
+    REPEAT,
     ConformanceError,
     Contract,
     require,
-    require_documented,
     require_no_outside_inputs,
     require_same_events,
 )
@@ -66,16 +66,15 @@ class SceneContract(Contract):
         """Return all looks of the scene."""
         return LookTable.of(cls.plan())
 
-    def test_every_setting_is_documented(self) -> None:
-        """Every setting has a help text, and the defaults are valid."""
-        require_documented(self.component())
-        self.config()
+    def exercise(self) -> object:
+        """Run the scene."""
+        return self.run_of(self.scene())
 
     def test_the_same_seed_gives_the_same_bytes(self) -> None:
         """A second run in the same process gives the same bytes."""
         change = f"A result depends on earlier runs. {_STREAMS}"
         require_same_events(
-            self.run().lines, self.run_of(self.scene()).lines, "in a second run", change
+            self.run().lines, self.run_of(self.scene()).lines, "in a second run", change, REPEAT
         )
 
     def test_another_process_and_hash_seed_give_the_same_bytes(self) -> None:
@@ -85,7 +84,7 @@ class SceneContract(Contract):
             f" {_STREAMS}"
         )
         elsewhere = events_in_other_process(self.scene(), self.plugins)
-        require_same_events(self.run().lines, elsewhere, "in another process", change)
+        require_same_events(self.run().lines, elsewhere, "in another process", change, REPEAT)
 
     def test_what_replicates_share_does_not_use_the_seed(self) -> None:
         """A plan of another seed, with what no seed changes taken over, gives the bytes of one that
@@ -133,11 +132,11 @@ class SceneContract(Contract):
         )
 
     def test_clock_network_and_global_random_state_are_not_used(self) -> None:
-        """Clock, entropy, network and global random state are not used."""
+        """Clock, entropy, environment, network and global random state are not used."""
         change = (
             "Take times from the columns and random numbers from `rng`; read package data in build."
         )
-        require_no_outside_inputs(lambda: self.run_of(self.scene()), change)
+        require_no_outside_inputs(self.use(), change)
 
     def test_a_scene_without_targets_runs(self) -> None:
         """A scene without targets runs and has no detection of a target."""

@@ -369,6 +369,11 @@ class ConstellationContract(SensorContract):
         return cls.host().component(Constellation, cls.name)
 
     @classmethod
+    def offered(cls) -> Any:
+        """Return the constellation."""
+        return cls.constellation()
+
+    @classmethod
     def component(cls) -> Any:
         """Return the sensor model of the satellites."""
         return cls.host().component(SensorModel, cls.constellation().model)

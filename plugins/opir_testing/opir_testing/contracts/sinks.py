@@ -12,13 +12,19 @@ from typing import Any
 from attrs import fields_dict
 
 from opir_core import ModelError, Plan, SceneError, SinkError
+from opir_core.interfaces import has_own
 from opir_core.live import LiveRun, LiveSettings
 from opir_core.output import OutputFiles, RunOutcome, deliver, opened_sink
 from opir_core.plugin import Delivery, EventEncoder, Sink, SinkModel, Window
 from opir_core.random_streams import uuid_text
 from opir_core.scene import Choice
 from opir_testing.bench import bench_scene, encoder_of, planned
-from opir_testing.contracts.contract import ConformanceError, require, require_complete_abilities
+from opir_testing.contracts.contract import (
+    ConformanceError,
+    require,
+    require_complete_abilities,
+    require_equal,
+)
 from opir_testing.contracts.outputs import OutputContract, edge_case_windows
 from opir_testing.doubles import stub_window
 
@@ -68,6 +74,13 @@ class SinkContract(OutputContract):
                 yield self.opened_with(files)
             finally:
                 files.abandon()
+
+    def exercise(self) -> object:
+        """Open the sink, write the windows and close it."""
+        with self.opened() as sink:
+            for window in self.windows():
+                sink.write(window)
+            return sink.close()
 
     def opened_with(self, files: OutputFiles) -> Sink:
         """Return the built sink, with its files placed as those of a batch run."""
@@ -138,6 +151,24 @@ class SinkContract(OutputContract):
         accepted.
         """
         self._require_written(edge_case_windows().values())
+
+    def test_what_is_synced_is_in_the_file(self) -> None:
+        """After `sync` the file of a sink that has one holds what was written."""
+        with self.opened() as sink:
+            if not has_own(Sink, sink, "sync"):
+                sink.close()
+                return
+            sink.sync()
+            head = _sizes()
+            sink.write(stub_window(3))
+            sink.sync()
+            synced = _sizes()
+            sink.close()
+            require(
+                synced != head or _sizes() == head,
+                "sync leaves what was written out of the file, and close adds it",
+                "Flush the file in sync, and call os.fsync: a spool drops the events after it.",
+            )
 
     def test_a_run_that_is_given_up_leaves_no_file(self) -> None:
         """A run that fails leaves no file: those of the sink are staged."""
@@ -232,7 +263,7 @@ class SinkContract(OutputContract):
             "Keep the records as they are.",
         )
         is_equal = [row.get("detection_id") for row in rows[len(records) :]] == ids
-        require(
+        require_equal(
             is_equal,
             "the detections read are not those written",
             "Write a row for each detection, in their order.",

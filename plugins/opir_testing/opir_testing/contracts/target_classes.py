@@ -34,6 +34,11 @@ class TargetClassContract(TargetContract):
         return cls.host().component(TargetClass, cls.name)
 
     @classmethod
+    def offered(cls) -> Any:
+        """Return the target class."""
+        return cls.target_class()
+
+    @classmethod
     def component(cls) -> Any:
         """Return the target model for what follows burnout."""
         return cls.host().component(TargetModel, cls.target_class().after_burnout.model)

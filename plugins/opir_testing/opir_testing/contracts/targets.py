@@ -22,7 +22,9 @@ from opir_testing.contracts.contract import (
     read_config,
     require,
     require_array_computation,
+    require_equal,
     require_independent_rows,
+    require_near,
     require_same_copy,
     require_same_events,
 )
@@ -205,6 +207,18 @@ class TargetContract(SceneContract):
                 "Positions are ECEF, metres, continuous, with accelerations below 100 m/s2.",
             )
 
+    def test_flights_begin_at_their_launch_points(self) -> None:
+        """A target with a `launch` in its block is there at ignition."""
+        trajectories = self.targets()
+        for row, block in enumerate(self.blocks()):
+            start_s = trajectories.ignition_s[row : row + 1]
+            require_near(
+                f"at ignition target {row} is",
+                trajectories.position_ecef_m(*_at(row, start_s))[0],
+                block.get("launch", {}),
+                "its launch point",
+            )
+
     def test_positions_are_independent(self) -> None:
         """The position of a target at a time does not depend on the other rows of the call."""
         trajectories = self.targets()
@@ -230,8 +244,10 @@ class TargetContract(SceneContract):
                 float(trajectories.ignition_s[row]), float(trajectories.burnout_s[row]), 23
             )
             together = trajectories.position_ecef_m(*_at(row, time_s))
-            is_equal = np.array_equal(alone.position_ecef_m(*_at(0, time_s)), together)
-            require(
+            is_equal = np.array_equal(
+                alone.position_ecef_m(*_at(0, time_s)), together, equal_nan=True
+            )
+            require_equal(
                 is_equal,
                 f"target {row} has another trajectory alone",
                 "Compute each target from its own configuration.",

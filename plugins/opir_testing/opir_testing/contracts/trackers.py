@@ -26,6 +26,7 @@ from opir_testing.bench import planned
 from opir_testing.contracts.contract import (
     ConformanceError,
     require,
+    require_equal,
     require_independent_rows,
     require_pickling,
 )
@@ -293,7 +294,7 @@ class TrackerContract(SceneContract):
         """The order of targets does not change which detections share a track."""
         scene = self.scene()
         reordered = self.run_of({**scene, "targets": scene["targets"][::-1]})
-        require(
+        require_equal(
             _partition(self.run().detections) == _partition(reordered.detections),
             "with the targets in reverse order, other detections share a track",
             "Break ties by measurements (time, sensor, direction), not by the order of rows.",
@@ -308,7 +309,7 @@ class TrackerContract(SceneContract):
             is_equal = np.array_equal(
                 getattr(without, column), getattr(self.run().detections, column), equal_nan=True
             )
-            require(is_equal, f"the tracker changes the column {column}", change)
+            require_equal(is_equal, f"the tracker changes the column {column}", change)
 
     def test_only_measured_columns_are_used(self) -> None:
         """Results do not depend on counts, confidences and ids of detections, which contain
@@ -323,7 +324,7 @@ class TrackerContract(SceneContract):
             detection_id=rng.integers(0, 2**63, (len(detections), 2)).astype(np.uint64),
         )
         for tick, copy in zip(self.results(), self.ticks(self.tracker(), scrambled), strict=True):
-            require(
+            require_equal(
                 np.array_equal(tick.track, copy.track) and _equal(tick.tracks, copy.tracks),
                 f"at {tick.time_s} s results change with counts, confidences and ids",
                 "Use times, sensors, scans, directions, bands, irradiances and reported types.",
@@ -367,7 +368,7 @@ class TrackerContract(SceneContract):
             repeated = tracker.associate(batch)
             tracks = tracker.step(tick_ns / _NS, batch)
             expected = control.step(tick_ns / _NS, batch)
-            require(
+            require_equal(
                 np.array_equal(numbers, repeated) and _equal(tracks, expected),
                 f"at {tick_ns / _NS} s results depend on calls of associate",
                 "Change state in step only; the engine may call associate for parts of a batch, or"
@@ -383,7 +384,7 @@ class TrackerContract(SceneContract):
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
             tracker.set_sensors(self.context().sensors)
             is_equal = _equal(tracker.step(tick_ns / _NS, batch), copy.step(tick_ns / _NS, batch))
-            require(
+            require_equal(
                 is_equal,
                 f"at {tick_ns / _NS} s set_sensors changes the tracks",
                 "Change only the settings of the sensors.",
@@ -484,7 +485,7 @@ class TrackerContract(SceneContract):
         tracker = self.tracker()
         none = self.observed().take(slice(0, 0))
         for tick in self.ticks(tracker, none):
-            require(
+            require_equal(
                 len(tick.tracks) == 0,
                 "there is a track without detections",
                 "Return no tracks before the first detection.",
@@ -501,7 +502,7 @@ class TrackerContract(SceneContract):
         for tick_ns, batch in _batches(tracker, self.observed(), self.plan().end_ns):
             expected = control.step(tick_ns / _NS, batch)
             if not len(batch) and tracker.is_idle():
-                require(
+                require_equal(
                     not len(expected),
                     "an idle tracker has tracks",
                     "is_idle is true while nothing is followed.",
@@ -511,7 +512,7 @@ class TrackerContract(SceneContract):
             if passed_ns is not None:
                 tracker.step(passed_ns / _NS, none)
                 passed_ns = None
-            require(
+            require_equal(
                 _equal(tracker.step(tick_ns / _NS, batch), expected),
                 f"at {tick_ns / _NS} s ticks that were passed over while the tracker was idle"
                 f" change the tracks",
@@ -528,7 +529,7 @@ class TrackerContract(SceneContract):
         copy = require_pickling(tracker)
         for tick_ns, batch in batches[middle:]:
             is_equal = _equal(tracker.step(tick_ns / _NS, batch), copy.step(tick_ns / _NS, batch))
-            require(
+            require_equal(
                 is_equal,
                 f"at {tick_ns / _NS} s a pickled copy returns other tracks",
                 "Keep all state in the tracker.",
