@@ -59,5 +59,5 @@ def test_a_mistake_is_found(
     monkeypatch.syspath_prepend(tmp_path)
     contract = contract_for("opir_readers", "mine", {}, {}, (module,))
     failed = [row.test for row in conformance_results(contract) if row.state != "passed"]
-    assert failed[0] == test
+    assert test in failed
     assert module in sys.modules

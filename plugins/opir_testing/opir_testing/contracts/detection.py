@@ -253,7 +253,7 @@ class DetectionContract(SceneContract):
             return
         from scipy.special import ndtr
 
-        require_rows("response", response.snr, len(exposed))
+        require_rows("response", response.snr, len(exposed), axes=2)
         is_equal = response.probit is not None and np.allclose(
             ndtr(response.probit), model.probability(exposed), atol=1e-9
         )
