@@ -58,7 +58,8 @@ _LONGEST_US = (1 << 63) // 1_000
 
 #: Finite, and with squares that are finite too.
 _Number = Annotated[float, msgspec.Meta(ge=-1e100, le=1e100)]
-_Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+#: A probability; sums of some pass 1 by rounding errors.
+_Share = Annotated[float, msgspec.Meta(ge=-1e-6, le=1.000001)]
 
 
 class _TruthLine(msgspec.Struct, gc=False):

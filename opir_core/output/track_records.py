@@ -23,7 +23,8 @@ from opir_core.scene.scene import REPORTED_TYPES
 
 #: Finite, and with squares that are finite too.
 _Number = Annotated[float, Meta(ge=-1e100, le=1e100)]
-_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+#: A probability; sums of some pass 1 by rounding errors.
+_Share = Annotated[float, Meta(ge=-1e-6, le=1.000001)]
 _Vector = tuple[_Number, _Number, _Number]
 _Pair = tuple[_Number, _Number]
 _Six = tuple[_Number, _Number, _Number, _Number, _Number, _Number]
@@ -94,7 +95,7 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     probability_launch: _Share | None = None
     probability_missile: _Share | None = None
     probability_orbit: _Share | None = None
-    probability_comes_down: _Share | None = None
+    probability_comes_down: _Number | None = None
     position_ecef_m: _Vector | None = None
     velocity_ecef_m_s: _Vector | None = None
     covariance: tuple[_Six, _Six, _Six, _Six, _Six, _Six] | None = None
