@@ -345,6 +345,7 @@ def answer_to(command: str, folder: Path, *values: str) -> Answer:
     words = [re.sub(r"\{\}", lambda _: next(remaining), word) for word in command.split()]
     printed = io.StringIO()
     start = forget_peak()
+    present_bytes = peak_bytes()  # of what this process has read and kept before
     try:
         with (
             contextlib.chdir(folder), contextlib.redirect_stdout(printed),
@@ -357,7 +358,7 @@ def answer_to(command: str, folder: Path, *values: str) -> Answer:
     except BaseException as error:
         code = None
         printed.write(f"uncaught {type(error).__name__}: {error}")
-    return Answer(code, printed.getvalue(), time.monotonic() - start, peak_bytes())
+    return Answer(code, printed.getvalue(), time.monotonic() - start, peak_bytes() - present_bytes)
 
 
 def forget_peak() -> float:
