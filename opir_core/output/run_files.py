@@ -46,7 +46,7 @@ class _Health(msgspec.Struct):
     text: str
 
 
-class _Component(msgspec.Struct):
+class _ComponentVersion(msgspec.Struct):
     distribution: str
     version: str
 
@@ -56,7 +56,7 @@ class _Manifest(msgspec.Struct):
 
     counts: dict[str, int] = {}
     versions: dict[str, str] = {}
-    components: list[_Component] = []
+    components: list[_ComponentVersion] = []
     sensor_health: list[_Health | None] | None = None
     watched_s: dict[str, list[tuple[float, float]]] = {}
 

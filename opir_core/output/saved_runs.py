@@ -3,6 +3,7 @@
 Files round: times to a microsecond, angles to 1e-9 degree, sensor positions to a millimetre.
 """
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
@@ -353,8 +354,11 @@ class _Columns:
 
     def _times_ns(self, texts: Sequence[str]) -> IntArray:
         try:
-            stamps = np.array([text.removesuffix("Z") for text in texts], dtype="datetime64[us]")
-        except ValueError as error:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # numpy warns of another time zone
+                texts = [text.removesuffix("Z") for text in texts]
+                stamps = np.array(texts, dtype="datetime64[us]")
+        except (ValueError, UserWarning) as error:
             raise invalid_file(
                 self.path, "timestamp", f"is not a timestamp of opir: {error}"
             ) from error
