@@ -6,7 +6,7 @@ from io import BytesIO
 from typing import Any
 from uuid import UUID
 
-from opir_core.errors import install_command
+from opir_core.errors import BAD_DATA, install_command
 from opir_core.plugin import BadFileError
 
 #: Parquet files begin so.
@@ -47,11 +47,11 @@ def text_of_parquet(content: bytes) -> str:
             raise BadFileError(f"has several columns {repeated!r}: rename or drop the others")
         _require_size(table.metadata, names)
         return _text_of(content, table.schema_arrow, names)
-    except (pyarrow.ArrowException, OSError, ValueError) as error:
+    except (pyarrow.ArrowException, OSError, *BAD_DATA) as error:
         if isinstance(error, BadFileError):
             raise
         raise BadFileError(
-            f"is no whole Parquet file: {str(error).splitlines()[0][:200]}"
+            f"is no whole Parquet file: {(str(error) or type(error).__name__).splitlines()[0][:200]}"
         ) from error
 
 

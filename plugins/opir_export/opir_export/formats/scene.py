@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 from attrs import frozen
 
+from opir_core.errors import BAD_DATA, Problem, SceneError
 from opir_core.live import recorded_run
 from opir_core.output import OutputFiles
 from opir_core.reading import scene_mapping
@@ -36,11 +37,15 @@ class RecordedScene:
         """
         recorded = recorded_run(changes_path)
         lap = self.config.lap
-        scene = _lap_scene(recorded.scene, recorded.changes, lap)
-        lacks = [
-            *_unsaid_changes(recorded.changes, lap),
-            *_other_end(recorded.end_ns, scene["duration_s"], lap),
-        ]
+        try:
+            scene = _lap_scene(recorded.scene, recorded.changes, lap)
+            lacks = [
+                *_unsaid_changes(recorded.changes, lap),
+                *_other_end(recorded.end_ns, scene["duration_s"], lap),
+            ]
+        except BAD_DATA as error:
+            problem = Problem("scene", f"lacks or has damaged settings: {error}")
+            raise SceneError([problem], source=str(changes_path)) from error
         heading = f"A live run with its launches, from {changes_path.name}, lap {lap}."
         _write_scene(scene, [heading, *(f"Not in this scene: {words}" for words in lacks)], path)
         return lacks
