@@ -54,7 +54,8 @@ def _needed(distribution: str) -> list[str]:
     return [word.removeprefix("+") for word in words if word.startswith("+")]
 
 
-#: What Python, numpy and pyarrow raise at data of another shape than the reader of a file expects.
+#: What Python, numpy and pyarrow raise at data of another shape than the reader of a file expects;
+#: NotImplementedError is pyarrow's, for types of columns that it does not convert.
 BAD_DATA = (
     ValueError,
     LookupError,

@@ -29,10 +29,10 @@ class RefusalWarnings:
                 warn(f"director: a command to {record.sensor} is refused: {record.refusal}")
 
 
-def written(
+def file_after(
     file: "CommandsFile | None", commands: Sequence[CommandRecord]
 ) -> "CommandsFile | None":
-    """Write what became of commands; return the file, None where it takes no more."""
+    """Write what became of commands to a file; return it, None once it takes no more."""
     if file is not None and commands:
         try:
             file.write(commands)

@@ -27,7 +27,7 @@ from opir_core.live.changes import (
     settings_change,
     wait_until,
 )
-from opir_core.live.commands import RefusalWarnings, written
+from opir_core.live.commands import RefusalWarnings, file_after
 from opir_core.live.loops import (
     LapOffset,
     LapPlans,
@@ -456,7 +456,7 @@ class LiveRun:
     def _record_commands(self, commands: Sequence[CommandRecord]) -> None:
         """Write what became of commands; a file that takes no more is left as it is."""
         self._refusals.warn_of(commands)
-        self.commands_file = written(self.commands_file, commands)
+        self.commands_file = file_after(self.commands_file, commands)
 
     def _cycle(self) -> bool:
         """Run one cycle; return whether there is another."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -36,6 +36,7 @@ from opir_core.output.run_files import (
     require_file_of_run,
     require_launches_of_run,
 )
+from opir_core.output.track_records import FiniteNumber, Share
 from opir_core.output.tracks_file import read_tracks
 from opir_core.output.transaction import FILES_KEY, finish_interrupted
 from opir_core.planning.plan import Plan, compile_plan
@@ -57,47 +58,41 @@ _BESIDE = (_MANIFEST, _TRUTH, _PARQUET_TRUTH, _TRACKS, _COMMANDS)
 _LONGEST_US = (1 << 63) // 1_000
 
 
-#: Finite, and with squares that are finite too.
-_Number = Annotated[float, msgspec.Meta(ge=-1e100, le=1e100)]
-#: A probability; sums of some pass 1 by rounding errors.
-_Share = Annotated[float, msgspec.Meta(ge=-1e-6, le=1.000001)]
-
-
 class _TruthLine(msgspec.Struct, gc=False):
     """A line of the truth; records other than detections have other keys."""
 
     record: str
     detection_id: str = ""
     target_id: str | None = None
-    ignition_s: _Number | None = None
-    burnout_s: _Number | None = None
+    ignition_s: FiniteNumber | None = None
+    burnout_s: FiniteNumber | None = None
     burnout: dict[str, Any] | None = None
     launch: dict[str, Any] | None = None
     impact: dict[str, Any] | None = None
-    emission_s: _Number | None = None
-    range_m: _Number | None = None
-    target_elevation_rad: _Number | None = None
-    probability: _Share | None = None
+    emission_s: FiniteNumber | None = None
+    range_m: FiniteNumber | None = None
+    target_elevation_rad: FiniteNumber | None = None
+    probability: Share | None = None
 
 
 class _Event(msgspec.Struct, gc=False):
     detection_id: str
     timestamp: str
     sensor_id: str
-    line_of_sight_sigma_urad: _Number
-    azimuth_deg: _Number
-    elevation_deg: _Number
-    sensor_position_ecef_m: tuple[_Number, _Number, _Number]
+    line_of_sight_sigma_urad: FiniteNumber
+    azimuth_deg: FiniteNumber
+    elevation_deg: FiniteNumber
+    sensor_position_ecef_m: tuple[FiniteNumber, FiniteNumber, FiniteNumber]
     target_type: str = "UNKNOWN"
-    confidence: _Share | None = None
+    confidence: Share | None = None
     reported_at: str | None = None
     path: tuple[str, ...] | None = None
     bands: tuple[str, ...] = ()
-    snr: _Number | None = None
+    snr: FiniteNumber | None = None
     scan: int | None = None
     track_id: int | None = None
-    band_irradiance_w_m2: dict[str, _Number | None] | None = None
-    type_probability: dict[str, _Share | None] | None = None
+    band_irradiance_w_m2: dict[str, FiniteNumber | None] | None = None
+    type_probability: dict[str, Share | None] | None = None
     schema_version: Any = None
 
 
@@ -355,13 +350,12 @@ class _Columns:
     def _times_ns(self, texts: Sequence[str]) -> IntArray:
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error")  # numpy warns of another time zone
+                warnings.simplefilter("error")  # of numpy, at another time zone
                 texts = [text.removesuffix("Z") for text in texts]
                 stamps = np.array(texts, dtype="datetime64[us]")
-        except (ValueError, UserWarning) as error:
-            raise invalid_file(
-                self.path, "timestamp", f"is not a timestamp of opir: {error}"
-            ) from error
+        except (ValueError, Warning) as error:
+            words = f"is not a timestamp of opir, in UTC with Z: {error}"
+            raise invalid_file(self.path, "timestamp", words) from error
         since_us = stamps.astype(np.int64) - self.plan.scene.epoch_us
         return np.clip(since_us, -_LONGEST_US, _LONGEST_US) * 1_000
 

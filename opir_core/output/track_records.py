@@ -22,13 +22,15 @@ from opir_core.reading.format_versions import TRACK_FORMAT
 from opir_core.scene.scene import REPORTED_TYPES
 
 #: Finite, and with squares that are finite too.
-_Number = Annotated[float, Meta(ge=-1e100, le=1e100)]
+FiniteNumber = Annotated[float, Meta(ge=-1e100, le=1e100)]
 #: A probability; sums of some pass 1 by rounding errors.
-_Share = Annotated[float, Meta(ge=-1e-6, le=1.000001)]
-_Vector = tuple[_Number, _Number, _Number]
-_Pair = tuple[_Number, _Number]
-_Six = tuple[_Number, _Number, _Number, _Number, _Number, _Number]
-_Seven = tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number]
+Share = Annotated[float, Meta(ge=-1e-6, le=1.000001)]
+_Vector = tuple[FiniteNumber, FiniteNumber, FiniteNumber]
+_Pair = tuple[FiniteNumber, FiniteNumber]
+_Six = tuple[FiniteNumber, FiniteNumber, FiniteNumber, FiniteNumber, FiniteNumber, FiniteNumber]
+_Seven = tuple[
+    FiniteNumber, FiniteNumber, FiniteNumber, FiniteNumber, FiniteNumber, FiniteNumber, FiniteNumber
+]
 _Limit = 2**63 - 1
 _Track = Annotated[int, Meta(ge=0, le=_Limit)]
 _Time = Annotated[float, Meta(ge=-float(_Limit), le=float(_Limit))]
@@ -41,10 +43,10 @@ class LaunchRecord(msgspec.Struct, kw_only=True, gc=False):
 
     lat_deg: Annotated[float, Meta(ge=-90.0, le=90.0)]
     lon_deg: Annotated[float, Meta(ge=-360.0, le=360.0)]
-    time_s: _Number | None = None
+    time_s: FiniteNumber | None = None
     time: str | UnsetType | None = UNSET
     covariance_m2: tuple[_Pair, _Pair] | None = None
-    time_variance_s2: _Number | None = None
+    time_variance_s2: FiniteNumber | None = None
     time_covariance_m_s: _Pair | None = None
 
 
@@ -57,9 +59,9 @@ class ImpactRecord(LaunchRecord, kw_only=True, gc=False):
     """
 
     method: Literal["posterior", "paper"] = "posterior"
-    containment: Sequence[_Share] | None = None
+    containment: Sequence[Share] | None = None
     ellipse_sigmas: _Vector | None = None
-    sigma_m: _Number | None = None
+    sigma_m: FiniteNumber | None = None
 
 
 class BurnoutRecord(msgspec.Struct, kw_only=True, gc=False):
@@ -67,7 +69,7 @@ class BurnoutRecord(msgspec.Struct, kw_only=True, gc=False):
     time.
     """
 
-    time_s: _Number
+    time_s: FiniteNumber
     time: str | UnsetType | None = UNSET
     position_ecef_m: _Vector
     velocity_ecef_m_s: _Vector
@@ -90,12 +92,12 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     available_s: _Time | None = None
     available_at: str | UnsetType | None = UNSET
     target_type: str | None = None
-    type_probability: dict[str, _Share] | None = None
-    hypotheses: dict[str, _Share] | None = None
-    probability_launch: _Share | None = None
-    probability_missile: _Share | None = None
-    probability_orbit: _Share | None = None
-    probability_comes_down: _Number | None = None
+    type_probability: dict[str, Share] | None = None
+    hypotheses: dict[str, Share] | None = None
+    probability_launch: Share | None = None
+    probability_missile: Share | None = None
+    probability_orbit: Share | None = None
+    probability_comes_down: FiniteNumber | None = None
     position_ecef_m: _Vector | None = None
     velocity_ecef_m_s: _Vector | None = None
     covariance: tuple[_Six, _Six, _Six, _Six, _Six, _Six] | None = None
@@ -105,10 +107,10 @@ class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
     impact: ImpactRecord | None = None
     impact_regions: Any = UNSET
     impact_regions_id: int | UnsetType = UNSET
-    probability_burning: _Share | None = None
-    probability_relights: _Share | None = None
+    probability_burning: Share | None = None
+    probability_relights: Share | None = None
     end: Literal["impact", "orbit", "lost", "flash", "unresolved"] | None = None
-    seen_s: _Number | None = None
+    seen_s: FiniteNumber | None = None
     is_brief: bool = False
 
 

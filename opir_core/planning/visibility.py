@@ -27,10 +27,10 @@ CHORD_ERROR_M = ACCELERATION_BOUND_M_S2 * GRID_STEP_S**2 / 8.0
 #: hidden.
 _HIDDEN_M = -2.0 * CHORD_ERROR_M
 
-#: More than the angle between the vertical and the direction from the Earth's centre, at least so
-#: far from it: 0.0034 rad on the ground.
+#: More than the angle between the geodetic and the geocentric vertical (half the squared
+#: eccentricity on the ground, 0.0034 rad), at this distance from the Earth's centre or beyond.
 _VERTICAL_RAD = 0.005
-_DEEP_M = 6e6
+_LEAST_RADIUS_M = 6e6
 
 #: Lines of sight at least this far above the target's horizon need no grazing height.
 _WELL_ABOVE_RAD = 0.05
@@ -65,7 +65,7 @@ def _geocentric_elevation_rad(target_ecef_m: FloatArray, sensor_ecef_m: FloatArr
     square = dot(target_ecef_m, target_ecef_m)
     with np.errstate(invalid="ignore", divide="ignore"):
         sine = dot(target_ecef_m, way) / np.sqrt(square * dot(way, way))
-    return np.where(square > _DEEP_M**2, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan)
+    return np.where(square > _LEAST_RADIUS_M**2, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan)
 
 
 @frozen(eq=False, repr=False)

@@ -78,9 +78,9 @@ class PointedFields:
         self.sensors = {
             number: sensor for number, sensor in enumerate(sensors) if sensor.pointing is not None
         }
-        #: By number of a sensor in a mode that of the sensor, and the mode.
-        #: All looks before that time have been made, s.
+        #: All looks before this time of the scene have been made, s.
         self.observed_s = 0.0
+        #: By number of a sensor in a mode that of the sensor, and the mode.
         self._modes = {
             number: (number, "")
             if modes is None

@@ -16,7 +16,7 @@ from opir_core.plugin import Host
 #: Of 30 mistakes at least 28 are found.
 LEAST_SHARE = 28 / 30
 
-#: Mistakes that break several promises at once, and the most causes that are told.
+#: Mistakes that fail tests of several kinds, and the most causes that `opir check` prints for each.
 SEVERAL = {
     "counts that are truth": 2,
     "file that is never closed": 2,

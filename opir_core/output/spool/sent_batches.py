@@ -34,8 +34,8 @@ class SentBatches:
     def __init__(self) -> None:
         self._sent: dict[Sent, None] = {}
         self._done: dict[Sent, None] = {}
-        # What has just come, from any thread: to look at all that wait, at each that comes, would
-        # cost their square.
+        # Acknowledged or failed in other threads, and not yet seen by this one: a search of all
+        # under way at each acknowledgement would take quadratic time.
         self._arrived: deque[Sent] = deque()
         self._bytes = 0
 
@@ -57,10 +57,10 @@ class SentBatches:
         future.add_done_callback(lambda _done: self._arrived.append(sent))
 
     def done(self) -> list[Sent]:
-        """Return the batches that are acknowledged or have failed."""
+        """Return the batches that are acknowledged or have failed, in the order of sending."""
         while self._arrived:
             self._done[self._arrived.popleft()] = None
-        return list(self._done)
+        return sorted(self._done, key=lambda sent: sent.number)
 
     def remove(self, done: Collection[Sent]) -> None:
         """Remove batches."""

@@ -183,8 +183,10 @@ def _log_density(score: FloatArray, mean: FloatArray, variance: FloatArray) -> F
     return -0.5 * residual * residual / variance - 0.5 * np.log(variance)
 
 
-#: Probabilities of a law; its other numbers are of the magnitude of the tracker's own.
+#: Places of a law's probabilities, and of numbers whose logarithm is taken or that divide.
 _SHARES = re.compile("stages|coupling|hot_|groups|odd_|probability|any|marginal.(glide|orbit)")
+_POSITIVE = re.compile("median|sigma|period|range|density")
+#: Other numbers are at most so many times the tracker's own: beyond that a unit is mistaken.
 _FACTOR = 1000.0
 
 
@@ -249,4 +251,6 @@ def _bounds(default: float, place: str) -> tuple[float, float]:
     if _SHARES.search(place):
         return 0.0, 1.0
     largest = _FACTOR * abs(default)
-    return (default / _FACTOR if default > 0.0 else -largest), largest
+    if default < 0.0:
+        return -largest, largest
+    return (default / _FACTOR if _POSITIVE.search(place) else 0.0), largest

@@ -16,8 +16,7 @@ from opir_readers.reader_calls import reads
 #: The keyword that every Orbit Ephemeris Message begins with.
 FIRST_KEYWORD = "CCSDS_OEM_VERS"
 
-#: Lines are taken for good (`*+`): a file of blank lines has more ways to be parted into them than can
-#: be tried.
+#: Without backtracking (`*+`), which would take exponential time at a file of blank lines.
 _OEM_HEAD = re.compile(rf"([^\S\n]*(COMMENT[^\n]*|#[^\n]*)?\n)*+[^\S\n]*{FIRST_KEYWORD}")
 _OTHER_HEADS = re.compile(r"\s*(CCSDS_|<|\{|\[|stk\.v\.|#[cd][PV ]|%PDF|PK\x03|[12] \d{5}[A-Z ])")
 

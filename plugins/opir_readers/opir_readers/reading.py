@@ -22,11 +22,11 @@ _LARGEST_FILE_BYTES = 64_000_000
 _MOST_VALUES = 2_500_000
 _GZIP = b"\x1f\x8b"
 
-#: What parts values: blanks, of which several count once, and marks, between which a value may be
-#: empty.
+#: What separates values: blanks, of which several count once, and marks, between which a value may
+#: be empty.
 _BLANK = 1
 _MARK = 2
-_PARTS = np.array(
+_SEPARATORS = np.array(
     [_MARK if code in b",;[{<\n\t" else _BLANK if code <= 32 else 0 for code in range(256)],
     np.uint8,
 )
@@ -75,7 +75,7 @@ def _require_few_values(content: bytes) -> None:
     count = 0
     for start in range(0, len(content), _BLOCK_BYTES):
         block = content[start : start + _BLOCK_BYTES + 1]
-        before, after = (_PARTS[np.frombuffer(block, np.uint8)[rows]] for rows in _NEIGHBOURS)
+        before, after = (_SEPARATORS[np.frombuffer(block, np.uint8)[rows]] for rows in _NEIGHBOURS)
         begins = (before > 0) & (after == 0)
         is_empty = (before == _MARK) & (after == _MARK)
         count += int(np.count_nonzero(begins | is_empty))

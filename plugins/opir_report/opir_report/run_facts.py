@@ -58,6 +58,12 @@ class RunFacts:
         return ownership(self.evidence)
 
     @cached_property
+    def target_ids(self) -> dict[int, str]:
+        """The ids of launches by the numbers of their tracks."""
+        owned = zip(self.owners.track.tolist(), self.owners.target.tolist(), strict=True)
+        return {track: self.ids[target] for track, target in owned if 0 <= target < self.launches}
+
+    @cached_property
     def scored(self) -> ScoredRun:
         """The scores of the run's tracks."""
         return scored_run(self.evidence, SETTINGS, self.states)

@@ -73,16 +73,16 @@ _CLOCK = {
     *("strftime", "localtime", "gmtime", "ctime", "asctime"),
 }
 _DATES = {"now", "utcnow", "today"}
-#: Modules that may use clock, entropy and environment themselves. Philox draws entropy for a seed sequence that
-#: it does not use, because the core's streams give it a key; the boundary of plugins notes when a
-#: call began, for the watchdog; the host reads which plugins are allowed.
+#: Modules that may use clock, entropy and environment themselves. Philox draws entropy for a seed
+#: sequence that it does not use, because the core's streams give it a key; the boundary of plugins
+#: notes when a call began, for the watchdog; the host reads which plugins are allowed.
 _OWN = {"opir_core.random_streams.philox", "opir_core.host.boundary", "opir_core.host.host"}
 _EXEMPT = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", *_OWN}
 #: The function that reads a variable of the environment.
 _ENVIRONMENT = type(os.environ).__getitem__.__code__
 #: Modules that read every setting, whatever a component does with it.
 _READING = ("opir_core.scene.", "opir_core.reading.", "opir_testing.")
-#: The time in which a thread may end that was told to, s.
+#: How long a thread may still run after the function has returned, s.
 _ENDING_S = 1.0
 #: The seed of both global generators during monitoring; no other code uses it.
 _MARK = 0x6F706972

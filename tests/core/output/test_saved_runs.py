@@ -182,10 +182,26 @@ def test_a_folder_without_one_run_is_refused(tmp_path: Path) -> None:
         opir_core.load_run(tmp_path)
 
 
+def copied(folder: Path, place: Path) -> None:
+    """Copy the files of a run."""
+    for path in folder.iterdir():
+        (place / path.name).write_bytes(path.read_bytes())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("zone", ["+02:00", "Z+02:00"])
+def test_times_of_another_zone_are_refused(folder: Path, tmp_path: Path, zone: str) -> None:
+    copied(folder, tmp_path)
+    events = tmp_path / "events.jsonl"
+    text = re.sub(r'("timestamp":"[^"]*)Z"', rf'\1{zone}"', events.read_text(), count=1)
+    events.write_text(text)
+    with pytest.raises(SceneError, match="timestamp: is not a timestamp of opir, in UTC with Z"):
+        read_run(events)
+
+
 @pytest.mark.slow
 def test_an_id_that_is_none_is_refused(folder: Path, tmp_path: Path) -> None:
-    for path in folder.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
+    copied(folder, tmp_path)
     for name in ("events.jsonl", "events.truth.jsonl"):
         text = (tmp_path / name).read_text()
         first_id = json.loads((folder / "events.jsonl").read_text().splitlines()[0])["detection_id"]

@@ -122,6 +122,21 @@ def test_what_is_sent_ahead_is_bounded_in_bytes() -> None:
     assert len(sent) == 1
 
 
+def test_what_is_done_is_in_the_order_of_sending() -> None:
+    sent = SentBatches()
+    futures = {number: Future[None]() for number in (1, 2, 3)}
+    for number, future in futures.items():
+        sent.add(number, batch(), future)
+    futures[3].set_exception(SinkError("refused"))
+    futures[1].set_result(None)
+    assert [done.number for done in sent.done()] == [1, 3]
+    futures[2].set_result(None)
+    assert [done.number for done in sent.done()] == [1, 2, 3]
+    sent.remove(sent.done())
+    assert not sent.done()
+    assert len(sent) == 0
+
+
 @pytest.mark.parametrize("is_cancelled", [False, True])
 def test_nothing_is_sent_behind_a_batch_that_failed(is_cancelled: bool) -> None:
     sent = SentBatches()

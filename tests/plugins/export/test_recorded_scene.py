@@ -163,6 +163,15 @@ def test_a_killed_run_says_so(caplog: pytest.LogCaptureFixture) -> None:
     assert "the kill of the run; the scene goes on to its end" in caplog.text
 
 
+def test_a_damaged_scene_is_refused_with_its_file(capsys: pytest.CaptureFixture[str]) -> None:
+    changes_file()
+    text = Path("events.changes.jsonl").read_text(encoding="utf-8")
+    Path("events.changes.jsonl").write_text(text.replace('"epoch"', '"epoc"'), encoding="utf-8")
+    assert main(["export", "events.changes.jsonl", "--to", "scene"]) == 2
+    expected = "events.changes.jsonl: 1 problem\n  scene: lacks or has damaged settings: 'epoch'"
+    assert expected in capsys.readouterr().err
+
+
 def test_other_formats_name_the_way(capsys: pytest.CaptureFixture[str]) -> None:
     changes_file()
     assert main(["export", "events.changes.jsonl", "--to", "csv"]) == 2

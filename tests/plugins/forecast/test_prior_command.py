@@ -136,6 +136,31 @@ def test_what_is_no_flight_and_no_law_is_refused_with_its_place(tmp_path: Path) 
         recorded_flight(dark)
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "is_read"),
+    [
+        ("vertical_rise_s", [0.0, 12.0], True),
+        ("failure_probability", 0.0, True),
+        ("highest_m_s2", 60.0, True),
+        ("highest_m_s2", 1.2e6, False),
+        ("failure_probability", 1.5, False),
+        ("steer_period_s", [0.0, 600.0], False),
+        ("glide", {"height_km": [35e3, 110e3], "angle_deg": [-8.0, 8.0], "least_m_s": 2e3}, True),
+        ("glide", {"height_km": [35e6, 11e7], "angle_deg": [-8.0, 8.0], "least_m_s": 2e3}, False),
+    ],
+)
+def test_numbers_of_a_law_may_be_zero_and_not_of_another_unit(
+    tmp_path: Path, key: str, value: object, is_read: bool
+) -> None:
+    path = tmp_path / "law.json"
+    path.write_text(json.dumps({**vehicle_model().data, key: value}))
+    if is_read:
+        assert vehicle_model(str(path)).data[key] == value
+    else:
+        with pytest.raises(ModelError, match=f"holds no law of vehicles: {key}.* is not in "):
+            vehicle_model(str(path))
+
+
 def test_a_prior_that_cannot_be_used_is_reported_with_its_setting_and_the_way_out(
     tmp_path: Path,
 ) -> None:

@@ -15,16 +15,9 @@ from opir_report.run_facts import RunFacts
 #: Sensors that are drawn: those that took the first commands.
 SENSORS_SHOWN = 24
 PLACE = Hue(MUTED, "-", "a place, or a track of no launch")
-_COLUMNS = (
-    "sensor_id",
-    "track_id",
-    "target_id",
-    "reason",
-    "start_s",
-    "from_s",
-    "until_s",
-    "commands",
-)
+#: What a span is for, and its times.
+SPAN_COLUMNS = ("track_id", "target_id", "reason", "start_s", "from_s", "until_s")
+_COLUMNS = ("sensor_id", *SPAN_COLUMNS, "commands")
 
 
 def directions(facts: RunFacts) -> FigureData:
@@ -37,11 +30,9 @@ def directions(facts: RunFacts) -> FigureData:
     commands = [record for record in facts.run.commands if not record.refusal]
     order = {sensor.id: place for place, sensor in enumerate(facts.run.sensors)}
     commands.sort(key=lambda record: (order[record.sensor], record.start_s))
-    targets = dict(zip(facts.owners.track.tolist(), facts.owners.target.tolist(), strict=True))
-    names = [*facts.ids, ""]
     duration_s = facts.plan.scene.duration_s
     rows = [
-        (sensor, track, names[targets.get(track, -1)], reason, *times_s, count)
+        (sensor, track, facts.target_ids.get(track, ""), reason, *times_s, count)
         for sensor, records in groupby(commands, lambda record: record.sensor)
         for track, reason, *times_s, count in _spans(list(records), duration_s)
     ]

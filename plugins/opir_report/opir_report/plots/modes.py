@@ -11,24 +11,14 @@ from opir_core.plugin import Sensor
 from opir_report.canvas import legend_of, panel_width_in, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import MUTED, PAPER, Hue, series_hue
-from opir_report.plots.directing import SENSORS_SHOWN, draw_bars, label_rows
+from opir_report.plots.directing import SENSORS_SHOWN, SPAN_COLUMNS, draw_bars, label_rows
 from opir_report.run_facts import RunFacts
 
 OWN = "own settings"
 #: Width of a letter in a bar, and of what stands beside the rows, inches.
 _LETTER_IN = 0.068
 _BESIDE_IN = 1.4
-_COLUMNS = (
-    "sensor_id",
-    "mode",
-    "half_angle_deg",
-    "track_id",
-    "target_id",
-    "reason",
-    "start_s",
-    "from_s",
-    "until_s",
-)
+_COLUMNS = ("sensor_id", "mode", "half_angle_deg", *SPAN_COLUMNS)
 
 
 def modes_over_time(facts: RunFacts) -> FigureData:
@@ -52,28 +42,28 @@ def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
         for record in commands
         if record.sensor == sensor.id and not record.refusal
     }
-    targets = dict(zip(facts.owners.track.tolist(), facts.owners.target.tolist(), strict=True))
-    names = [*facts.ids, ""]
     modes = {id(in_mode): name for name, in_mode in sensor.modes.items()}
 
-    def why(span: ModeSpan) -> tuple[str, int, str]:
+    def purpose(span: ModeSpan) -> tuple[str, int, str]:
+        """Return the mode and the track of a span; without a track the reason too."""
+        mode = modes.get(id(span.sensor), OWN)
         record = records.get(span.start_s)
         if record is None:
-            return modes.get(id(span.sensor), OWN), -1, ""
-        reason = "" if record.track >= 0 else record.reason
-        return modes.get(id(span.sensor), OWN), record.track, reason
+            return mode, -1, ""
+        return mode, record.track, "" if record.track >= 0 else record.reason
 
     spans = mode_spans(sensor, commands, facts.plan.scene.duration_s)
-    for (mode, track, reason), group in groupby(spans, why):
+    for (mode, track, _), group in groupby(spans, purpose):
         merged = list(group)
         begin = merged[0]
+        record = records.get(begin.start_s)
         yield (
             sensor.id,
             mode,
             _half_angle_deg(begin.sensor),
             track,
-            names[targets.get(track, -1)],
-            reason or (records[begin.start_s].reason if track >= 0 else ""),
+            facts.target_ids.get(track, ""),
+            "" if record is None else record.reason,
             begin.start_s,
             begin.from_s,
             merged[-1].until_s,
