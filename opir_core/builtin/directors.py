@@ -68,20 +68,21 @@ class RoundRobin(Director):
 class Cue(Director):
     """Points sensors at tracks: each at one that no other sensor follows, as far as there are such.
 
-    A sensor keeps its track for `dwell_s`, and as long as no track waits; one that follows a track
-    beside another sensor goes to a track that waits at once. The least known position comes first.
-    A track waits too when its sensor will have lost sight of it in `hand_over_s`: another sensor,
-    which still sees it then, follows it beside the first one until that happens.
+    A track waits while no sensor follows it that will still see it in `hand_over_s`: another one,
+    which will, then follows it beside the first until that has lost it. The least known position
+    comes first. A sensor keeps its track for `dwell_s`, and as long as no track in its reach waits;
+    one that follows a track beside another sensor goes at once to one that waits.
 
-    Narrow fields without a track of their own double those of others. A wide field does not: it
-    would survey no longer.
+    Narrow fields to spare follow tracks beside other sensors. A wide field does not, as it surveys
+    more without a track. Sensors without a track go into `search_mode`, if that is given and theirs;
+    others stay as they are.
     """
 
     needs_detections: bool = False
 
     def __init__(self, config: CueConfig) -> None:
         self._config = config
-        #: The sensors that search, in that mode.
+        #: The sensors that were commanded into `search_mode` since they followed a track.
         self._searching: set[str] = set()
         #: By sensor the track that it follows and the time since when.
         self._followed: dict[str, tuple[int, float]] = {}
@@ -132,8 +133,8 @@ class Cue(Director):
         ]
 
     def _free(self, time_s: float, sight: "_Sight") -> list[str]:
-        """Forget tracks that are gone, out of reach or had their time; return the sensors that are
-        free.
+        """Release sensors whose track is gone or out of reach, that a waiting track needs, or whose
+        wide field can survey; return all that follow no track.
         """
         waiting = set(sight.tracks).difference(self._lasting_tracks(sight))
         for sensor, (track, since_s) in list(self._followed.items()):
@@ -149,7 +150,7 @@ class Cue(Director):
             if is_needed or surveys or not sight.has(sight.now, sensor, track):
                 del self._followed[sensor]
             if is_double:
-                # One sensor for each track that waits; the others stay.
+                # Of those beside another sensor one goes to each track that waits.
                 waiting.difference_update(reached[:1])
         return [sensor for sensor in sight.now if sensor not in self._followed]
 

@@ -56,7 +56,7 @@ class Situation:
     """What is known at the time of a decision, of what has arrived by then.
 
     `detections` are those reported since the last decision, `tracks` the rows of the last tick that
-    is available. `sensors` are those with a narrow field. `refused` are the commands of the last
+    is available. `sensors` are those that can be pointed. `refused` are the commands of the last
     decision that sensors did not take, and one for each sensor that an operator has given back: it
     looks elsewhere, in another mode. `in_reach(sensor, position_ecef_m, after_s)` returns which
     positions (n, 3) a sensor, given by its id, can be pointed at `after_s` after the decision, by

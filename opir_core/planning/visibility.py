@@ -24,7 +24,7 @@ ACCELERATION_BOUND_M_S2 = 100.0
 CHORD_ERROR_M = ACCELERATION_BOUND_M_S2 * GRID_STEP_S**2 / 8.0
 
 #: Heights of lines of sight this far below the ground need not be exact: all between two samples is
-#: hidden.
+#: hidden; of a single look only the sign counts.
 _HIDDEN_M = -2.0 * CHORD_ERROR_M
 
 #: More than the angle between the geodetic and the geocentric vertical (half the squared
@@ -37,8 +37,8 @@ _WELL_ABOVE_RAD = 0.05
 
 
 def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolArray:
-    """Return whether targets (n, 3) are in the field of regard, above the minimum elevation, not
-    behind the Earth.
+    """Return whether targets (n, 3) are in the field of regard of a sensor at places (n, 3), it is
+    above its minimum elevation over their horizons, and the Earth is not in the way.
     """
     least_rad = sensor.minimum_elevation_rad
     angle_rad = nadir_angle_rad(sensor_ecef_m, target_ecef_m)

@@ -22,7 +22,7 @@ TOKENS: dict[str, int] = {
     "opir_dsp": 500,
     "opir_estimation": 46_800,
     "opir_export": 28_200,
-    "opir_forecast": 42_200,
+    "opir_forecast": 42_300,
     "opir_heo": 400,
     "opir_http": 30_200,
     "opir_kafka": 8_800,
@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 38_600,
     "opir_trackers": 47_720,
     "benchmarks": 102_100,
-    "tests": 855_700,
+    "tests": 856_500,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -1,4 +1,4 @@
-"""The window of batches that are sent and not yet acknowledged."""
+"""The batches that are sent, until what became of them is noted."""
 
 from collections import deque
 from collections.abc import Collection
@@ -8,7 +8,7 @@ from attrs import frozen
 
 from opir_core.interfaces.records import Batch
 
-#: Maximum bytes of messages that are sent and not yet acknowledged.
+#: No further batch is sent from so many bytes of messages under way on.
 AHEAD_BYTES = 8 << 20
 
 
@@ -22,7 +22,7 @@ class Sent:
 
     @property
     def has_failed(self) -> bool:
-        """Whether the transport has given it up."""
+        """Whether its future ended without an acknowledgement: refused, partly sent or cancelled."""
         return self.future.done() and (
             self.future.cancelled() or self.future.exception() is not None
         )
@@ -36,7 +36,7 @@ class SentBatches:
         self._done: dict[Sent, None] = {}
         # Acknowledged or failed in other threads, and not yet seen by this one: a search of all
         # under way at each acknowledgement would take quadratic time.
-        self._arrived: deque[Sent] = deque()
+        self._just_ended: deque[Sent] = deque()
         self._bytes = 0
 
     def __len__(self) -> int:
@@ -45,7 +45,7 @@ class SentBatches:
 
     @property
     def has_room(self) -> bool:
-        """Whether another may be sent: not behind one that failed, which it would overtake."""
+        """Whether another may be sent: not right behind one that failed, which it would overtake."""
         last = next(reversed(self._sent), None)
         return self._bytes < AHEAD_BYTES and not (last and last.has_failed)
 
@@ -54,16 +54,16 @@ class SentBatches:
         sent = Sent(number, len(batch.body), future)
         self._sent[sent] = None
         self._bytes += sent.size
-        future.add_done_callback(lambda _done: self._arrived.append(sent))
+        future.add_done_callback(lambda _done: self._just_ended.append(sent))
 
     def done(self) -> list[Sent]:
         """Return the batches that are acknowledged or have failed, in the order of sending."""
-        while self._arrived:
-            self._done[self._arrived.popleft()] = None
+        while self._just_ended:
+            self._done[self._just_ended.popleft()] = None
         return sorted(self._done, key=lambda sent: sent.number)
 
     def remove(self, done: Collection[Sent]) -> None:
-        """Remove batches."""
+        """Remove batches that `done` returned."""
         for sent in done:
             del self._sent[sent], self._done[sent]
             self._bytes -= sent.size

@@ -105,7 +105,7 @@ def moded_run() -> opir.Run:
     wide = CommandRecord(5.0, "SPOT", -1, "too long for its bar", 6.0, 9.0, mode="wide")
     refused = CommandRecord(10.0, "SPOT", -1, "no", float("nan"), float("nan"), "no", mode="stare")
     follows = CommandRecord(20.0, "SPOT", 4, "track 4: 1.5 nats", 21.0, 30.0, mode="stare")
-    again = CommandRecord(40.0, "SPOT", 4, "track 4: 0.5 nats", 41.0, 41.0)
+    again = CommandRecord(40.0, "SPOT", 4, "track 4: 0.5 nats", 41.0, 44.0)
     object.__setattr__(run, "commands", [wide, refused, follows, again])
     return run
 
@@ -113,9 +113,9 @@ def moded_run() -> opir.Run:
 def test_the_modes_of_a_sensor_over_time_are_those_of_its_commands() -> None:
     rows = report_data(moded_run())["modes"]
     assert [tuple(row) for row in rows] == [
-        ("SPOT", "own settings", 1.0, -1, "", "", 0.0, 0.0, 6.0),
-        ("SPOT", "wide", 4.0, -1, "", "too long for its bar", 6.0, 9.0, 21.0),
-        ("SPOT", "stare", 1.0, 4, "", "track 4: 1.5 nats", 21.0, 30.0, 90.0),
+        ("SPOT", "own settings", 1.0, -1, "", "", 0.0, 0.0, 6.0, 6.0),
+        ("SPOT", "wide", 4.0, -1, "", "too long for its bar", 6.0, 9.0, 21.0, 12.0),
+        ("SPOT", "stare", 1.0, 4, "", "track 4: 1.5 nats", 21.0, 30.0, 90.0, 57.0),
     ]
 
 
@@ -133,7 +133,7 @@ def test_the_strip_of_modes_has_their_names_and_reasons() -> None:
     assert [each.name for each in pictures] == ["directing", "modes"]
     assert drawn_complaints(pictures[1]) == []
     (table,) = [each for each in section.parts if getattr(each, "caption", "") == "Modes"]
-    assert table.rows[1:] == [("SPOT", "wide", "4", "12.0"), ("SPOT", "stare", "1", "60.0")]
+    assert table.rows[1:] == [("SPOT", "wide", "4", "12.0"), ("SPOT", "stare", "1", "57.0")]
 
 
 def test_a_wide_field_in_survey_is_its_field_of_regard() -> None:

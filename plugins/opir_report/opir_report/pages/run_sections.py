@@ -86,7 +86,7 @@ _NEES = (
 _MANIFEST = (
     "The manifest beside the events holds the whole scene: enough to repeat the run byte for byte."
 )
-_MODE_FIELDS = ("sensor_id", "mode", "half_angle_deg", "from_s", "until_s")
+_MODE_FIELDS = ("sensor_id", "mode", "half_angle_deg", "looked_s")
 _SPAN_TIMES = ("start_s", "from_s", "until_s")
 
 
@@ -215,8 +215,8 @@ def _mode_parts(plots: RunPlots) -> Iterator[ReportFigure | ReportTable]:
     )
     fields = zip(*(spans[name].tolist() for name in _MODE_FIELDS), strict=True)
     looked_s = Counter[tuple[str, str, float]]()
-    for sensor, mode, half_angle_deg, from_s, until_s in fields:
-        looked_s[sensor, mode, half_angle_deg] += until_s - from_s
+    for sensor, mode, half_angle_deg, span_s in fields:
+        looked_s[sensor, mode, half_angle_deg] += span_s
     rows = [
         (sensor, mode, f"{angle_deg:.3g}", f"{seconds:.1f}")
         for (sensor, mode, angle_deg), seconds in looked_s.items()

@@ -18,15 +18,17 @@ OWN = "own settings"
 #: Width of a letter in a bar, and of what stands beside the rows, inches.
 _LETTER_IN = 0.068
 _BESIDE_IN = 1.4
-_COLUMNS = ("sensor_id", "mode", "half_angle_deg", *SPAN_COLUMNS)
+_COLUMNS = ("sensor_id", "mode", "half_angle_deg", *SPAN_COLUMNS, "looked_s")
 
 
 def modes_over_time(facts: RunFacts) -> FigureData:
-    """Return the spans in which sensors with modes were in one, following one track or for one
-    reason: sensor_id, mode, half_angle_deg, track_id, target_id, reason, start_s, from_s, until_s.
+    """Return the spans in which sensors that have modes were in one, or in their own settings,
+    followed one track or had one reason: sensor_id, mode, half_angle_deg, track_id, target_id,
+    reason, start_s, from_s, until_s, looked_s.
 
-    It changes or turns from `start_s` to `from_s`, and looks so until `until_s`; half_angle_deg is
-    that of the field. Nothing for a run in which no command named a mode.
+    A sensor changes or turns from `start_s` to `from_s`, and looks so until `until_s`, for
+    `looked_s` without its turns; half_angle_deg is that of the field, the reason the first one.
+    Nothing for a run in which no command named a mode.
     """
     if not any(record.mode and not record.refusal for record in facts.run.commands):
         return FigureData.of_rows(_COLUMNS, [])
@@ -67,6 +69,7 @@ def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
             begin.start_s,
             begin.from_s,
             merged[-1].until_s,
+            sum(span.until_s - span.from_s for span in merged),
         )
 
 
@@ -87,12 +90,12 @@ def modes_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
         return without_data(axes, "no command named a mode")
     names = spans.levels("sensor_id")[:SENSORS_SHOWN]
     hues = mode_hues(spans)
-    second_in = (panel_width_in(axes) - _BESIDE_IN) / facts.plan.scene.duration_s
+    in_per_s = (panel_width_in(axes) - _BESIDE_IN) / facts.plan.scene.duration_s
     for row, name in enumerate(names):
         of_sensor = spans.at("sensor_id", name)
         for mode in of_sensor.levels("mode"):
             draw_bars(axes, row, of_sensor.at("mode", mode), hues[mode].colour)
-        for label, middle_s in _labels(of_sensor, second_in):
+        for label, middle_s in _labels(of_sensor, in_per_s):
             axes.text(middle_s, -row, label, color=PAPER, fontsize=8, ha="center", va="center")
     omission_count = len(spans.levels("sensor_id")) - len(names)
     omission = f" ({omission_count} more sensors have modes)" if omission_count else ""
@@ -108,17 +111,17 @@ def mode_hues(spans: FigureData) -> dict[str, Hue]:
     return settings | {mode: series_hue(number, mode) for number, mode in enumerate(named)}
 
 
-def _labels(spans: FigureData, second_in: float) -> Iterator[tuple[str, float]]:
-    """Yield the longest label of each bar that fits into it, and its middle, s."""
+def _labels(spans: FigureData, in_per_s: float) -> Iterator[tuple[str, float]]:
+    """Yield the label of each bar, what it follows and why, or the part that fits into it, and its
+    middle, s.
+    """
     names = ("target_id", "track_id", "reason", "from_s", "until_s")
     for target, track, reason, from_s, until_s in zip(
         *(spans[name].tolist() for name in names), strict=True
     ):
         followed = target or (f"track {track}" if track >= 0 else "")
-        label_words = f"{target}: {reason}" if target else reason
-        letters = (until_s - from_s) * second_in / _LETTER_IN
-        label = next(
-            (words for words in (label_words, reason, followed) if len(words) < letters), ""
-        )
+        letters = (until_s - from_s) * in_per_s / _LETTER_IN
+        texts = (": ".join(filter(None, (target, reason))), reason, followed)
+        label = next((text for text in texts if text and len(text) < letters), "")
         if label:
             yield label, 0.5 * (from_s + until_s)

@@ -1,4 +1,4 @@
-"""The causes of failed conformance tests: one cause fails many tests, and is reported once."""
+"""The causes of bad results of conformance tests: one cause has many, and is reported once."""
 
 import re
 import sys
@@ -10,37 +10,46 @@ from opir_core.host import described_error
 from opir_testing.contracts.contract import (
     DIFFERENCE,
     EVENTS,
-    INPUTS,
+    OUTSIDE_INPUTS,
     REPEAT,
     ROWS,
     ConformanceError,
     Contract,
 )
 
-#: What the engine refuses in a run; a test of values finds the same.
+#: Any other error, mostly of the engine, which refuses in a run what a test of values finds too.
 REFUSED = "refused"
 
-#: Each explains failures that show what stands after it; so do the first two for differences.
-_EXPLAINING = (INPUTS, REPEAT, ROWS, EVENTS)
-_EXPLAINS_DIFFERENCES = (INPUTS, REPEAT)
+#: Evidence of one kind explains that of the later kinds; that of the first two, any difference.
+_EXPLAINING = (OUTSIDE_INPUTS, REPEAT, ROWS, EVENTS)
+_EXPLAINS_DIFFERENCES = (OUTSIDE_INPUTS, REPEAT)
+#: How the cause of a value that is wrong by itself begins.
+_OF_A_VALUE = ": "
 
-_NOT_THE_AUTHORS = {"opir_core", "opir_testing", "numpy", "scipy", *sys.stdlib_module_names}
-_OWN_PLACE = re.compile(r" \((opir_testing|contracts)/[^()]*, line \d+\)$")
-_PLACE = re.compile(r" \([^()]*, line \d+\)$")
+_NOT_THE_AUTHORS = {
+    "opir_core",
+    "opir_testing",
+    "numpy",
+    "scipy",
+    *("attr", "attrs", "cattrs", "msgspec", "pluggy"),
+    *sys.stdlib_module_names,
+}
+_LINE_OF_THE_TESTS = re.compile(r" \((opir_testing|contracts)/[^()]*, line \d+\)$")
+_ANY_LINE = re.compile(r" \([^()]*, line \d+\)$")
 _RAISED = re.compile(r"raised (\w+)\b.*\(([^()]+, line \d+)\)")
 _NUMBER = re.compile(r"-?\d[\d.e+-]*|\bnan\b|\binf\b")
 
 
 def authors_line(error: BaseException) -> str:
     """Return the innermost line of the component's package in which an error was raised, "" if it
-    was raised elsewhere.
+    was raised elsewhere. That package is the first one outside the core: it may use libraries.
     """
-    lines = [
-        f"{'/'.join(PurePath(frame.f_code.co_filename).parts[-2:])}, line {number}"
-        for frame, number in traceback.walk_tb(_first(error).__traceback__)
-        if frame.f_globals.get("__name__", "").partition(".")[0] not in _NOT_THE_AUTHORS
-    ]
-    return lines[-1] if lines else ""
+    lines: dict[str, str] = {}
+    for frame, number in traceback.walk_tb(_root_cause(error).__traceback__):
+        package = frame.f_globals.get("__name__", "").partition(".")[0]
+        place = "/".join(PurePath(frame.f_code.co_filename).parts[-2:])
+        lines[package] = f"{place}, line {number}"
+    return next((line for name, line in lines.items() if name not in _NOT_THE_AUTHORS), "")
 
 
 def seen_of(error: BaseException) -> str:
@@ -48,7 +57,7 @@ def seen_of(error: BaseException) -> str:
     if isinstance(error, ConformanceError):
         return error.seen
     line = authors_line(error)
-    text = (_PLACE if line else _OWN_PLACE).sub("", described_error(error))
+    text = (_ANY_LINE if line else _LINE_OF_THE_TESTS).sub("", described_error(error))
     return f"{text} ({line})" if line and line not in text else text
 
 
@@ -66,13 +75,13 @@ def cause_of(error: BaseException) -> str:
         return " ".join(raised.groups())
     line = authors_line(error)
     if line:
-        return f"{type(_first(error)).__name__} {line}"
+        return f"{type(_root_cause(error)).__name__} {line}"
     return f"{REFUSED}: {_NUMBER.sub('#', text.partition(': ')[2])}"
 
 
 def grouped_by_cause(causes: Iterable[tuple[str, str]]) -> Sequence[Sequence[str]]:
-    """Return the failed tests, given with the cause that each shows, in a row for each cause; the
-    first of a row tells it best.
+    """Return the tests with bad results, given with the cause that each shows, in a row for each
+    cause; the first of a row tells it best.
     """
     groups: dict[str, list[str]] = {}
     for test, cause in causes:
@@ -88,7 +97,7 @@ def grouped_by_cause(causes: Iterable[tuple[str, str]]) -> Sequence[Sequence[str
 
 def _is_of_values(cause: str, test: str) -> bool:
     """Return whether a test of the kind has found a wrong value."""
-    return cause.startswith(": ") and not hasattr(Contract, test)
+    return cause.startswith(_OF_A_VALUE) and not hasattr(Contract, test)
 
 
 def _move(groups: dict[str, list[str]], evidence: str, cause: str | None) -> None:
@@ -97,8 +106,8 @@ def _move(groups: dict[str, list[str]], evidence: str, cause: str | None) -> Non
         groups[str(cause)] += groups.pop(key)
 
 
-def _first(error: BaseException) -> BaseException:
-    """Return the exception that caused an error."""
+def _root_cause(error: BaseException) -> BaseException:
+    """Return the exception at the beginning of the chain of causes of an error."""
     while error.__cause__ is not None:
         error = error.__cause__
     return error

@@ -39,7 +39,7 @@ class ConformanceError(AssertionError):
     """A requirement that a component does not meet: `seen` is the observation, `change` the
     remedy.
 
-    `evidence` is what it shows, from which its cause follows: `INPUTS`, `REPEAT`, `ROWS`, `EVENTS`
+    `evidence` is what it shows, from which its cause follows: `OUTSIDE_INPUTS`, `REPEAT`, `ROWS`, `EVENTS`
     or `DIFFERENCE`; "" for a value that is wrong by itself.
     """
 
@@ -52,7 +52,7 @@ class ConformanceError(AssertionError):
 
 #: What a failed test shows: an input from outside, a repetition with another result, rows that
 #: depend on other rows, runs with other events, or any other difference between two results.
-INPUTS = "inputs"
+OUTSIDE_INPUTS = "outside inputs"
 REPEAT = "repeat"
 ROWS = "rows"
 EVENTS = "events"
@@ -414,7 +414,7 @@ def require_array_computation(
 def require_no_outside_inputs(use: Use, change: str) -> None:
     """Require that neither clock, entropy, environment, network nor global random state is used."""
     inputs = use.inputs
-    require(not inputs, f"it uses {'; '.join(inputs[:3])}", change, INPUTS)
+    require(not inputs, f"it uses {'; '.join(inputs[:3])}", change, OUTSIDE_INPUTS)
 
 
 def require_same_events(
