@@ -136,6 +136,22 @@ def test_the_strip_of_modes_has_their_names_and_reasons() -> None:
     assert table.rows[1:] == [("SPOT", "wide", "4", "12.0"), ("SPOT", "stare", "1", "57.0")]
 
 
+def test_a_sensor_that_is_down_looks_nowhere() -> None:
+    down = [{"sensor": "SPOT", "fault": "down", "at_s": 40, "until_s": 60}]
+    run = opir.simulate(opir.scene_from_mapping({**MODED, "faults": down}))
+    object.__setattr__(run, "commands", moded_run().commands)
+    *_, follows = report_data(run)["modes"]
+    assert tuple(follows)[-3:] == (30.0, 90.0, 40.0)
+    for axes in (run.plot.modes(), run.plot.directing()):
+        edges_s = {
+            round(float(edge), 6)
+            for bars in axes.collections
+            for path in bars.get_paths()
+            for edge in (path.vertices[:, 0].min(), path.vertices[:, 0].max())
+        }
+        assert {40.0, 60.0} <= edges_s
+
+
 def test_a_wide_field_in_survey_is_its_field_of_regard() -> None:
     wide = {"model": "SBIRS-GEO", "id": "STARER", "orbital_slot_deg": -100, "modes": "notional"}
     places = {"places_deg": [[34, -120]], "mode": "survey", "dwell_s": 60}

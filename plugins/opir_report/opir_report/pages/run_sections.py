@@ -48,7 +48,8 @@ _DIRECTING = (
 )
 _MODES = (
     "The mode of each sensor that has some, and why: the target of the track that it follows and"
-    " the reason of the command, where they fit. Thin is the change, in which it makes no look."
+    " the reason of the command, where they fit. Thin is the change, in which it makes no look;"
+    " nothing is drawn while it is down."
 )
 _SIGNAL = (
     "What a look would measure along the boost, for each sensor while it sees the target: the"

@@ -1,12 +1,12 @@
 """Where a director pointed narrow fields: the targets that they followed over time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from opir_core.plugin import CommandRecord
+from opir_core.plugin import CommandRecord, Sensor
 from opir_report.canvas import legend_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import MUTED, Hue
@@ -58,16 +58,20 @@ def _spans(
 
 
 def direction_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
-    """Draw a row for each field that was pointed: a bar where it looks, a thin one where it turns."""
+    """Draw a row for each field that was pointed: a bar where it looks, a thin one where it turns,
+    nothing where it is down.
+    """
     if not len(spans):
         return without_data(axes, "no narrow field was pointed")
     names = spans.levels("sensor_id")[:SENSORS_SHOWN]
     hue_of = dict(zip(facts.ids, facts.hues.of_target, strict=True))
+    sensors = {sensor.id: sensor for sensor in facts.run.sensors}
     for row, name in enumerate(names):
         field_spans = spans.at("sensor_id", name)
         for target in field_spans.levels("target_id"):
             target_spans = field_spans.at("target_id", target)
-            draw_bars(axes, row, target_spans, hue_of.get(target, PLACE).colour)
+            colour = hue_of.get(target, PLACE).colour
+            draw_bars(axes, row, target_spans, sensors[name], colour)
     omission_count = len(spans.levels("sensor_id")) - len(names)
     omission = f" ({omission_count} more fields were pointed)" if omission_count else ""
     label_rows(axes, facts, names, omission)
@@ -76,14 +80,26 @@ def direction_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
     return axes
 
 
-def draw_bars(axes: Axes, row: int, spans: FigureData, colour: str) -> None:
-    """Draw spans in a row: a bar from `from_s` to `until_s`, a thin one from `start_s` to `from_s`."""
+def draw_bars(axes: Axes, row: int, spans: FigureData, sensor: Sensor, colour: str) -> None:
+    """Draw spans in a row: bars where the sensor looks, from `from_s` to `until_s`, and a thin one
+    from `start_s` to `from_s`.
+    """
     turn_s = spans["from_s"] - spans["start_s"]
-    look_s = spans["until_s"] - spans["from_s"]
     turns = np.stack([spans["start_s"], turn_s], axis=1)
-    looks = np.stack([spans["from_s"], look_s], axis=1)
+    looks = [
+        (begin_s, end_s - begin_s)
+        for span_s in zip(spans["from_s"].tolist(), spans["until_s"].tolist(), strict=True)
+        for begin_s, end_s in watched_parts(sensor, *span_s)
+    ]
     axes.broken_barh(turns.tolist(), (-row - 0.05, 0.1), color=colour, linewidth=0.0)
-    axes.broken_barh(looks.tolist(), (-row - 0.35, 0.7), color=colour, linewidth=0.0)
+    axes.broken_barh(looks, (-row - 0.35, 0.7), color=colour, linewidth=0.0)
+
+
+def watched_parts(sensor: Sensor, from_s: float, until_s: float) -> Sequence[tuple[float, float]]:
+    """Return the parts of a span in which a sensor looks: it may be down, or off."""
+    spans = [(from_s, until_s)] if sensor.watched_s is None else sensor.watched_s
+    parts = [(max(from_s, begin_s), min(until_s, end_s)) for begin_s, end_s in spans]
+    return [(begin_s, end_s) for begin_s, end_s in parts if begin_s < end_s]
 
 
 def label_rows(axes: Axes, facts: RunFacts, names: list[str], omission: str) -> None:

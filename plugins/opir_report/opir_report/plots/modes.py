@@ -11,7 +11,13 @@ from opir_core.plugin import Sensor
 from opir_report.canvas import legend_of, panel_width_in, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import MUTED, PAPER, Hue, series_hue
-from opir_report.plots.directing import SENSORS_SHOWN, SPAN_COLUMNS, draw_bars, label_rows
+from opir_report.plots.directing import (
+    SENSORS_SHOWN,
+    SPAN_COLUMNS,
+    draw_bars,
+    label_rows,
+    watched_parts,
+)
 from opir_report.run_facts import RunFacts
 
 OWN = "own settings"
@@ -27,7 +33,7 @@ def modes_over_time(facts: RunFacts) -> FigureData:
     reason, start_s, from_s, until_s, looked_s.
 
     A sensor changes or turns from `start_s` to `from_s`, and looks so until `until_s`, for
-    `looked_s` without its turns; half_angle_deg is that of the field, the reason the first one.
+    `looked_s` without its turns and outages; half_angle_deg is that of the field, the reason the first one.
     Nothing for a run in which no command named a mode.
     """
     if not any(record.mode and not record.refusal for record in facts.run.commands):
@@ -69,8 +75,14 @@ def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
             begin.start_s,
             begin.from_s,
             merged[-1].until_s,
-            sum(span.until_s - span.from_s for span in merged),
+            sum(_watched_s(sensor, span) for span in merged),
         )
+
+
+def _watched_s(sensor: Sensor, span: ModeSpan) -> float:
+    """Return how long a sensor looks in a span."""
+    parts = watched_parts(sensor, span.from_s, span.until_s)
+    return sum(end_s - begin_s for begin_s, end_s in parts)
 
 
 def _half_angle_deg(sensor: Sensor) -> float:
@@ -84,18 +96,19 @@ def _half_angle_deg(sensor: Sensor) -> float:
 
 def modes_plot(axes: Axes, facts: RunFacts, spans: FigureData) -> Axes:
     """Draw a row for each sensor with modes: a bar of a colour for each mode, with the reason of its
-    command where that fits, thin while it changes.
+    command where that fits, thin while it changes, and nothing where it is down.
     """
     if not len(spans):
         return without_data(axes, "no command named a mode")
     names = spans.levels("sensor_id")[:SENSORS_SHOWN]
     hues = mode_hues(spans)
     in_per_s = (panel_width_in(axes) - _BESIDE_IN) / facts.plan.scene.duration_s
+    sensors = {sensor.id: sensor for sensor in facts.run.sensors}
     for row, name in enumerate(names):
         of_sensor = spans.at("sensor_id", name)
         for mode in of_sensor.levels("mode"):
-            draw_bars(axes, row, of_sensor.at("mode", mode), hues[mode].colour)
-        for label, middle_s in _labels(of_sensor, in_per_s):
+            draw_bars(axes, row, of_sensor.at("mode", mode), sensors[name], hues[mode].colour)
+        for label, middle_s in _labels(of_sensor, sensors[name], in_per_s):
             axes.text(middle_s, -row, label, color=PAPER, fontsize=8, ha="center", va="center")
     omission_count = len(spans.levels("sensor_id")) - len(names)
     omission = f" ({omission_count} more sensors have modes)" if omission_count else ""
@@ -111,7 +124,7 @@ def mode_hues(spans: FigureData) -> dict[str, Hue]:
     return settings | {mode: series_hue(number, mode) for number, mode in enumerate(named)}
 
 
-def _labels(spans: FigureData, in_per_s: float) -> Iterator[tuple[str, float]]:
+def _labels(spans: FigureData, sensor: Sensor, in_per_s: float) -> Iterator[tuple[str, float]]:
     """Yield the label of each bar, what it follows and why, or the part that fits into it, and its
     middle, s.
     """
@@ -120,8 +133,10 @@ def _labels(spans: FigureData, in_per_s: float) -> Iterator[tuple[str, float]]:
         *(spans[name].tolist() for name in names), strict=True
     ):
         followed = target or (f"track {track}" if track >= 0 else "")
-        letters = (until_s - from_s) * in_per_s / _LETTER_IN
+        parts = watched_parts(sensor, from_s, until_s)
+        begin_s, end_s = max(parts, key=lambda part: part[1] - part[0], default=(from_s, from_s))
+        letters = (end_s - begin_s) * in_per_s / _LETTER_IN
         texts = (": ".join(filter(None, (target, reason))), reason, followed)
         label = next((text for text in texts if text and len(text) < letters), "")
         if label:
-            yield label, 0.5 * (from_s + until_s)
+            yield label, 0.5 * (begin_s + end_s)
