@@ -26,7 +26,9 @@ SENSORS = tuple(stub_sensor(f"S-{number}") for number in range(5))
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=0))
 ORIGIN = Origin(0, SENSORS)
 MIB = 1 << 20
+#: For carriers that do not acknowledge, and for those that do, however slow the machine is.
 QUICK = Policy(when_full="refuse", wait_s=0.3, stall_s=0.2)
+PATIENT = Policy(when_full="refuse", wait_s=30.0, stall_s=30.0)
 
 
 def filled_spool(path, batches, rows):
@@ -120,16 +122,22 @@ def ids_of(*windows):
     ]
 
 
-def spooled(path, carrier, policy=QUICK, max_bytes=64 * MIB):
-    return TransportSink(
-        "stub", carrier, Journal(str(path), max_bytes), EncodedBatcher(ENCODER, SENSORS), policy
-    )
+def spooled(path, carrier, policy=None, max_bytes=64 * MIB):
+    return _sink(carrier, Journal(str(path), max_bytes), policy)
 
 
-def unspooled(carrier, policy=QUICK, max_bytes=64 * MIB):
-    return TransportSink(
-        "stub", carrier, MemoryBacklog(max_bytes), EncodedBatcher(ENCODER, SENSORS), policy
-    )
+def unspooled(carrier, policy=None, max_bytes=64 * MIB):
+    return _sink(carrier, MemoryBacklog(max_bytes), policy)
+
+
+def _sink(carrier, backlog, policy):
+    batcher = EncodedBatcher(ENCODER, SENSORS)
+    return TransportSink("stub", carrier, backlog, batcher, policy or policy_for(carrier))
+
+
+def policy_for(carrier):
+    """Return how long closing waits for a carrier, by its mood."""
+    return PATIENT if carrier.mood == "take" else QUICK
 
 
 def fill(sink, windows, rows, first, nap_s):

@@ -17,6 +17,7 @@ from spool_transports import (
     ENCODER,
     MIB,
     ORIGIN,
+    PATIENT,
     QUICK,
     SENSORS,
     Appending,
@@ -257,7 +258,7 @@ def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
         WindowTransport(memory_sink, ORIGIN),
         Journal(str(tmp_path / "spool"), MIB),
         WindowBatcher(ENCODER, ORIGIN),
-        QUICK,
+        PATIENT,
     )
     assert second.close() == Delivery(delivered=6, recovered=6)
     assert memory_sink.lines() == b"".join(map(ENCODER.encode, windows))
@@ -311,7 +312,7 @@ def test_spooled_columns_keep_times_and_sensors_at_another_epoch(
         WindowTransport(memory_sink, origin),
         Journal(spool, MIB),
         WindowBatcher(encoder, origin),
-        QUICK,
+        PATIENT,
     )
     assert second.close() == Delivery(delivered=4, recovered=4)
     assert memory_sink.lines() == ENCODER.encode(spooled_window)
@@ -418,7 +419,7 @@ def test_events_without_a_message_are_withheld_and_counted(tmp_path: Path) -> No
         carrier,
         Journal(str(tmp_path / "spool"), MIB),
         EncodedBatcher(Choosy(), SENSORS),
-        QUICK,
+        PATIENT,
     )
     sink.write(window(10))
     assert sink.close() == Delivery(delivered=8, withheld=2)

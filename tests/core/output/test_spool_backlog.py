@@ -6,7 +6,7 @@ import pytest
 from spool_transports import (
     ENCODER,
     MIB,
-    QUICK,
+    PATIENT,
     SENSORS,
     Appending,
     Holding,
@@ -104,7 +104,7 @@ def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
     pages = journal._database.execute("PRAGMA page_count").fetchone()[0]
     journal._database.execute(f"PRAGMA max_page_count = {pages + 400}")
     carrier = Holding("hold")
-    sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
+    sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), PATIENT)
     with pytest.raises(SinkError, match="is full"):
         overfill(sink)
     carrier.release()

@@ -19,6 +19,7 @@ from failing_disk import OPEN, READ, WRITE, WRITING, FailingDisk, can_fail
 from spool_transports import (
     ENCODER,
     MIB,
+    PATIENT,
     QUICK,
     SENSORS,
     Holding,
@@ -51,7 +52,7 @@ def sent_from(path: Path) -> tuple[Any, list[str]]:
         carrier,
         Journal(str(path), 64 * MIB),
         EncodedBatcher(ENCODER, SENSORS),
-        QUICK,
+        PATIENT,
         damage,
     )
     return sink.close(), list(carrier.ids)
@@ -339,7 +340,9 @@ def test_a_batch_damaged_while_waiting_is_left_out(
     for number in range(3):
         journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(ROWS, ROWS * number))))
     journal._database.execute("UPDATE parcel SET body = zeroblob(10) WHERE number = 2")
-    sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
+    # What is damaged is never acknowledged.
+    policy = evolve(QUICK, stall_s=2.0)
+    sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), policy)
     sink.write(window(ROWS, 3 * ROWS))
     reported = sink.close()
     all_ids = ids_of(window(4 * ROWS))
@@ -366,7 +369,7 @@ def test_a_disk_that_cannot_be_read_is_reported_and_read_again(tmp_path: Path) -
         journal._database.execute("PRAGMA cache_size = 0")  # else the pages are in memory
         journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(1000))))
         disk.fail_at(1, errno.EIO, lasts=True, kinds=[READ])
-        sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
+        sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), PATIENT)
         until(lambda: sink.parked is not None)
         assert "/spool cannot be read: its disk answers " in (sink.parked or "")
         disk.heal()

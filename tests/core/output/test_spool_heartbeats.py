@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from attrs import evolve
-from spool_transports import ENCODER, MIB, QUICK, SENSORS, Holding, window
+from spool_transports import ENCODER, MIB, SENSORS, Holding, policy_for, unspooled, window
 
 from opir_core.interfaces.outputs import Delivery
 from opir_core.interfaces.records import CommandRecord
@@ -21,10 +21,11 @@ from opir_core.output.spool.transport_sink import TransportSink
 QUIET = evolve(window(0), end_s=3.0)
 
 
-def beating(carrier: Holding, backlog: Any, policy: Policy = QUICK) -> TransportSink:
+def beating(carrier: Holding, backlog: Any, policy: Policy | None = None) -> TransportSink:
     """Return a sink with a heartbeat of each sensor and second."""
     beats = Heartbeats(SENSORS, 0, 1.0)
-    return TransportSink("stub", carrier, backlog, EncodedBatcher(ENCODER, SENSORS, beats), policy)
+    batcher = EncodedBatcher(ENCODER, SENSORS, beats)
+    return TransportSink("stub", carrier, backlog, batcher, policy or policy_for(carrier))
 
 
 def records(carrier: Holding) -> list[str]:
@@ -35,9 +36,7 @@ def test_heartbeats_follow_the_events_of_their_window_and_are_not_counted() -> N
     carrier = Holding()
     sink = beating(carrier, MemoryBacklog(MIB))
     assert sink.takes_quiet_windows
-    assert not TransportSink(
-        "stub", Holding(), MemoryBacklog(MIB), EncodedBatcher(ENCODER, SENSORS), QUICK
-    ).takes_quiet_windows
+    assert not unspooled(Holding()).takes_quiet_windows
     full_window = window(20)
     sink.write(full_window)
     count = round(full_window.end_s // 1.0)

@@ -114,7 +114,7 @@ def test_damage_is_reported_or_harmless_and_never_sent(tmp_path: Path, seed: int
     all_ids = set(ids_of(window(800)))
     carrier = Holding()
     try:
-        sink = spooled(path, carrier)
+        sink = spooled(path, carrier, QUICK)
     except SinkError as error:
         assert str(error).startswith(("the spool ", str(path)))  # noqa: PT017
     else:

@@ -14,7 +14,7 @@ from json_lines import json_lines
 from opir_testing import stub_estimates, stub_regions, stub_window
 from opir_testing.doubles import stub_hypotheses
 from scored_scene import SCENE
-from spool_transports import MIB, QUICK, SENSORS, Holding
+from spool_transports import MIB, PATIENT, QUICK, SENSORS, Holding
 from waiting import until
 
 from opir_core import compile_plan, run_of_plan
@@ -140,7 +140,7 @@ def test_events_of_an_output_are_its_tracks(tmp_path: Path) -> None:
             Holding(),
             Journal(str(tmp_path / "s"), MIB * 64),
             EncodedBatcher(ENCODER, SENSORS),
-            QUICK,
+            PATIENT,
         ),
         "forge": forge,
     }
