@@ -341,7 +341,8 @@ class CommandRecord(NamedTuple):
 
     The sensor leaves its former direction at `start_s` and looks in the new one from `from_s` on.
     `refusal` is why it did not take the command, "" if it did; then both times are nan. `mode` is
-    the mode that the command names, "" for none.
+    the mode that the command names, "" for none. `position_ecef_m` is the point in the axis of the
+    field at `from_s`, the Earth's centre at nadir; None for a command without effect.
     """
 
     time_s: float
@@ -352,6 +353,7 @@ class CommandRecord(NamedTuple):
     from_s: float
     refusal: str = ""
     mode: str = ""
+    position_ecef_m: tuple[float, ...] | None = None
 
 
 @frozen(eq=False, repr=False)

@@ -180,6 +180,7 @@ class _CommandLine(msgspec.Struct, gc=False):
     from_s: float | None = None
     refusal: str = ""
     mode: str = ""
+    position_ecef_m: tuple[float, float, float] | None = None
 
 
 def read_commands(path: Path) -> list[CommandRecord]:
@@ -195,22 +196,20 @@ def _command_of_line(text: bytes, number: int, path: Path) -> CommandRecord:
         line = msgspec.json.decode(text, type=_CommandLine)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise invalid_file(path, f"line {number}", f"not a command: {error}") from error
-    start_s = np.nan if line.start_s is None else line.start_s
-    from_s = np.nan if line.from_s is None else line.from_s
-    track = -1 if line.track_id is None else line.track_id
-    return CommandRecord(
-        line.time_s, line.sensor_id, track, line.reason, start_s, from_s, line.refusal, line.mode
-    )
+    time_s, sensor, track, reason, start_s, from_s, *effect = msgspec.structs.astuple(line)
+    start_s, from_s = (np.nan if at_s is None else at_s for at_s in (start_s, from_s))
+    track = -1 if track is None else track
+    return CommandRecord(time_s, sensor, track, reason, start_s, from_s, *effect)
 
 
 def _command_row(record: CommandRecord) -> Mapping[str, Any]:
     """Return the keys and values of a command's line."""
     values = record._asdict()
-    track = None if record.track < 0 else record.track
-    ids = {"sensor_id": values.pop("sensor"), "track_id": track}
-    del values["track"]
-    if not record.mode:
-        del values["mode"]
+    track = values.pop("track")
+    ids = {"sensor_id": values.pop("sensor"), "track_id": None if track < 0 else track}
+    for name in ("mode", "position_ecef_m"):
+        if not values[name]:
+            del values[name]
     return {"time_s": values.pop("time_s"), **ids, **values}
 
 

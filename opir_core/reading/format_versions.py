@@ -87,7 +87,7 @@ class StatedVersions:
 EVENT_FORMAT = Format("events", "2.0", oldest_major=1)
 TRACK_FORMAT = Format("tracks", "2.0", oldest_major=1)
 TRUTH_FORMAT = Format("truth", "1.0", oldest_major=1)
-COMMAND_FORMAT = Format("commands", "1.1", oldest_major=1)
+COMMAND_FORMAT = Format("commands", "1.2", oldest_major=1)
 HEARTBEAT_FORMAT = Format("heartbeat", "1.0", oldest_major=1)
 CHANGE_FORMAT = Format("changes", "1.1", oldest_major=1)
 MANIFEST_FORMAT = Format("manifest", "2.1", oldest_major=2)

@@ -256,20 +256,23 @@ class Directing:
         """Point the sensor of a command; return what became of it."""
         refusal = self._refusal(command, time_s)
         self._refusals[command.sensor] = refusal
-        start_s = from_s = np.nan
-        if not refusal:
-            aim = self.fields.point(self._numbers[command.sensor], command, time_s)
-            start_s = aim.start_s
-            from_s = aim.from_s
-        return CommandRecord(
-            time_s=time_s,
-            sensor=command.sensor,
-            track=command.track,
-            reason=command.reason,
-            start_s=start_s,
-            from_s=from_s,
-            refusal=refusal,
-            mode=command.mode,
+        record = CommandRecord(
+            time_s,
+            command.sensor,
+            command.track,
+            command.reason,
+            np.nan,
+            np.nan,
+            refusal,
+            command.mode,
+        )
+        if refusal:
+            return record
+        aim = self.fields.point(self._numbers[command.sensor], command, time_s)
+        return record._replace(
+            start_s=aim.start_s,
+            from_s=aim.from_s,
+            position_ecef_m=aim.point_in_axis(aim.from_s),
         )
 
     def _refusal(self, command: Command, time_s: float) -> str:

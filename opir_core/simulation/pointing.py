@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, frozen
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import dot
@@ -37,10 +38,14 @@ class FieldAim:
     track: int = -1
     reason: str = ""
 
-    def position_at(self, time_s: FloatArray) -> FloatArray:
+    def position_at(self, time_s: ArrayLike) -> FloatArray:
         """Return the point (n, 3) at times (n,), ECEF, m."""
         since_s = np.subtract(time_s, self.time_s)[:, None]
         return self.position_ecef_m + self.velocity_m_s * since_s
+
+    def point_in_axis(self, time_s: float) -> tuple[float, ...]:
+        """Return a point in the axis of the field at a time, ECEF, m; at nadir the Earth's centre."""
+        return tuple(np.nan_to_num(self.position_at([time_s]))[0].tolist())
 
     def direction(self, sensor_ecef_m: FloatArray, time_s: FloatArray) -> FloatArray:
         """Return directions (n, 3) from positions of the sensor (n, 3) at times (n,), not of unit
@@ -146,7 +151,7 @@ class PointedFields:
         aim = begun[-1] if begun else aims[0]
         sensor = self.sensors[number]
         half_angle_rad = _pointing(sensor.modes.get(aim.mode, sensor)).half_angle_rad
-        return NarrowField(half_angle_rad, aim, aim.position_at(np.array([time_s]))[0])
+        return NarrowField(half_angle_rad, aim, aim.position_at([time_s])[0])
 
     def keep_out(self, number: int) -> KeepOut | None:
         """Return where a sensor must not look, None without a limit."""

@@ -15,6 +15,7 @@ from opir_report.plots.consistency import containment_plot, nees_history, nees_p
 from opir_report.plots.delays import delay_plot, report_delays
 from opir_report.plots.directing import direction_plot, directions, directions_height_in
 from opir_report.plots.flights import fields_of_view, ground_tracks
+from opir_report.plots.footprints import footprint_map
 from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
 from opir_report.plots.impact import impact_map
 from opir_report.plots.latency import latency_curves, latency_plot, pair_latencies
@@ -75,6 +76,10 @@ class RunPlots(Plots):
         """Draw the modes of sensors over time, and the reasons of their commands."""
         spans = modes_over_time(self.facts)
         return self._drawn(modes_plot, spans, ax=ax, height_in=directions_height_in(spans))
+
+    def footprints(self, ax: Axes | None = None) -> Axes:
+        """Draw where on the ground narrow fields looked, by target and mode."""
+        return self._drawn(footprint_map, self.ground_tracks, ax=ax, height_in=MAP_IN)
 
     def impact(self, target: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw the last predicted impact regions of a target with its true impact.

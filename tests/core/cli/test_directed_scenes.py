@@ -81,7 +81,7 @@ def require_commands(path: Path) -> None:
     """
     first, *others = lines_of(path)
     names = "time_s", "sensor_id", "track_id", "reason", "start_s", "from_s", "refusal", "mode"
-    assert tuple(first) == names
+    assert tuple(first) == (*names, "position_ecef_m")
     assert (first["sensor_id"], first["track_id"], first["mode"]) == ("SPOT", None, "stare")
     assert (first["reason"], first["refusal"]) == ("place 1 in turn", "")
     assert first["from_s"] > first["start_s"] + 4.0

@@ -112,6 +112,7 @@ def test_commands_are_read_with_their_run() -> None:
     commands = read_run(GOLDEN / "run-2" / "events.jsonl").commands
     assert [record.sensor for record in commands[:2]] == ["LEO-NARROW-02", "LEO-NARROW-05"]
     assert commands[0].from_s == 55.46371442464538
+    assert commands[0].position_ecef_m is None
     assert read_run(GOLDEN / "run-1" / "events.jsonl").commands == ()
 
 

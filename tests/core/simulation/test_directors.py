@@ -87,6 +87,26 @@ def test_commands_that_a_sensor_cannot_take_are_refused_and_reported() -> None:
     assert len(spot_times_s(pointed)) > 500  # it goes on as it was: at its own place
 
 
+def test_a_record_has_the_point_in_the_axis_when_the_field_looks_there() -> None:
+    velocity_m_s = np.array([100.0, -50.0, 20.0])
+
+    def decide(situation: Situation) -> Sequence[Command]:
+        return {
+            0.0: [Command(sensor="SPOT", reason="stay")],
+            10.0: [
+                Command(sensor="SPOT", position_ecef_m=LAUNCH_M, velocity_m_s=velocity_m_s),
+            ],
+            20.0: [Command(sensor="SPOT", position_ecef_m=-LAUNCH_M)],
+        }.get(situation.time_s, [])
+
+    nadir, moved, refused = run(decide).commands
+    assert nadir.position_ecef_m == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(
+        moved.position_ecef_m, LAUNCH_M + velocity_m_s * (moved.from_s - 10.0), atol=1e-6
+    )
+    assert refused.position_ecef_m is None
+
+
 def test_the_last_of_several_commands_counts() -> None:
     def decide(situation: Situation) -> Sequence[Command]:
         places = (ELSEWHERE_M, LAUNCH_M) if situation.time_s == 0.0 else ()

@@ -21,6 +21,7 @@ PLOTS = (
     "world",
     "timeline",
     "directing",
+    "footprints",
     "impact",
     "snr",
     "probability",

@@ -4,6 +4,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from figure_rules import drawn_complaints
 from opir_report.pages.page import ReportTable
@@ -158,6 +159,55 @@ def test_a_wide_field_in_survey_is_its_field_of_regard() -> None:
     scene = {**MODED, "sensors": [wide], "director": {**SCENE["director"], **places}}
     rows = report_data(opir.simulate(opir.scene_from_mapping(scene)))["modes"]
     assert set(rows["half_angle_deg"]) == {10.0}
+
+
+def ground_km2(latitude_deg: float, half_angle_deg: float) -> float:
+    """Return the ground of a sphere in a field of a geostationary sensor that looks at a latitude
+    of its meridian, by a grid.
+    """
+    step = np.radians(0.1)
+    latitude, longitude = np.meshgrid(
+        np.arange(-0.5 * np.pi, 0.5 * np.pi, step) + 0.5 * step,
+        np.arange(-0.5 * np.pi, 0.5 * np.pi, step) + 0.5 * step,
+    )
+    flat = np.cos(latitude)
+    up = np.stack([flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)], axis=-1)
+    sensor_km = np.array([42_164.0, 0.0, 0.0])
+    angle = np.radians(latitude_deg)
+    axis = 6371.0 * np.array([np.cos(angle), 0.0, np.sin(angle)]) - sensor_km
+    sight = 6371.0 * up - sensor_km
+    lengths = np.linalg.norm(sight, axis=-1)
+    is_inside = sight @ axis >= np.cos(np.radians(half_angle_deg)) * lengths * np.linalg.norm(axis)
+    is_above = np.einsum("ijk,ijk->ij", sight, up) < 0.0
+    return float((flat * (is_inside & is_above)).sum() * (6371.0 * step) ** 2)
+
+
+def test_a_footprint_is_the_ground_in_the_field_as_far_as_the_limb() -> None:
+    """At 60 deg north a field of 2 deg reaches over the limb."""
+    spot = {**SCENE["sensors"][1], "pointing": {"half_angle_deg": 2.0}}
+    director = {**SCENE["director"], "places_deg": [[60, -100], [0, -100]]}
+    sensors = [SCENE["sensors"][0], spot]
+    run = opir.simulate(
+        opir.scene_from_mapping({**SCENE, "sensors": sensors, "director": director})
+    )
+    rows = report_data(run)["footprints"]
+    assert rows.half_angle_deg.tolist() == pytest.approx([2.0, 2.0, 2.0])
+    np.testing.assert_allclose(rows.latitude_deg, [60.0, 0.0, 60.0], atol=1e-9)
+    np.testing.assert_allclose(rows.longitude_deg, -100.0, atol=1e-9)
+    wanted_km2 = [ground_km2(latitude, 2.0) for latitude in (60.0, 0.0, 60.0)]
+    np.testing.assert_allclose(rows.ground_km2, wanted_km2, rtol=0.02)
+    labels = [text.get_text() for text in run.plot.footprints().texts]
+    assert [label for label in labels if "SPOT" in label] == [
+        f"SPOT from {from_s:.0f} s" for from_s in rows.from_s
+    ]
+
+
+def test_fields_that_look_over_the_ground_have_no_map() -> None:
+    run = opir.simulate(opir.scene_from_mapping(SCENE))
+    high = [record._replace(position_ecef_m=(0.0, 0.0, 9e6)) for record in run.commands]
+    object.__setattr__(run, "commands", high)
+    assert "footprints" not in report_data(run)
+    assert "no narrow field" in run.plot.footprints().texts[0].get_text()
 
 
 def test_modes_that_no_command_names_have_no_picture() -> None:

@@ -21,6 +21,7 @@ from opir_report.plots.consistency import containment_plot, nees_history, nees_p
 from opir_report.plots.delays import delay_plot, report_delays
 from opir_report.plots.directing import direction_plot, directions, directions_height_in
 from opir_report.plots.flights import fields_of_view, view_time_s
+from opir_report.plots.footprints import footprint_map, footprints
 from opir_report.plots.hypotheses import hypotheses_plot, hypothesis_history, weighed_tracks
 from opir_report.plots.impact import impact_map, impact_points
 from opir_report.plots.latency import latency_curves, latency_plot, pair_latencies
@@ -50,6 +51,10 @@ _MODES = (
     "The mode of each sensor that has some, and why: the target of the track that it follows and"
     " the reason of the command, where they fit. Thin is the change, in which it makes no look;"
     " nothing is drawn while it is down."
+)
+_FOOTPRINTS = (
+    "Where narrow fields looked on the ground, at the first and the last command of one purpose:"
+    " their edges, as far as the limb. Fields whose axis passes the Earth are not drawn."
 )
 _SIGNAL = (
     "What a look would measure along the boost, for each sensor while it sees the target: the"
@@ -188,6 +193,7 @@ def directing_section(plots: RunPlots) -> ReportSection | None:
         )
         contents.append(plot)
     contents += _mode_parts(plots)
+    contents += _footprint_parts(plots)
     columns = [spans[name].tolist() for name in ("sensor_id", "target_id", "reason")]
     times = [[f"{time:.1f}" for time in spans[name].tolist()] for name in _SPAN_TIMES]
     head = ("sensor", "target", "why", "turns at s", "looks from s", "to s", "commands")
@@ -223,6 +229,20 @@ def _mode_parts(plots: RunPlots) -> Iterator[ReportFigure | ReportTable]:
         for (sensor, mode, angle_deg), seconds in looked_s.items()
     ]
     yield from _table_of("Modes", ("sensor", "mode", "half angle °", "looks s"), rows)
+
+
+def _footprint_parts(plots: RunPlots) -> Iterator[ReportFigure]:
+    """Yield the map of narrow fields, if one looked at the ground."""
+    places = footprints(plots.facts)
+    if np.isfinite(places["latitude_deg"]).any():
+        yield plot_of(
+            "footprints",
+            lambda axes: footprint_map(axes, plots.facts, plots.ground_tracks),
+            MAP_IN,
+            "Narrow fields on the ground",
+            _FOOTPRINTS,
+            places,
+        )
 
 
 def signal_section(plots: RunPlots) -> ReportSection | None:

@@ -46,7 +46,7 @@ def launch_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
         return without_data(axes, "the scene has no launches")
     projection = fitting_projection(places)
     drawn_ground(axes, projection, places, RATIO, least_km=600.0)
-    _draw_flights(axes, projection, facts, tracks)
+    draw_flights(axes, projection, facts, tracks)
     _draw_predictions(axes, projection, facts)
     predicted = [_PREDICTED] if facts.last_with_impact else []
     wide = [_WIDE] if None in regions else []
@@ -61,7 +61,7 @@ def world_map(axes: Axes, facts: RunFacts, tracks: FigureData, views: FigureData
     projection = WorldProjection.about(_flight_points(facts, tracks))
     drawn_world(axes, projection)
     _draw_sensors(axes, projection, facts, views)
-    _draw_flights(axes, projection, facts, tracks)
+    draw_flights(axes, projection, facts, tracks)
     return axes
 
 
@@ -78,7 +78,7 @@ def _flight_points(facts: RunFacts, tracks: FigureData) -> FloatArray:
     return places[np.isfinite(places).all(axis=1)]
 
 
-def _draw_flights(
+def draw_flights(
     axes: Axes, projection: MapProjection, facts: RunFacts, tracks: FigureData
 ) -> None:
     """Draw ground tracks, thick while the target burns, with launch and impact points."""

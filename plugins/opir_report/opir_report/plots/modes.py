@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 from itertools import groupby
 from math import degrees
+from typing import NamedTuple
 
 from matplotlib.axes import Axes
 
 from opir_core.planning import ModeSpan, mode_spans
-from opir_core.plugin import Sensor
+from opir_core.plugin import CommandRecord, Sensor
 from opir_report.canvas import legend_of, panel_width_in, without_data
 from opir_report.figure_data import FigureData
 from opir_report.palette import MUTED, PAPER, Hue, series_hue
@@ -42,8 +43,26 @@ def modes_over_time(facts: RunFacts) -> FigureData:
     return FigureData.of_rows(_COLUMNS, [row for sensor in sensors for row in _rows(facts, sensor)])
 
 
-def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
-    """Yield the rows of a sensor."""
+class CommandedSpan(NamedTuple):
+    """A sensor in a mode, by name, from the command that it follows; None before the first one."""
+
+    span: ModeSpan
+    mode: str
+    record: CommandRecord | None
+
+    @property
+    def track(self) -> int:
+        """The track that the sensor follows, -1 for none."""
+        return -1 if self.record is None else self.record.track
+
+    @property
+    def reason(self) -> str:
+        """Why the sensor looks so, "" before the first command."""
+        return "" if self.record is None else self.record.reason
+
+
+def commanded_spans(facts: RunFacts, sensor: Sensor) -> list[CommandedSpan]:
+    """Return what a sensor does from the start of the scene to its end, by its commands."""
     commands = facts.run.commands
     records = {
         record.start_s: record
@@ -51,31 +70,35 @@ def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
         if record.sensor == sensor.id and not record.refusal
     }
     modes = {id(in_mode): name for name, in_mode in sensor.modes.items()}
-
-    def purpose(span: ModeSpan) -> tuple[str, int, str]:
-        """Return the mode and the track of a span; without a track the reason too."""
-        mode = modes.get(id(span.sensor), OWN)
-        record = records.get(span.start_s)
-        if record is None:
-            return mode, -1, ""
-        return mode, record.track, "" if record.track >= 0 else record.reason
-
     spans = mode_spans(sensor, commands, facts.plan.scene.duration_s)
-    for (mode, track, _), group in groupby(spans, purpose):
+    return [
+        CommandedSpan(span, modes.get(id(span.sensor), OWN), records.get(span.start_s))
+        for span in spans
+    ]
+
+
+def purpose(commanded: CommandedSpan) -> tuple[str, int, str]:
+    """Return the mode and the track of a span; without a track the reason too."""
+    track = commanded.track
+    return commanded.mode, track, "" if track >= 0 else commanded.reason
+
+
+def _rows(facts: RunFacts, sensor: Sensor) -> Iterator[tuple[object, ...]]:
+    """Yield the rows of a sensor."""
+    for (mode, track, _), group in groupby(commanded_spans(facts, sensor), purpose):
         merged = list(group)
         begin = merged[0]
-        record = records.get(begin.start_s)
         yield (
             sensor.id,
             mode,
-            _half_angle_deg(begin.sensor),
+            _half_angle_deg(begin.span.sensor),
             track,
             facts.target_ids.get(track, ""),
-            "" if record is None else record.reason,
-            begin.start_s,
-            begin.from_s,
-            merged[-1].until_s,
-            sum(_watched_s(sensor, span) for span in merged),
+            begin.reason,
+            begin.span.start_s,
+            begin.span.from_s,
+            merged[-1].span.until_s,
+            sum(_watched_s(sensor, commanded.span) for commanded in merged),
         )
 
 

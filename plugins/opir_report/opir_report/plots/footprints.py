@@ -1,0 +1,181 @@
+"""Where narrow fields looked on the ground: what a director sent them to, from time to time."""
+
+from collections.abc import Iterator
+from itertools import chain, groupby
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from opir_core.arrays import FloatArray
+from opir_core.geometry import WGS84, ecef_to_geodetic, intersection_with_ellipsoid
+from opir_report.canvas import legend_entry, legend_of, without_data
+from opir_report.figure_data import FigureData
+from opir_report.maps.base_map import drawn_ground, drawn_line
+from opir_report.maps.projections import fitting_projection
+from opir_report.maps.spheres import EARTH_RADIUS_KM, area_sr
+from opir_report.palette import MUTED
+from opir_report.plots.directing import PLACE
+from opir_report.plots.maps import RATIO, draw_flights
+from opir_report.plots.modes import OWN, CommandedSpan, commanded_spans, purpose
+from opir_report.run_facts import RunFacts
+
+#: Points of an outline, and the dashes of modes in their order.
+_POINTS = 73
+_DASHES = ("-", "--", ":", "-.")
+#: Purposes whose edges are labelled, at most.
+_LABELLED = 8
+_COLUMNS = (
+    "sensor_id",
+    "mode",
+    "track_id",
+    "target_id",
+    "from_s",
+    "half_angle_deg",
+    "latitude_deg",
+    "longitude_deg",
+    "far_km",
+    "ground_km2",
+)
+
+
+class _Footprint(NamedTuple):
+    """A narrow field as it begins to look after a command: its axis (3,) is no unit vector."""
+
+    commanded: CommandedSpan
+    sensor_id: str
+    sensor_m: FloatArray
+    axis_m: FloatArray
+    half_angle_rad: float
+
+    def middle_m(self) -> FloatArray:
+        """Return where the axis meets the ground (3,), ECEF; nan where it passes the Earth."""
+        return intersection_with_ellipsoid(self.sensor_m, self.axis_m)
+
+    def outline(self) -> FloatArray:
+        """Return the edge (`_POINTS`, 2) on the ground, rad, closed: where rays pass the Earth, its
+        limb. The axis meets the ground.
+        """
+        axis = self.axis_m / np.linalg.norm(self.axis_m)
+        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        across /= np.linalg.norm(across)
+        turn = -np.linspace(0.0, 2.0 * np.pi, _POINTS)[:, None]  # the inside is left
+        edge = np.cos(turn) * across + np.sin(turn) * np.cross(axis, across)
+        rays = np.cos(self.half_angle_rad) * axis + np.sin(self.half_angle_rad) * edge
+        ground_m = intersection_with_ellipsoid(self.sensor_m, rays)
+        passes = np.isnan(ground_m)
+        place = ecef_to_geodetic(np.where(passes, _on_limb(self.sensor_m, rays), ground_m))
+        return np.stack([place.latitude_rad, place.longitude_rad], axis=1)
+
+
+def footprints(facts: RunFacts) -> FigureData:
+    """Return where narrow fields looked after each command that they took: sensor_id, mode,
+    track_id, target_id, from_s, half_angle_deg, latitude_deg, longitude_deg, far_km, ground_km2.
+
+    At `from_s` the axis of the field meets the ground at latitude and longitude, `far_km` from the
+    sensor, and `ground_km2` of the ground are in the field. They are nan where the axis passes the
+    Earth. Commands of a file before version 1.2 have no place.
+    """
+    return FigureData.of_rows(
+        _COLUMNS, [_row(facts, footprint) for footprint in _footprints(facts)]
+    )
+
+
+def _row(facts: RunFacts, footprint: _Footprint) -> tuple[object, ...]:
+    commanded = footprint.commanded
+    point_m = footprint.middle_m()
+    place = ecef_to_geodetic(point_m)
+    ground_sr = area_sr(footprint.outline()) if np.isfinite(point_m).all() else np.nan
+    return (
+        footprint.sensor_id,
+        commanded.mode,
+        commanded.track,
+        facts.target_ids.get(commanded.track, ""),
+        commanded.span.from_s,
+        float(np.degrees(footprint.half_angle_rad)),
+        float(np.degrees(place.latitude_rad)),
+        float(np.degrees(place.longitude_rad)),
+        1e-3 * float(np.linalg.norm(point_m - footprint.sensor_m)),
+        EARTH_RADIUS_KM**2 * ground_sr,
+    )
+
+
+def _footprints(facts: RunFacts) -> Iterator[_Footprint]:
+    """Yield the narrow fields of commands that were looked at, by sensor and time."""
+    for sensor in facts.run.sensors:
+        if sensor.pointing is None:
+            continue
+        for commanded in commanded_spans(facts, sensor):
+            in_mode, _, from_s, until_s = commanded.span
+            position_m = None if commanded.record is None else commanded.record.position_ecef_m
+            if position_m is None or from_s >= until_s or not in_mode.is_narrow:
+                continue
+            assert in_mode.pointing is not None
+            sensor_m = sensor.orbit.position_ecef_m(np.array([from_s]))[0]
+            axis_m = np.array(position_m) - sensor_m
+            yield _Footprint(
+                commanded, sensor.id, sensor_m, axis_m, in_mode.pointing.half_angle_rad
+            )
+
+
+def footprint_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
+    """Draw the edges of narrow fields on the ground at the first and the last command of one
+    purpose, over the launches' ground tracks; not where the axis passes the Earth.
+    """
+    purposes = list(_purposes(facts))
+    if not purposes:
+        return without_data(axes, "no narrow field was pointed at the ground")
+    edges = [[footprint.outline() for footprint in ends] for ends in purposes]
+    places = np.concatenate([*chain(*edges)])
+    projection = fitting_projection(places)
+    drawn_ground(axes, projection, places, RATIO, least_km=600.0)
+    draw_flights(axes, projection, facts, tracks)
+    dashes = _dashes([begin.commanded.mode for begin, *_ in purposes])
+    hue_of = dict(zip(facts.ids, facts.hues.of_target, strict=True))
+    for (begin, *_), rings in zip(purposes, edges, strict=True):
+        commanded = begin.commanded
+        hue = hue_of.get(facts.target_ids.get(commanded.track, ""), PLACE)
+        style = {"color": hue.colour, "linestyle": dashes[commanded.mode], "zorder": 3}
+        for ring in rings:
+            drawn_line(axes, projection, ring, linewidth=1.2, **style)
+        if len(purposes) <= _LABELLED:
+            label = f"{begin.sensor_id} from {commanded.span.from_s:.0f} s"
+            edge = projection.points(*rings[0].T)
+            top = edge[edge[:, 1].argmax()]
+            axes.annotate(label, top, (0, 2), textcoords="offset points", ha="center", fontsize=8)
+    marks = [
+        legend_entry(f"edge, {mode}", MUTED, linestyle=dash, linewidth=1.2)
+        for mode, dash in dashes.items()
+    ]
+    legend_of(axes, facts.hues.legend, marks)
+    return axes
+
+
+def _purposes(facts: RunFacts) -> Iterator[list[_Footprint]]:
+    """Yield the first and the last footprint of each purpose of which the axis meets the ground."""
+    for _, group in groupby(
+        _footprints(facts), lambda footprint: (footprint.sensor_id, purpose(footprint.commanded))
+    ):
+        on_ground = [place for place in group if np.isfinite(place.middle_m()).all()]
+        if on_ground:
+            yield [*on_ground[:1], *on_ground[1:][-1:]]
+
+
+def _dashes(modes: list[str]) -> dict[str, str]:
+    """Return the dashes of the edges by mode, the sensors' own settings first."""
+    ordered = sorted(set(modes), key=lambda mode: (mode != OWN, mode))
+    return {mode: _DASHES[number % len(_DASHES)] for number, mode in enumerate(ordered)}
+
+
+def _on_limb(sensor_m: FloatArray, rays: FloatArray) -> FloatArray:
+    """Return the points (n, 3) of the limb towards which rays (n, 3) pass the Earth, ECEF, m."""
+    # With axes scaled to 1 the ellipsoid is a sphere, and lines stay lines.
+    axes_m = [WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]
+    sensor = sensor_m / axes_m
+    distance = np.linalg.norm(sensor)
+    up = sensor / distance
+    ray = rays / axes_m
+    across = ray - (ray @ up)[:, None] * up
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    cosine = 1.0 / distance
+    return (cosine * up + np.sqrt(1.0 - cosine**2) * across) * axes_m
