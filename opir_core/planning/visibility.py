@@ -38,7 +38,8 @@ _WELL_ABOVE_RAD = 0.05
 
 def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolArray:
     """Return whether targets (n, 3) are in the field of regard of a sensor at places (n, 3), it is
-    above its minimum elevation over their horizons, and the Earth is not in the way.
+    above its minimum elevation over their horizons, and the Earth is not in the way. Sun and limb
+    are the caller's to test.
     """
     least_rad = sensor.minimum_elevation_rad
     angle_rad = nadir_angle_rad(sensor_ecef_m, target_ecef_m)

@@ -134,7 +134,7 @@ def _sentence(sensor: _SensorRow) -> Iterator[str]:
     if figures["clock_sigma_s"] < LAW.small_s:
         yield "clock assumed to be right"
     else:
-        clock = f"clock {figures['clock_s']:+.2f} ± {figures['clock_sigma_s']:.2f} s"
+        clock = f"clock {figures['clock_s']:+z.2f} ± {figures['clock_sigma_s']:.2f} s"
         yield clock + _unseen(sensor, _NAMES[2:])
     yield from _noise(sensor)
 
