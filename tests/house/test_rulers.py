@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 38_600,
     "opir_trackers": 47_720,
     "benchmarks": 102_100,
-    "tests": 857_500,
+    "tests": 857_600,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

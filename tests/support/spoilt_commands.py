@@ -7,6 +7,7 @@ import io
 import json
 import re
 import resource
+import shlex
 import shutil
 import signal
 import sys
@@ -123,6 +124,9 @@ def scene_kinds() -> Iterator[Kind]:
     yield Kind("scenes", ("tiny.yaml",), "coverage {} --geometry --grid 30 --steps 2 -o out", 2)
     yield Kind("scenes", ("first_light.yaml",), "physics budget {} --set detection=snr", 2)
     yield Kind("scenes", ("study.yaml",), "sweep {} -o out -q", 5)
+    optimise = "optimise {} --objective 'min latency_s' --evaluations 3 -o out"
+    yield Kind("scenes", ("study.yaml",), optimise, 2)
+    yield Kind("scenes", ("tiny.yaml",), "tune {} --runs 1 --error p_d=0.1 --set duration_s=5", 2)
     yield Kind("inputs", ("table.csv",), "run in_table.yaml -o out.jsonl -q")
     yield Kind("inputs", ("elements.json",), "run in_elements.yaml -o out.jsonl -q")
     yield Kind("inputs", ("prior.json",), "validate in_prior.yaml")
@@ -342,7 +346,7 @@ def answer_to(command: str, folder: Path, *values: str) -> Answer:
     count as errors.
     """
     remaining = iter(values)
-    words = [re.sub(r"\{\}", lambda _: next(remaining), word) for word in command.split()]
+    words = [re.sub(r"\{\}", lambda _: next(remaining), word) for word in shlex.split(command)]
     printed = io.StringIO()
     start = forget_peak()
     present_bytes = peak_bytes()  # of what this process has read and kept before

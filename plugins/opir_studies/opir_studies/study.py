@@ -1,6 +1,7 @@
 """The definition of a study: a scene, what varies, how often it runs, and which figures count."""
 
 from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -143,6 +144,8 @@ class Study:
 
     def __attrs_post_init__(self) -> None:
         object.__setattr__(self, "scene", _without_units(self.scene))
+        if not isinstance(self.scene, str | PathLike | Mapping):
+            raise ValueError("scene: must be the path of a scene, or a block of one")
         for name in ("overrides", "vary", "conditions"):
             values = getattr(self, name)
             if isinstance(values, Mapping):

@@ -72,6 +72,14 @@ def test_invalid_words_are_refused(sweep, flags, code, words):
     assert words in printed.err
 
 
+@pytest.mark.parametrize("scene", ["[short.yaml]", "3.5", "null"])
+def test_a_study_of_no_scene_is_one_message(sweep, tmp_path, scene):
+    (tmp_path / "study.yaml").write_text(f"study: mine\nscene: {scene}\n")
+    code, printed = sweep("study.yaml")
+    assert code == 2
+    assert printed.err.startswith("opir: study.yaml: 1 problem\n  scene: must be the path of")
+
+
 def test_a_missing_file_is_one_message(sweep):
     code, printed = sweep("nowhere.yaml")
     assert code == 2
