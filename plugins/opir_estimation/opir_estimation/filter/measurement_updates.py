@@ -8,7 +8,6 @@ from math import log, prod
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
 
 from opir_core.arrays import FloatArray
 from opir_estimation.square_root import inverse_root, triangular
@@ -59,6 +58,9 @@ def least_squares(stack: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
 def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
     """Return the solutions (n, d, k) of upper triangular systems."""
     if upper.shape[0] == 1:
+        # Here, because plugins import the contracts of parts without solving anything.
+        from scipy.linalg import lapack
+
         lone, singular = lapack.dtrtrs(upper[0], right[0])
         if singular:
             raise np.linalg.LinAlgError("Singular matrix")
