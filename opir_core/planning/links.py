@@ -50,17 +50,18 @@ class Transmitter:
         """The time that it takes for a report, ns; at least 1."""
         return max(round(self.downlink.service_s * 1e9), 1)
 
-    @property
-    def lost_s(self) -> Spans:
-        """The spans of looks whose reports are not sent while they are of use, s; queues are left
-        out.
+    def late_s(self, wait_s: float) -> Spans:
+        """Return the spans of looks whose reports are not sent within a time, nor while they are of
+        use, s; queues are left out.
         """
         edge_ns = self.edge_ns
         if self.downlink.loss == 1.0:
             return ((0.0, edge_ns[-1] / 1e9),)
         closed = np.flatnonzero(self.path < 0)
         sent_ns, _ = self.sent(self.open_until_ns(edge_ns[closed]) + self.service_ns)
-        of_use_ns = np.where(sent_ns < 0, edge_ns[-1], sent_ns - 1e9 * self.downlink.keep_s)
+        of_use_ns = np.where(
+            sent_ns < 0, edge_ns[-1], sent_ns - 1e9 * min(self.downlink.keep_s, wait_s)
+        )
         until_ns = np.minimum(edge_ns[closed + 1], of_use_ns)
         spans_s = np.stack([edge_ns[closed], until_ns], axis=1) / 1e9
         return tuple((from_s, until_s) for from_s, until_s in spans_s.tolist() if from_s < until_s)
@@ -117,12 +118,12 @@ class Network:
         light_ns = np.rint(distance_m * (1e9 / SPEED_OF_LIGHT_M_S)).astype(np.int64)
         return light_ns + self.paths[path].delay_ns
 
-    def lost_s(self, number: int) -> Spans:
-        """Return the spans of looks of a sensor, by its number, whose reports do not arrive; queues
-        are left out.
+    def lost_s(self, number: int, wait_s: float = np.inf) -> Spans:
+        """Return the spans of looks of a sensor, by its number, whose reports do not arrive, or wait
+        longer than a time for a contact; queues are left out.
         """
         transmitter = self.transmitters.get(number)
-        return () if transmitter is None else transmitter.lost_s
+        return () if transmitter is None else transmitter.late_s(wait_s)
 
     def queues(self, sensors: int) -> "LinkQueues":
         """Return the empty queues of a run with as many sensors."""

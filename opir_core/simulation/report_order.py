@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import evolve
 
-from opir_core.arrays import ByteArray, IntArray
+from opir_core.arrays import IntArray
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
@@ -15,6 +15,7 @@ from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.measurement import with_tracks
 from opir_core.simulation.observation import joined_detections
 from opir_core.simulation.tracker_clock import ScheduledTracker, Tracked, checked_tracker, rows_of
+from opir_core.simulation.unheard import UnheardLooks
 
 #: Later than any report.
 _NEVER_NS = np.iinfo(np.int64).max
@@ -53,7 +54,7 @@ class ReportOrder:
         sensors.
         """
         if self._tracker is not None and plan.sensors is not self._plan.sensors:
-            self._tracker.set_sensors(plan.tracker_sensors())
+            self._tracker.use(plan)
         self._plan = plan
 
     def take(self, window: Window, end_ns: int) -> Window:
@@ -75,6 +76,8 @@ class ReportOrder:
                 truth=reported.truth.freeze(),
                 estimates=reported.estimates,
             )
+        waiting = [self._held.detections, *(held.detections for held in self._incoming)]
+        self._tracker.on_their_way = tuple(waiting)
         tracked = self._tracker.absorb(reported.detections, start_ns, end_ns)
         return evolve(
             window,
@@ -166,20 +169,30 @@ class ReportedTracker(ScheduledTracker):
     """Steps a tracker in the order of report, by a fixed lag.
 
     The step valid at a tick is made a lag later, with the detections from before the tick that are
-    reported by then, in the order of observation. Later reports of these looks are not tracked.
-    Detections are associated when they are reported, by the tracks of the last step.
+    reported by then, in the order of observation. Later reports of these looks are not tracked: of
+    them the tracker knows that it has not heard. Detections are associated when they are reported,
+    by the tracks of the last step.
     """
 
-    def __init__(
-        self,
-        tracker: Tracker,
-        end_ns: int,
-        lag_ns: int,
-        paper_codes: ByteArray | None = None,
-    ) -> None:
-        super().__init__(tracker, end_ns, paper_codes)
+    def __init__(self, tracker: Tracker, plan: Plan, lag_ns: int) -> None:
+        super().__init__(tracker, plan.end_ns, plan.paper_codes())
         self._lag_ns = lag_ns
         self._stepped_ns = 0
+        #: Detections of windows before, which are reported after the present one.
+        self.on_their_way: tuple[Detections, ...] = ()
+        self._unheard = UnheardLooks(plan, max(lag_ns - usual_lag_ns(plan), 0) * 1e-9)
+        if plan.links is not None:
+            self._tell()
+
+    def use(self, plan: Plan) -> None:
+        """Go on with the sensors of another plan of the run."""
+        self._unheard.use(plan)
+        self._tell()
+
+    def _tell(self) -> None:
+        """Tell the tracker when its sensors are heard."""
+        if self._cadence_ns is not None:
+            self.set_sensors(self._unheard.tracker_sensors())
 
     @property
     def last_ns(self) -> int:
@@ -191,6 +204,11 @@ class ReportedTracker(ScheduledTracker):
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
         detections = detections.computed()
+        late_detections = [detections, *self.on_their_way]
+        sensor, time_ns, reported_ns = (
+            np.concatenate([getattr(rows, name) for rows in late_detections])
+            for name in ("sensor", "time_ns", "reported_ns")
+        )
         ticks = self._ticks(start_ns - self._lag_ns, end_ns - self._lag_ns, self._cadence_ns)
         ends = np.searchsorted(
             detections.reported_ns, np.array([*ticks, _NEVER_NS - self._lag_ns]) + self._lag_ns
@@ -205,7 +223,12 @@ class ReportedTracker(ScheduledTracker):
             in_force.append(self._in_force)
             rows = rows + len(self._in_force)
             start = end
-            estimates += [self._step(tick) for tick in ticks[number : number + 1]]
+            for tick in ticks[number : number + 1]:
+                is_late = (self._stepped_ns <= time_ns) & (time_ns < tick)
+                is_late &= reported_ns >= tick + self._lag_ns
+                if self._unheard.miss(sensor[is_late], time_ns[is_late], self._stepped_ns, tick):
+                    self._tell()
+                estimates.append(self._step(tick))
         return Tracked(
             Detections.concatenate(associated),
             Tracks.concatenate(estimates),
@@ -256,15 +279,18 @@ def _reported_tracker(plan: Plan) -> ReportedTracker | None:
     """Return the tracker of a scene that tracks in the order of report."""
     if plan.scene.tracking_order != BY_REPORT:
         return None
-    return ReportedTracker(
-        checked_tracker(plan), plan.end_ns, tracking_lag_ns(plan), plan.paper_codes()
-    )
+    return ReportedTracker(checked_tracker(plan), plan, tracking_lag_ns(plan))
 
 
 def tracking_lag_ns(plan: Plan) -> int:
     """Return the lag, ns, between a tick and its step in the order of report."""
     if plan.scene.tracking_lag_s is not None:
         return round(plan.scene.tracking_lag_s * 1e9)
+    return usual_lag_ns(plan)
+
+
+def usual_lag_ns(plan: Plan) -> int:
+    """Return the time, ns, in which nearly all reports come that wait for no queue and no contact."""
     link_ns = 0 if plan.links is None else plan.links.slowest_ns
     if not any(sensor.reporting for sensor in plan.sensors):
         return link_ns

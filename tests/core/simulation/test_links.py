@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from attrs import evolve
 from json_lines import json_lines
+from opir_testing.doubles import CountingTracker
 from two_sensor_scene import two_sensor_scene
 from waiting import until
 
@@ -23,6 +24,7 @@ from opir_core.plugin import Detections, EncoderContext, Host
 from opir_core.reading import scene_hash, scene_mapping
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
+from opir_core.simulation.run import run_of_plan
 from opir_core.simulation.undetected import undetected_text
 
 WEST, EAST = 0, 1
@@ -185,9 +187,9 @@ QUEUED = links(
 )
 
 
-@pytest.mark.parametrize("order", ["observation", "report"])
-def test_windows_and_workers_change_no_byte(order: str) -> None:
-    lag = {"tracking_lag_s": 60.0} if order == "report" else {}
+@pytest.mark.parametrize("lag", [{}, {"tracking_lag_s": 60.0}, {"tracking_lag_s": 5.0}])
+def test_windows_and_workers_change_no_byte(lag: dict[str, float]) -> None:
+    order = "report" if lag else "observation"
     queued = scene(QUEUED, tracker="kepler-arc", tracking_order=order, **lag)
     reference = opir.simulate(queued)
     assert len(reference.tracks)
@@ -411,6 +413,45 @@ def test_silence_of_a_dead_link_says_nothing(
         burning_s = np.clip([from_s, to_s], run.plan.targets.ignition_s[0], None)
         inside_s = look_s[(look_s >= from_s) & (look_s < to_s)]
         np.testing.assert_allclose([inside_s.min(), inside_s.max()], burning_s, atol=3.0)
+
+
+BOTH_DOWN = [{"node": node, "at_s": 30.0, "until_s": 50.0} for node in ("WEST", "EAST")]
+
+
+@pytest.mark.parametrize("rate_bytes_s", [1e6, 6000.0])
+def test_late_reports_are_no_silence_in_the_order_of_report(rate_bytes_s: float) -> None:
+    """The burn lasts longer than the scene; at 6 000 bytes a second the queue is there for 20 s."""
+    block = links({"rate_bytes_s": rate_bytes_s}, outages=BOTH_DOWN)
+    run = opir.simulate(scene(block, tracker="imm", tracking_order="report"))
+    rows = run.detections.time_ns < 50e9
+    assert run.detections.reported_ns[rows].max() > 50e9
+    tracks = run.tracks
+    assert set(tracks.track.tolist()) == {0}
+    silent = (tracks.tick_s >= 31.0) & (tracks.tick_s <= 50.0)
+    assert silent.sum() == 20
+    assert tracks.probability_burning[silent].min() > 0.75
+    assert (tracks.probability_burning[tracks.tick_s >= 85.0] > 0.99).all()
+
+
+@pytest.mark.parametrize(("lag_s", "until_s"), [(None, 50.0), (12.0, 38.0), (25.0, None)])
+def test_a_tracker_in_the_order_of_report_knows_when_no_contact_is_in_time(
+    lag_s: float | None, until_s: float | None
+) -> None:
+    """Nothing shines, so that no report is on its way."""
+    lag = {} if lag_s is None else {"tracking_lag_s": lag_s}
+    block = links(FAST, outages=BOTH_DOWN)
+    plan = compile_plan(scene(block, targets=[], tracker="imm", tracking_order="report", **lag))
+    told = []
+
+    class Listening(CountingTracker):
+        def set_sensors(self, sensors: Any) -> None:
+            told.append(sensors)
+
+    run_of_plan(evolve(plan, make_tracker=Listening))
+    ((west, east),) = told
+    for sensor in (west, east):
+        wanted = [0.0, 90.0] if until_s is None else [0.0, 30.0, until_s, 90.0]
+        np.testing.assert_allclose(np.ravel(sensor.spans_until_s(90.0)), wanted, atol=0.6)
 
 
 def test_what_no_report_tells_of_is_said_to_be_lost() -> None:
