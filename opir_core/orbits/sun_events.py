@@ -150,7 +150,9 @@ def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLik
 
 def _arc(opposite: FloatArray, side: FloatArray, base: FloatArray) -> FloatArray:
     """Return the angle of a spherical triangle between two sides, by the law of cosines."""
-    cosine = (np.cos(opposite) - np.cos(side) * np.cos(base)) / (np.sin(side) * np.sin(base))
+    # The product of sines may underflow, where the numerator is 0 too.
+    sines = np.maximum(np.sin(side) * np.sin(base), 1e-300)
+    cosine = (np.cos(opposite) - np.cos(side) * np.cos(base)) / sines
     return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 

@@ -75,9 +75,11 @@ _CLOCK = {
 _DATES = {"now", "utcnow", "today"}
 #: Modules that may use clock, entropy and environment themselves. Philox draws entropy for a seed
 #: sequence that it does not use, because the core's streams give it a key; the boundary of plugins
-#: notes when a call began, for the watchdog; the host reads which plugins are allowed.
+#: notes when a call began, for the watchdog; the host reads which plugins are allowed. matplotlib
+#: dates a file that it draws for the layout alone: a date that remains differs in the next view.
 _OWN = {"opir_core.random_streams.philox", "opir_core.host.boundary", "opir_core.host.host"}
-_EXEMPT = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", *_OWN}
+_LIBRARIES = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", "matplotlib"}
+_EXEMPT = _LIBRARIES | _OWN
 #: The function that reads a variable of the environment.
 _ENVIRONMENT = type(os.environ).__getitem__.__code__
 #: Modules that read every setting, whatever a component does with it.

@@ -4,7 +4,7 @@ Sun.
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 from opir_testing import stub_sensor
 
 from opir_core.geometry import is_sunlit, nadir_angle_rad, sun_ecef_m
@@ -96,6 +96,7 @@ def test_outages_are_the_moments_with_the_sun_near_and_in_view(altitude_km, incl
 
 
 @given(st.floats(0.02, 3.1), st.floats(0.02, 3.1), st.floats(0.0, np.pi))
+@example(3.0, 3.0, 5e-324)
 def test_the_overlap_of_cones_is_a_share_of_both(a_rad, b_rad, separation):
     overlap = float(cap_overlap_sr(a_rad, b_rad, separation))
     areas = 4.0 * np.pi * np.sin(0.5 * np.array([a_rad, b_rad])) ** 2
