@@ -32,7 +32,7 @@ TOKENS: dict[str, int] = {
     "opir_photons": 76_600,
     "opir_readers": 66_200,
     "opir_render": 300,
-    "opir_report": 53_500,
+    "opir_report": 53_600,
     "opir_sbirs": 440,
     "opir_scoring": 32_500,
     "opir_stonesoup": 8_000,

@@ -234,7 +234,7 @@ def _mode_parts(plots: RunPlots) -> Iterator[ReportFigure | ReportTable]:
 def _footprint_parts(plots: RunPlots) -> Iterator[ReportFigure]:
     """Yield the map of narrow fields, if one looked at the ground."""
     places = footprints(plots.facts)
-    if np.isfinite(places["latitude_deg"]).any():
+    if len(places):
         yield plot_of(
             "footprints",
             lambda axes: footprint_map(axes, plots.facts, plots.ground_tracks),

@@ -1,14 +1,15 @@
 """Where narrow fields looked on the ground: what a director sent them to, from time to time."""
 
-from collections.abc import Iterator
-from itertools import chain, groupby
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry import WGS84, ecef_to_geodetic, intersection_with_ellipsoid
+from opir_core.plugin import Sensor
 from opir_report.canvas import legend_entry, legend_of, without_data
 from opir_report.figure_data import FigureData
 from opir_report.maps.base_map import drawn_ground, drawn_line
@@ -39,29 +40,49 @@ _COLUMNS = (
 )
 
 
-class _Footprint(NamedTuple):
-    """A narrow field as it begins to look after a command: its axis (3,) is no unit vector."""
+class _Footprint:
+    """The narrow field of a sensor as it begins to look at a point (3,), ECEF, m."""
 
-    commanded: CommandedSpan
-    sensor_id: str
-    sensor_m: FloatArray
-    axis_m: FloatArray
-    half_angle_rad: float
+    def __init__(self, sensor: Sensor, commanded: CommandedSpan, point_m: Sequence[float]) -> None:
+        self.sensor_id = sensor.id
+        self.commanded = commanded
+        self._orbit = sensor.orbit
+        self._point_m = point_m
 
+    @property
+    def half_angle_rad(self) -> float:
+        """The half angle of the field."""
+        pointing = self.commanded.span.sensor.pointing
+        assert pointing is not None
+        return pointing.half_angle_rad
+
+    @cached_property
+    def sensor_m(self) -> FloatArray:
+        """The position (3,) of the sensor."""
+        return self._orbit.position_ecef_m(np.array([self.commanded.span.from_s]))[0]
+
+    @cached_property
     def middle_m(self) -> FloatArray:
-        """Return where the axis meets the ground (3,), ECEF; nan where it passes the Earth."""
-        return intersection_with_ellipsoid(self.sensor_m, self.axis_m)
+        """The point (3,) at which the axis meets the ground; nan where it passes the Earth."""
+        return intersection_with_ellipsoid(self.sensor_m, self._point_m - self.sensor_m)
 
-    def outline(self) -> FloatArray:
-        """Return the edge (`_POINTS`, 2) on the ground, rad, closed: where rays pass the Earth, its
-        limb. The axis meets the ground.
+    @property
+    def is_on_ground(self) -> bool:
+        """Whether the axis meets the ground."""
+        return bool(np.isfinite(self.middle_m).all())
+
+    @cached_property
+    def edge(self) -> FloatArray:
+        """The edge (`_POINTS`, 2) on the ground, rad, closed, with its inside left: where rays pass
+        the Earth, its limb.
         """
-        axis = self.axis_m / np.linalg.norm(self.axis_m)
+        axis = self._point_m - self.sensor_m
+        axis /= np.linalg.norm(axis)
         across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
         across /= np.linalg.norm(across)
-        turn = -np.linspace(0.0, 2.0 * np.pi, _POINTS)[:, None]  # the inside is left
-        edge = np.cos(turn) * across + np.sin(turn) * np.cross(axis, across)
-        rays = np.cos(self.half_angle_rad) * axis + np.sin(self.half_angle_rad) * edge
+        turn = -np.linspace(0.0, 2.0 * np.pi, _POINTS)[:, None]
+        aside = np.cos(turn) * across + np.sin(turn) * np.cross(axis, across)
+        rays = np.cos(self.half_angle_rad) * axis + np.sin(self.half_angle_rad) * aside
         ground_m = intersection_with_ellipsoid(self.sensor_m, rays)
         passes = np.isnan(ground_m)
         place = ecef_to_geodetic(np.where(passes, _on_limb(self.sensor_m, rays), ground_m))
@@ -69,23 +90,21 @@ class _Footprint(NamedTuple):
 
 
 def footprints(facts: RunFacts) -> FigureData:
-    """Return where narrow fields looked after each command that they took: sensor_id, mode,
-    track_id, target_id, from_s, half_angle_deg, latitude_deg, longitude_deg, far_km, ground_km2.
+    """Return the narrow fields on the ground at the first and the last command of one purpose:
+    sensor_id, mode, track_id, target_id, from_s, half_angle_deg, latitude_deg, longitude_deg,
+    far_km, ground_km2.
 
     At `from_s` the axis of the field meets the ground at latitude and longitude, `far_km` from the
-    sensor, and `ground_km2` of the ground are in the field. They are nan where the axis passes the
-    Earth. Commands of a file before version 1.2 have no place.
+    sensor, and `ground_km2` of the ground are in the field. Fields whose axis passes the Earth are
+    left out, and commands of files before version 1.2, which have no place.
     """
-    return FigureData.of_rows(
-        _COLUMNS, [_row(facts, footprint) for footprint in _footprints(facts)]
-    )
+    rows = (_row(facts, footprint) for ends in _purposes(facts) for footprint in ends)
+    return FigureData.of_rows(_COLUMNS, rows)
 
 
 def _row(facts: RunFacts, footprint: _Footprint) -> tuple[object, ...]:
     commanded = footprint.commanded
-    point_m = footprint.middle_m()
-    place = ecef_to_geodetic(point_m)
-    ground_sr = area_sr(footprint.outline()) if np.isfinite(point_m).all() else np.nan
+    place = ecef_to_geodetic(footprint.middle_m)
     return (
         footprint.sensor_id,
         commanded.mode,
@@ -95,8 +114,8 @@ def _row(facts: RunFacts, footprint: _Footprint) -> tuple[object, ...]:
         float(np.degrees(footprint.half_angle_rad)),
         float(np.degrees(place.latitude_rad)),
         float(np.degrees(place.longitude_rad)),
-        1e-3 * float(np.linalg.norm(point_m - footprint.sensor_m)),
-        EARTH_RADIUS_KM**2 * ground_sr,
+        1e-3 * float(np.linalg.norm(footprint.middle_m - footprint.sensor_m)),
+        EARTH_RADIUS_KM**2 * area_sr(footprint.edge),
     )
 
 
@@ -107,15 +126,9 @@ def _footprints(facts: RunFacts) -> Iterator[_Footprint]:
             continue
         for commanded in commanded_spans(facts, sensor):
             in_mode, _, from_s, until_s = commanded.span
-            position_m = None if commanded.record is None else commanded.record.position_ecef_m
-            if position_m is None or from_s >= until_s or not in_mode.is_narrow:
-                continue
-            assert in_mode.pointing is not None
-            sensor_m = sensor.orbit.position_ecef_m(np.array([from_s]))[0]
-            axis_m = np.array(position_m) - sensor_m
-            yield _Footprint(
-                commanded, sensor.id, sensor_m, axis_m, in_mode.pointing.half_angle_rad
-            )
+            point_m = None if commanded.record is None else commanded.record.position_ecef_m
+            if point_m is not None and from_s < until_s and in_mode.is_narrow:
+                yield _Footprint(sensor, commanded, point_m)
 
 
 def footprint_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
@@ -125,22 +138,21 @@ def footprint_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
     purposes = list(_purposes(facts))
     if not purposes:
         return without_data(axes, "no narrow field was pointed at the ground")
-    edges = [[footprint.outline() for footprint in ends] for ends in purposes]
-    places = np.concatenate([*chain(*edges)])
+    places = np.concatenate([footprint.edge for ends in purposes for footprint in ends])
     projection = fitting_projection(places)
     drawn_ground(axes, projection, places, RATIO, least_km=600.0)
     draw_flights(axes, projection, facts, tracks)
     dashes = _dashes([begin.commanded.mode for begin, *_ in purposes])
     hue_of = dict(zip(facts.ids, facts.hues.of_target, strict=True))
-    for (begin, *_), rings in zip(purposes, edges, strict=True):
-        commanded = begin.commanded
+    for ends in purposes:
+        commanded = ends[0].commanded
         hue = hue_of.get(facts.target_ids.get(commanded.track, ""), PLACE)
         style = {"color": hue.colour, "linestyle": dashes[commanded.mode], "zorder": 3}
-        for ring in rings:
-            drawn_line(axes, projection, ring, linewidth=1.2, **style)
+        for footprint in ends:
+            drawn_line(axes, projection, footprint.edge, linewidth=1.2, **style)
         if len(purposes) <= _LABELLED:
-            label = f"{begin.sensor_id} from {commanded.span.from_s:.0f} s"
-            edge = projection.points(*rings[0].T)
+            label = f"{ends[0].sensor_id} from {commanded.span.from_s:.0f} s"
+            edge = projection.points(*ends[0].edge.T)
             top = edge[edge[:, 1].argmax()]
             axes.annotate(label, top, (0, 2), textcoords="offset points", ha="center", fontsize=8)
     marks = [
@@ -156,9 +168,11 @@ def _purposes(facts: RunFacts) -> Iterator[list[_Footprint]]:
     for _, group in groupby(
         _footprints(facts), lambda footprint: (footprint.sensor_id, purpose(footprint.commanded))
     ):
-        on_ground = [place for place in group if np.isfinite(place.middle_m()).all()]
-        if on_ground:
-            yield [*on_ground[:1], *on_ground[1:][-1:]]
+        footprints = list(group)
+        ways = (footprints, reversed(footprints))
+        ends = [next((place for place in way if place.is_on_ground), None) for way in ways]
+        if ends[0] is not None:
+            yield list(dict.fromkeys(filter(None, ends)))
 
 
 def _dashes(modes: list[str]) -> dict[str, str]:
