@@ -1,8 +1,8 @@
-"""The links of a plan: by sensor when its transmitter is open and which way a report takes then, and
-the queues of a run.
+"""The links of a plan: by sensor when its transmitter is open and which way a report takes then; the
+queues of a run, and the looks of which a tracker has not heard.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -129,6 +129,12 @@ class Network:
         """Return the empty queues of a run with as many sensors."""
         return LinkQueues(self, sensors)
 
+    def unheard(self, sensors: int, lag_ns: int) -> "UnheardLooks":
+        """Return the looks of which a tracker has not heard a lag after its ticks, of a run with as
+        many sensors.
+        """
+        return UnheardLooks(self, sensors, lag_ns)
+
     @property
     def slowest_ns(self) -> int:
         """The time, ns, in which a report gets through the slowest path of any sensor, without a
@@ -210,6 +216,53 @@ class LinkQueues:
             rows = np.flatnonzero(path == number)
             arrived_ns[rows] += self._network.flight_ns(number, sent_ns[rows])
         return arrived_ns
+
+
+class UnheardLooks:
+    """The looks of a run whose reports are under way when a tracker goes on, a lag after each tick.
+
+    Reports are sent in order: a sensor is not heard while an earlier one is under way. `late_s` are
+    the spans of such looks by sensor, s.
+    """
+
+    def __init__(self, network: Network, sensors: int, lag_ns: int) -> None:
+        self._linked = list(network.transmitters)
+        self._lag_ns = lag_ns
+        self._stepped_ns = 0
+        self.late_s: list[Spans] = [()] * sensors
+        #: Sensor, time and report, ns, of detections from after the last tick, (3, n), and by sensor
+        #: the latest report, ns, of those before.
+        self._ahead = np.empty((3, 0), dtype=np.int64)
+        self._latest_ns = np.full(sensors, -1)
+
+    def note(self, detections: Detections) -> None:
+        """Take detections that were observed, whenever they are reported."""
+        columns = np.stack([detections.sensor, detections.time_ns, detections.reported_ns])
+        columns = columns[:, np.isin(detections.sensor, self._linked)]
+        self._ahead = np.concatenate([self._ahead, columns], axis=1)
+
+    def step(self, tick_ns: int) -> Sequence[int]:
+        """Go on to a tick; return the sensors, by number, that are not heard from some look after
+        the tick before on.
+        """
+        step_ns = tick_ns + self._lag_ns
+        is_before = self._ahead[1] < tick_ns
+        sensor, time_ns, reported_ns = self._ahead[:, is_before]
+        self._ahead = self._ahead[:, ~is_before]
+        is_late = reported_ns >= step_ns
+        first_ns: IntArray = np.where(self._latest_ns >= step_ns, self._stepped_ns, tick_ns)
+        np.minimum.at(first_ns, sensor[is_late], time_ns[is_late])
+        np.maximum.at(self._latest_ns, sensor, reported_ns)
+        self._stepped_ns = tick_ns
+        unheard: list[int] = np.flatnonzero(first_ns < tick_ns).tolist()
+        for number in unheard:
+            former = self.late_s[number]
+            from_s = int(first_ns[number]) * 1e-9
+            if former and former[-1][1] == from_s:
+                from_s = former[-1][0]
+                former = former[:-1]
+            self.late_s[number] = (*former, (from_s, tick_ns * 1e-9))
+        return unheard
 
 
 def _loss_draws(detections: Detections) -> FloatArray:

@@ -3,19 +3,23 @@ with them.
 """
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import IntArray
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.sensors import Spans
 from opir_core.interfaces.trackers import Tracker
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.measurement import with_tracks
 from opir_core.simulation.observation import joined_detections
 from opir_core.simulation.tracker_clock import ScheduledTracker, Tracked, checked_tracker, rows_of
-from opir_core.simulation.unheard import UnheardLooks
+
+if TYPE_CHECKING:
+    from opir_core.planning.links import UnheardLooks
 
 #: Later than any report.
 _NEVER_NS = np.iinfo(np.int64).max
@@ -76,8 +80,7 @@ class ReportOrder:
                 truth=reported.truth.freeze(),
                 estimates=reported.estimates,
             )
-        waiting = [self._held.detections, *(held.detections for held in self._incoming)]
-        self._tracker.on_their_way = tuple(waiting)
+        self._tracker.note(window.detections)
         tracked = self._tracker.absorb(reported.detections, start_ns, end_ns)
         return evolve(
             window,
@@ -170,29 +173,39 @@ class ReportedTracker(ScheduledTracker):
 
     The step valid at a tick is made a lag later, with the detections from before the tick that are
     reported by then, in the order of observation. Later reports of these looks are not tracked: of
-    them the tracker knows that it has not heard. Detections are associated when they are reported,
-    by the tracks of the last step.
+    sensors with links the tracker knows that it has not heard of them. Detections are associated
+    when they are reported, by the tracks of the last step.
     """
 
     def __init__(self, tracker: Tracker, plan: Plan, lag_ns: int) -> None:
         super().__init__(tracker, plan.end_ns, plan.paper_codes())
         self._lag_ns = lag_ns
         self._stepped_ns = 0
-        #: Detections of windows before, which are reported after the present one.
-        self.on_their_way: tuple[Detections, ...] = ()
-        self._unheard = UnheardLooks(plan, max(lag_ns - usual_lag_ns(plan), 0) * 1e-9)
-        if plan.links is not None:
-            self._tell()
+        self._unheard: UnheardLooks | None = None
+        if plan.links is not None and self._cadence_ns is not None:
+            self._unheard = plan.links.unheard(len(plan.sensors), lag_ns)
+            self.use(plan)
 
     def use(self, plan: Plan) -> None:
         """Go on with the sensors of another plan of the run."""
-        self._unheard.use(plan)
-        self._tell()
+        self._sensors = plan.tracker_sensors()
+        self._end_s = plan.end_ns * 1e-9
+        if self._unheard is not None and plan.links is not None:
+            wait_s = max(self._lag_ns - usual_lag_ns(plan), 0) * 1e-9
+            for number, late_s in enumerate(self._unheard.late_s):
+                self._leave_out(number, (*plan.links.lost_s(number, wait_s), *late_s))
+        self.set_sensors(self._sensors)
 
-    def _tell(self) -> None:
-        """Tell the tracker when its sensors are heard."""
-        if self._cadence_ns is not None:
-            self.set_sensors(self._unheard.tracker_sensors())
+    def _leave_out(self, number: int, spans: Spans) -> None:
+        """Tell that a sensor, by its number, is not heard in spans."""
+        sensors = list(self._sensors)
+        sensors[number] = evolve(sensors[number], partial_s=spans).stated(self._end_s)
+        self._sensors = tuple(sensors)
+
+    def note(self, detections: Detections) -> None:
+        """Take detections that were observed, whenever they are reported."""
+        if self._unheard is not None:
+            self._unheard.note(detections)
 
     @property
     def last_ns(self) -> int:
@@ -204,11 +217,6 @@ class ReportedTracker(ScheduledTracker):
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
         detections = detections.computed()
-        late_detections = [detections, *self.on_their_way]
-        sensor, time_ns, reported_ns = (
-            np.concatenate([getattr(rows, name) for rows in late_detections])
-            for name in ("sensor", "time_ns", "reported_ns")
-        )
         ticks = self._ticks(start_ns - self._lag_ns, end_ns - self._lag_ns, self._cadence_ns)
         ends = np.searchsorted(
             detections.reported_ns, np.array([*ticks, _NEVER_NS - self._lag_ns]) + self._lag_ns
@@ -223,12 +231,7 @@ class ReportedTracker(ScheduledTracker):
             in_force.append(self._in_force)
             rows = rows + len(self._in_force)
             start = end
-            for tick in ticks[number : number + 1]:
-                is_late = (self._stepped_ns <= time_ns) & (time_ns < tick)
-                is_late &= reported_ns >= tick + self._lag_ns
-                if self._unheard.miss(sensor[is_late], time_ns[is_late], self._stepped_ns, tick):
-                    self._tell()
-                estimates.append(self._step(tick))
+            estimates += [self._step(tick) for tick in ticks[number : number + 1]]
         return Tracked(
             Detections.concatenate(associated),
             Tracks.concatenate(estimates),
@@ -260,6 +263,10 @@ class ReportedTracker(ScheduledTracker):
         cut = int(np.searchsorted(pending.time_ns, tick_ns))
         pending_rows = pending.take(slice(cut, None))
         self._stepped_ns = tick_ns
+        if self._unheard is not None and (unheard := self._unheard.step(tick_ns)):
+            for number in unheard:
+                self._leave_out(number, self._unheard.late_s[number][-1:])
+            self.set_sensors(self._sensors)
         self._pending = [pending_rows] if len(pending_rows) else []
         tracks = self._tracker_in_use.step(tick_ns / 1_000_000_000, pending.take(slice(0, cut)))
         if self._lag_ns:

@@ -15,7 +15,7 @@ FOLDERS = {
 #: Tokens that each may have. A change that needs more raises its row here, and says why in the changelog.
 TOKENS: dict[str, int] = {
     "opir_bench": 15_700,
-    "opir_core": 281_400,
+    "opir_core": 281_600,
     "opir_coverage": 21_500,
     "opir_dask": 1_000,
     "opir_displays": 3_800,
@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 38_600,
     "opir_trackers": 47_720,
     "benchmarks": 102_100,
-    "tests": 858_000,
+    "tests": 858_300,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

@@ -68,6 +68,12 @@ def as_text(optimised: Optimised) -> str:
     ]
     words = ", ".join(f"{path}={value}" for path, value in best_row(optimised).items())
     extreme = "largest" if objective["is_largest"] else "smallest"
+    lack = (
+        ""
+        if optimised.is_feasible
+        else "; no design that was evaluated meets all requirements and has these figures in all"
+        " launches, this one is nearest"
+    )
     count = (
         f"{grouped(len(result.definition['designs']))} of {grouped(optimised.possible)} designs"
         f" evaluated"
@@ -77,7 +83,7 @@ def as_text(optimised: Optimised) -> str:
             *map("note: {}".format, result.definition["notes"]),
             (
                 f"{extreme} {objective['figure']}: {words} ({count}, the best at evaluation"
-                f" {optimised.best + 1}){_lack(rank(optimised.best))}"
+                f" {optimised.best + 1}){lack}"
             ),
             table([*result.paths, *figures], body),
             *share_lines(result, figures),
@@ -87,15 +93,6 @@ def as_text(optimised: Optimised) -> str:
             ),
         ]
     )
-
-
-def _lack(best: Outcome) -> str:
-    """Return in words what even the best design lacks, "" for nothing."""
-    if best.violation > 0.0:
-        return "; no design that was evaluated meets all requirements, this one is nearest"
-    if best.is_feasible:
-        return ""
-    return "; no design that was evaluated has these figures in all launches, this one in most"
 
 
 def as_json(optimised: Optimised) -> str:

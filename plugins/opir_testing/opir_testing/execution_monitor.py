@@ -76,7 +76,7 @@ _DATES = {"now", "utcnow", "today"}
 #: Modules that may use clock, entropy and environment themselves. Philox draws entropy for a seed
 #: sequence that it does not use, because the core's streams give it a key; the boundary of plugins
 #: notes when a call began, for the watchdog; the host reads which plugins are allowed. matplotlib
-#: dates a file that it draws for the layout alone: a date that remains differs in the next view.
+#: dates a file that it draws for the layout alone: a date that remains differs in the next SVG.
 _OWN = {"opir_core.random_streams.philox", "opir_core.host.boundary", "opir_core.host.host"}
 _LIBRARIES = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", "matplotlib"}
 _EXEMPT = _LIBRARIES | _OWN

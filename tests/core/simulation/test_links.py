@@ -24,6 +24,7 @@ from opir_core.plugin import Detections, EncoderContext, Host
 from opir_core.reading import scene_hash, scene_mapping
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
+from opir_core.simulation.report_order import ReportOrder
 from opir_core.simulation.run import run_of_plan
 from opir_core.simulation.undetected import undetected_text
 
@@ -418,9 +419,9 @@ def test_silence_of_a_dead_link_says_nothing(
 BOTH_DOWN = [{"node": node, "at_s": 30.0, "until_s": 50.0} for node in ("WEST", "EAST")]
 
 
-@pytest.mark.parametrize("rate_bytes_s", [1e6, 6000.0])
+@pytest.mark.parametrize("rate_bytes_s", [1e6, 1500.0])
 def test_late_reports_are_no_silence_in_the_order_of_report(rate_bytes_s: float) -> None:
-    """The burn lasts longer than the scene; at 6 000 bytes a second the queue is there for 20 s."""
+    """The burn lasts longer than the scene; at 1 500 bytes a second the queue lasts 20 s."""
     block = links({"rate_bytes_s": rate_bytes_s}, outages=BOTH_DOWN)
     run = opir.simulate(scene(block, tracker="imm", tracking_order="report"))
     rows = run.detections.time_ns < 50e9
@@ -430,7 +431,32 @@ def test_late_reports_are_no_silence_in_the_order_of_report(rate_bytes_s: float)
     silent = (tracks.tick_s >= 31.0) & (tracks.tick_s <= 50.0)
     assert silent.sum() == 20
     assert tracks.probability_burning[silent].min() > 0.75
+    assert tracks.probability_burning.min() > 0.5
     assert (tracks.probability_burning[tracks.tick_s >= 85.0] > 0.99).all()
+
+
+def test_a_queue_tells_nothing_before_its_reports_come() -> None:
+    """Two runs whose reports are the same up to a time have the same tracks up to then, to the last
+    second, in which the queue of one of them is empty.
+    """
+    block = links({"rate_bytes_s": 1500.0}, outages=BOTH_DOWN)
+    plan = compile_plan(scene(block, tracker="imm", tracking_order="report"))
+    looks = Engine(plan).advance(plan.end_ns)
+    is_early = looks.detections.time_ns < 52e9
+    differs_s = looks.detections.reported_ns[~is_early].min() * 1e-9
+    assert differs_s > 58.0
+
+    def burning(rows: Any) -> list[tuple[float, float]]:
+        reports = ReportOrder(plan)
+        some = looks.detections.take(rows), looks.truth.take(rows)
+        window = evolve(looks, detections=some[0], truth=some[1])
+        tracks = reports.take(window, plan.end_ns).tracks
+        known = tracks.available_s < differs_s - 1.0
+        return list(zip(tracks.tick_s[known], tracks.probability_burning[known], strict=True))
+
+    everything = burning(np.arange(len(is_early)))
+    assert everything == burning(np.flatnonzero(is_early))
+    assert everything[-1][1] > 0.5
 
 
 @pytest.mark.parametrize(("lag_s", "until_s"), [(None, 50.0), (12.0, 38.0), (25.0, None)])

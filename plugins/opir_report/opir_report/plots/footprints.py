@@ -1,13 +1,13 @@
 """Where narrow fields looked on the ground: what a director sent them to, from time to time."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from functools import cached_property
-from itertools import groupby
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from opir_core.arrays import FloatArray
+from opir_core.cli import grouped
 from opir_core.geometry import WGS84, ecef_to_geodetic, intersection_with_ellipsoid
 from opir_core.plugin import Sensor
 from opir_report.canvas import legend_entry, legend_of, without_data
@@ -16,7 +16,7 @@ from opir_report.maps.base_map import drawn_ground, drawn_line
 from opir_report.maps.projections import fitting_projection
 from opir_report.maps.spheres import EARTH_RADIUS_KM, area_sr
 from opir_report.palette import MUTED
-from opir_report.plots.directing import PLACE
+from opir_report.plots.directing import PLACE, watched_parts
 from opir_report.plots.maps import RATIO, draw_flights
 from opir_report.plots.modes import OWN, CommandedSpan, commanded_spans, purpose
 from opir_report.run_facts import RunFacts
@@ -24,8 +24,9 @@ from opir_report.run_facts import RunFacts
 #: Points of an outline, and the dashes of modes in their order.
 _POINTS = 73
 _DASHES = ("-", "--", ":", "-.")
-#: Purposes whose edges are labelled, at most.
+#: Purposes whose edges are labelled, and those that are drawn, at most.
 _LABELLED = 8
+_DRAWN = 40
 _COLUMNS = (
     "sensor_id",
     "mode",
@@ -127,7 +128,8 @@ def _footprints(facts: RunFacts) -> Iterator[_Footprint]:
         for commanded in commanded_spans(facts, sensor):
             in_mode, _, from_s, until_s = commanded.span
             point_m = None if commanded.record is None else commanded.record.position_ecef_m
-            if point_m is not None and from_s < until_s and in_mode.is_narrow:
+            is_seen = in_mode.is_narrow and watched_parts(sensor, from_s, until_s)
+            if point_m is not None and is_seen:
                 yield _Footprint(sensor, commanded, point_m)
 
 
@@ -135,9 +137,11 @@ def footprint_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
     """Draw the edges of narrow fields on the ground at the first and the last command of one
     purpose, over the launches' ground tracks; not where the axis passes the Earth.
     """
-    purposes = list(_purposes(facts))
+    purposes = _purposes(facts)
     if not purposes:
         return without_data(axes, "no narrow field was pointed at the ground")
+    omission_count = len(purposes) - len(purposes[:_DRAWN])
+    purposes = purposes[:_DRAWN]
     places = np.concatenate([footprint.edge for ends in purposes for footprint in ends])
     projection = fitting_projection(places)
     drawn_ground(axes, projection, places, RATIO, least_km=600.0)
@@ -159,20 +163,26 @@ def footprint_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
         legend_entry(f"edge, {mode}", MUTED, linestyle=dash, linewidth=1.2)
         for mode, dash in dashes.items()
     ]
+    if omission_count:
+        marks.append(legend_entry(f"{grouped(omission_count)} more are not drawn", linestyle=""))
     legend_of(axes, facts.hues.legend, marks)
     return axes
 
 
-def _purposes(facts: RunFacts) -> Iterator[list[_Footprint]]:
-    """Yield the first and the last footprint of each purpose of which the axis meets the ground."""
-    for _, group in groupby(
-        _footprints(facts), lambda footprint: (footprint.sensor_id, purpose(footprint.commanded))
-    ):
-        footprints = list(group)
-        ways = (footprints, reversed(footprints))
-        ends = [next((place for place in way if place.is_on_ground), None) for way in ways]
-        if ends[0] is not None:
-            yield list(dict.fromkeys(filter(None, ends)))
+def _purposes(facts: RunFacts) -> list[list[_Footprint]]:
+    """Return the first and the last footprint of each purpose of which the axis meets the ground."""
+    purposes: dict[Hashable, list[_Footprint]] = {}
+    for footprint in _footprints(facts):
+        key = footprint.sensor_id, purpose(footprint.commanded)
+        purposes.setdefault(key, []).append(footprint)
+    return [ends for places in purposes.values() if (ends := _ends(places))]
+
+
+def _ends(footprints: Sequence[_Footprint]) -> list[_Footprint]:
+    """Return the first and the last footprint of which the axis meets the ground."""
+    ways = footprints, reversed(footprints)
+    ends = [next((place for place in way if place.is_on_ground), None) for way in ways]
+    return list(dict.fromkeys(filter(None, ends)))
 
 
 def _dashes(modes: list[str]) -> dict[str, str]:
