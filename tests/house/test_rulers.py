@@ -32,7 +32,7 @@ TOKENS: dict[str, int] = {
     "opir_photons": 76_600,
     "opir_readers": 66_200,
     "opir_render": 300,
-    "opir_report": 53_600,
+    "opir_report": 53_700,
     "opir_sbirs": 440,
     "opir_scoring": 32_500,
     "opir_stonesoup": 8_000,
@@ -40,7 +40,7 @@ TOKENS: dict[str, int] = {
     "opir_testing": 38_600,
     "opir_trackers": 47_720,
     "benchmarks": 102_100,
-    "tests": 858_300,
+    "tests": 858_400,
 }
 
 #: A row of TOKENS is lowered once its distribution has this share less.

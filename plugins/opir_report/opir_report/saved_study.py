@@ -41,6 +41,8 @@ _PARTS: Mapping[type, Mapping[str, type]] = {
         "settings": dict,
     },
 }
+#: What each definition has.
+_KEYS = ("study", "scene", "design", "designs", "vary", "figures", "metrics", "until")
 
 
 @frozen(eq=False)
@@ -264,6 +266,8 @@ def _study_in(folder: Path) -> SavedStudy:
     table = parquet.read_table(folder / RESULTS)
     version = definition.get("study_version")
     STUDY_FORMAT.require_readable(version, folder / DEFINITION, "study_version")
+    if missing := [name for name in _KEYS if name not in definition]:
+        raise ValueError(f"{missing[0]} is missing")
     runs, launches, shares = (
         _columns(parquet.read_table(folder / name)) if (folder / name).is_file() else None
         for name in (RUNS, LAUNCHES, SHARES)

@@ -102,10 +102,16 @@ def test_a_damaged_study_gets_one_message(folder: Path, tmp_path: Path, capsys) 
     (broken / "results.parquet").write_bytes(b"no table")
     assert main(["report", str(broken)]) == 2
     assert "damaged results" in capsys.readouterr().err
+    definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+    for name in ("figures", "designs", "until"):
+        part = {key: value for key, value in definition.items() if key != name}
+        (broken / "study.json").write_text(json.dumps(part), encoding="utf-8")
+        (broken / "results.parquet").write_bytes((folder / "results.parquet").read_bytes())
+        assert main(["report", str(broken)]) == 2
+        assert f"({name} is missing)" in capsys.readouterr().err
     (broken / "results.parquet").unlink()
     with pytest.raises(SceneError, match="no folder of a finished study"):
         StudyPlots(broken)
-    definition = json.loads((folder / "study.json").read_text(encoding="utf-8"))
     newer = written_study(tmp_path / "later")
     (newer / "study.json").write_text(
         json.dumps({**definition, "study_version": 2}), encoding="utf-8"
