@@ -50,7 +50,7 @@ class Transmitter:
         """The time that it takes for a report, ns; at least 1."""
         return max(round(self.downlink.service_s * 1e9), 1)
 
-    def late_s(self, wait_s: float) -> Spans:
+    def unsent_s(self, wait_s: float) -> Spans:
         """Return the spans of looks whose reports are not sent within a time, nor while they are of
         use, s; queues are left out.
         """
@@ -118,12 +118,12 @@ class Network:
         light_ns = np.rint(distance_m * (1e9 / SPEED_OF_LIGHT_M_S)).astype(np.int64)
         return light_ns + self.paths[path].delay_ns
 
-    def lost_s(self, number: int, wait_s: float = np.inf) -> Spans:
+    def unheard_s(self, number: int, wait_s: float = np.inf) -> Spans:
         """Return the spans of looks of a sensor, by its number, whose reports do not arrive, or wait
         longer than a time for a contact; queues are left out.
         """
         transmitter = self.transmitters.get(number)
-        return () if transmitter is None else transmitter.late_s(wait_s)
+        return () if transmitter is None else transmitter.unsent_s(wait_s)
 
     def queues(self, sensors: int) -> "LinkQueues":
         """Return the empty queues of a run with as many sensors."""

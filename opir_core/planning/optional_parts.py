@@ -50,7 +50,7 @@ def linked(
 
     links = network_of(scene, scene.links, sensors)
     heard = [
-        evolve(sensor, partial_s=(*sensor.partial_s, *links.lost_s(number)))
+        evolve(sensor, partial_s=(*sensor.partial_s, *links.unheard_s(number)))
         for number, sensor in enumerate(sensors)
     ]
     return tuple(heard), links

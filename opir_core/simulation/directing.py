@@ -257,14 +257,14 @@ class Directing:
         refusal = self._refusal(command, time_s)
         self._refusals[command.sensor] = refusal
         record = CommandRecord(
-            time_s,
-            command.sensor,
-            command.track,
-            command.reason,
-            np.nan,
-            np.nan,
-            refusal,
-            command.mode,
+            time_s=time_s,
+            sensor=command.sensor,
+            track=command.track,
+            reason=command.reason,
+            start_s=np.nan,
+            from_s=np.nan,
+            refusal=refusal,
+            mode=command.mode,
         )
         if refusal:
             return record

@@ -193,7 +193,7 @@ class ReportedTracker(ScheduledTracker):
         if self._unheard is not None and plan.links is not None:
             wait_s = max(self._lag_ns - usual_lag_ns(plan), 0) * 1e-9
             for number, late_s in enumerate(self._unheard.late_s):
-                self._leave_out(number, (*plan.links.lost_s(number, wait_s), *late_s))
+                self._leave_out(number, (*plan.links.unheard_s(number, wait_s), *late_s))
         self.set_sensors(self._sensors)
 
     def _leave_out(self, number: int, spans: Spans) -> None:

@@ -92,7 +92,7 @@ def undetected_text(plan: Plan, target: int) -> str:
 
 def _arriving(links: "Network", looks: Exposures) -> IntArray:
     """Return the rows of looks whose reports arrive, queues and losses by chance left out."""
-    lost_s = {number: links.lost_s(number) for number in set(looks.sensor.tolist())}
+    lost_s = {number: links.unheard_s(number) for number in set(looks.sensor.tolist())}
     sightings = zip(looks.sensor.tolist(), looks.time_s.tolist(), strict=True)
     return np.flatnonzero(
         [
