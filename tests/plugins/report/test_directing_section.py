@@ -195,7 +195,7 @@ def test_a_footprint_is_the_ground_in_the_field_as_far_as_the_limb() -> None:
     np.testing.assert_allclose(rows.latitude_deg, [60.0, 60.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(rows.longitude_deg, -100.0, atol=1e-9)
     wanted_km2 = [ground_km2(latitude, 2.0) for latitude in (60.0, 60.0, 0.0)]
-    np.testing.assert_allclose(rows.ground_km2, wanted_km2, rtol=0.02)
+    np.testing.assert_allclose(rows.ground_km2, wanted_km2, rtol=0.005)
     labels = [text.get_text() for text in run.plot.footprints().texts]
     assert [label for label in labels if "SPOT" in label] == [
         f"SPOT from {rows.from_s[row]:.0f} s" for row in (0, 2)

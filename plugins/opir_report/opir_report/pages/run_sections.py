@@ -53,8 +53,9 @@ _MODES = (
     " nothing is drawn while it is down."
 )
 _FOOTPRINTS = (
-    "Where narrow fields looked on the ground, at the first and the last command of one purpose:"
-    " their edges, as far as the limb. Fields whose axis passes the Earth are not drawn."
+    "Where narrow fields looked on the ground, at the first and the last command for one track, or"
+    " for one reason: their edges, as far as the limb. Fields whose axis passes the Earth are not"
+    " drawn."
 )
 _SIGNAL = (
     "What a look would measure along the boost, for each sensor while it sees the target: the"

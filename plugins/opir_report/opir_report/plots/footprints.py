@@ -140,13 +140,13 @@ def footprint_map(axes: Axes, facts: RunFacts, tracks: FigureData) -> Axes:
     purposes = _purposes(facts)
     if not purposes:
         return without_data(axes, "no narrow field was pointed at the ground")
-    omission_count = len(purposes) - len(purposes[:_DRAWN])
+    omission_count = max(len(purposes) - _DRAWN, 0)
     purposes = purposes[:_DRAWN]
     places = np.concatenate([footprint.edge for ends in purposes for footprint in ends])
     projection = fitting_projection(places)
     drawn_ground(axes, projection, places, RATIO, least_km=600.0)
     draw_flights(axes, projection, facts, tracks)
-    dashes = _dashes([begin.commanded.mode for begin, *_ in purposes])
+    dashes = _dashes([ends[0].commanded.mode for ends in purposes])
     hue_of = dict(zip(facts.ids, facts.hues.of_target, strict=True))
     for ends in purposes:
         commanded = ends[0].commanded
