@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 import warnings
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -85,3 +86,18 @@ def test_settings_are_read_where_the_author_reads_them():
     use = use_of(lambda: (settings.gate, read_config(component, {})), Settings)
     assert use.settings_read == {"gate"}
     assert "__getattribute__" not in vars(Settings)
+
+
+def test_a_date_that_stays_in_a_drawing_differs_in_the_next() -> None:
+    """matplotlib reads the clock for undated drawings too, so that its reading tells nothing."""
+    matplotlib = pytest.importorskip("matplotlib")
+    from matplotlib.figure import Figure
+
+    def drawing() -> str:
+        stream = StringIO()
+        with matplotlib.rc_context({"svg.hashsalt": "one"}):
+            Figure().savefig(stream, format="svg")
+        return stream.getvalue()
+
+    assert use_of(drawing).inputs == []
+    assert drawing() != drawing()
